@@ -1,0 +1,58 @@
+"""What every test shares: the data beside the repository, and how Hypothesis and plots behave."""
+
+import os
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+from hypothesis import HealthCheck, settings
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+# Figures are drawn to files only: no test may need a display.
+mpl.use("Agg")
+
+# Deadlines measure the machine, not the code: compilation alone breaks them.
+settings.register_profile("default", deadline=None)
+settings.register_profile(
+    "ci",
+    deadline=None,
+    derandomize=True,
+    max_examples=50,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+
+
+def in_ci() -> bool:
+    """Whether a continuous-integration job is running the tests."""
+    return os.environ.get("CI", "").lower() in {"1", "true", "yes"}
+
+
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if in_ci() else "default"))
+
+
+def find_shared_data() -> Path:
+    """The folder of measured and reference data, whether or not it exists."""
+    shared = os.environ.get("EHA_BENCH_SHARED")
+    return (Path(shared) if shared else REPOSITORY.parent / "shared") / "data"
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The top folder of the repository."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of measured and reference data; skips without it, but fails in CI."""
+    data = find_shared_data()
+    if not data.is_dir():
+        reason = (
+            f"no reference data at {data}: put the folder 'shared' beside the repository, "
+            "or name it in EHA_BENCH_SHARED"
+        )
+        if in_ci():
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return data
