@@ -1,0 +1,92 @@
+# Everything runs in .venv, which `setup` fills from the lock. Variables:
+#   PYTHON=python3.12   the interpreter that .venv is made with
+#   WORKERS=2           processes that run the tests
+#   SUITE=, REPORT=     what `make bench` runs, and the folder it writes
+#   PYTEST_ARGS=, V=1   more arguments for pytest; show every command
+
+PYTHON  ?= python3
+WORKERS ?= 2
+SUITE   ?= suites/paper.yaml
+REPORT  ?= reports/$(basename $(notdir $(SUITE)))
+
+BIN  := .venv/bin
+LOCK := requirements/dev.txt
+PIP  := $(BIN)/python -m pip --disable-pip-version-check --no-input
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+$(V).SILENT:
+
+.PHONY: help setup bench test test-slow lint types imports check benchmarks lock clean distclean
+
+help: ## show this list
+	awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
+
+setup: .venv/.installed ## make .venv and install the locked packages and eha-bench into it
+
+bench: setup ## run the paper's suite on the simulator; the last line is the report's path
+	$(BIN)/eha-bench run $(SUITE) --out $(REPORT)
+
+test: setup ## run the fast tests
+	$(BIN)/python -m pytest -q -n $(WORKERS) $(PYTEST_ARGS)
+
+test-slow: setup ## run the slow tests
+	$(BIN)/python -m pytest -q -n $(WORKERS) -m slow $(PYTEST_ARGS)
+
+check: lint types imports ## check style, types and import contracts
+
+lint: setup
+	$(BIN)/ruff check --quiet
+	$(BIN)/ruff format --check --quiet
+	echo "style: clean"
+
+types: setup
+	$(BIN)/mypy
+
+imports: setup
+	$(BIN)/lint-imports --no-cache --no-logo
+
+benchmarks: setup ## print every benchmark's ratio beside its target
+	$(BIN)/python -m benchmarks
+
+COMPILE = $(BIN)/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 \
+	--fork-strategy fewest --generate-hashes --no-emit-index-url \
+	--custom-compile-command "make lock"
+
+# The environment's own index settings must not leak into the lock; what is
+# locked already stays, unless UPGRADE=--upgrade says otherwise.
+lock: $(BIN)/python ## compile the lock files anew (UPGRADE=--upgrade takes newer versions)
+	test -x $(BIN)/uv || $(PIP) install --quiet uv
+	$(COMPILE) $(UPGRADE) --all-extras --output-file $(LOCK)
+	$(COMPILE) --extra can --constraints $(LOCK) --no-annotate --output-file requirements/lock.txt
+
+clean: ## remove caches and built files
+	rm -rf build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find src tests benchmarks fixtures -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+
+distclean: clean ## remove .venv too
+	rm -rf .venv
+
+# --- the environment ---------------------------------------------------------
+
+$(BIN)/python:
+	command -v $(PYTHON) >/dev/null || { \
+	  echo "There is no $(PYTHON) here: install Python 3.11 or newer, or name one, e.g. make PYTHON=python3.12." >&2; exit 1; }
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "eha-bench needs Python 3.11 or newer, but $(PYTHON) is $$($(PYTHON) -V 2>&1 | cut -d' ' -f2): install one, or name it, e.g. make PYTHON=python3.12." >&2; exit 1; }
+	$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	  echo "$(PYTHON) cannot make virtual environments: install its venv package (Debian and Ubuntu: apt install python3-venv), or name another Python, e.g. make PYTHON=python3.12." >&2; exit 1; }
+	echo "Making .venv with $$($(PYTHON) -V)"
+	$(PYTHON) -m venv --clear .venv
+
+# Two stamps, so that a new entry point does not install the lock again.
+.venv/.locked: $(LOCK) | $(BIN)/python
+	echo "Installing the packages of $(LOCK) (about a minute)"
+	$(PIP) install --quiet --require-hashes --requirement $(LOCK)
+	touch $@
+
+.venv/.installed: pyproject.toml .venv/.locked
+	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	$(PIP) check >/dev/null || { $(PIP) check; \
+	  echo "The lock does not fit pyproject.toml: run make lock." >&2; exit 1; }
+	touch $@
