@@ -1,0 +1,35 @@
+"""eha_bench: test, score and understand electro-hydrostatic actuators.
+
+The names here are the public Python face; each is imported when first used, so that
+`import eha_bench` stays quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from eha_bench.bench.run import run
+    from eha_bench.bench.scoring import score
+    from eha_bench.core.recording import Recording
+    from eha_bench.recordings import read, write
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Recording": "eha_bench.core.recording",
+    "read": "eha_bench.recordings",
+    "write": "eha_bench.recordings",
+    "run": "eha_bench.bench.run",
+    "score": "eha_bench.bench.scoring",
+}
+
+__all__ = ["Recording", "__version__", "read", "run", "score", "write"]
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOME.get(name)
+    if home is None:
+        raise AttributeError(f"module 'eha_bench' has no attribute '{name}'")
+    return getattr(importlib.import_module(home), name)

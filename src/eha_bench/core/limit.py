@@ -1,0 +1,52 @@
+"""Limits: what a metric's value must keep to be accepted, and what a channel must keep to be safe."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """A closed interval in SI; an open side is infinite."""
+
+    low: float = -math.inf
+    high: float = math.inf
+
+    def holds(self, value: float) -> bool:
+        """Whether the value lies inside; NaN never does."""
+        return self.low <= value <= self.high
+
+    def excess(self, value: float) -> float:
+        """How far the value lies outside (0 inside), in its unit."""
+        return max(self.low - value, value - self.high, 0.0)
+
+
+@dataclass(frozen=True)
+class AcceptanceLimit:
+    """An acceptance limit on a metric of a channel.
+
+    Attributes:
+        metric: metric id, e.g. `response_time`.
+        channel: the channel it is scored on.
+        bounds: what is accepted, SI.
+        text: as the suite wrote it, e.g. `<= 41 ms`; shown to people.
+        unit: SI unit of the value.
+        warn: tighter bounds outside of which an accepted value is 'warned'; None for no warning.
+    """
+
+    metric: str
+    channel: str
+    bounds: Bounds
+    text: str
+    unit: str
+    warn: Bounds | None = None
+
+
+@dataclass(frozen=True)
+class SafetyLimit:
+    """Bounds (SI) that a channel must keep during a run; outside of them the run stops."""
+
+    channel: str
+    bounds: Bounds
+    text: str

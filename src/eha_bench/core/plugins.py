@@ -1,0 +1,67 @@
+"""Plug-ins by entry point: the built-in ones register the same way as anybody else's.
+
+A Python class named as `module:Class` is loaded only where a file given on the command line names
+it; nothing that a recording holds is ever loaded.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from eha_bench.core.errors import Place, PluginError
+
+
+@cache
+def _entry_points(group: str) -> dict[str, EntryPoint]:
+    return {point.name: point for point in sorted(entry_points(group=f"eha_bench.{group}"))}
+
+
+def names(group: str) -> tuple[str, ...]:
+    """Return the names registered in a group: targets, signals, metrics, controllers, effects, plants."""
+    return tuple(_entry_points(group))
+
+
+def load(group: str, name: str, *, where: Place | None = None) -> Any:
+    """Return the object that the entry point `name` of `eha_bench.<group>` refers to.
+
+    Raises:
+        PluginError: no such entry point, or its module cannot be imported.
+    """
+    point = _entry_points(group).get(name)
+    if point is None:
+        known = ", ".join(names(group)) or "none"
+        raise PluginError(f"unknown {group[:-1]} '{name}'", where=where, hint=f"known: {known}")
+    try:
+        return point.load()
+    except Exception as error:
+        raise PluginError(
+            f"{group[:-1]} '{name}' cannot be loaded ({type(error).__name__}: {error})",
+            where=where,
+            hint=f"check the package that provides {point.value}",
+        ) from error
+
+
+def load_class(reference: str, *, base: Path | None = None, where: Place | None = None) -> Any:
+    """Import `module:Class`; `base` is put first on the search path (the YAML file's folder).
+
+    Raises:
+        PluginError: the text is not `module:Class`, or it cannot be imported.
+    """
+    module_name, colon, attribute = reference.partition(":")
+    if not colon or not module_name or not attribute:
+        raise PluginError(f"'{reference}' is not of the form module:Class", where=where)
+    if base is not None and str(base) not in sys.path:
+        sys.path.insert(0, str(base))
+    try:
+        return getattr(importlib.import_module(module_name), attribute)
+    except Exception as error:
+        raise PluginError(
+            f"'{reference}' cannot be loaded ({type(error).__name__}: {error})",
+            where=where,
+            hint="the module must be importable or lie beside the file that names it",
+        ) from error

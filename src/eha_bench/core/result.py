@@ -1,0 +1,194 @@
+"""The result of a run: a versioned JSON file that reports, gates and comparisons read."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.score import Measure, Score, ScoreStatus
+
+SCHEMA_VERSION = 1
+
+
+class Status(StrEnum):
+    """How a trial or a whole run ended."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    INCOMPLETE = "incomplete"
+    FAULT = "fault"
+
+    @property
+    def exit_status(self) -> int:
+        """Exit status of the command: 0 accepted, 1 a limit failed, 3 fault or safety stop."""
+        return {"passed": 0, "failed": 1, "incomplete": 1, "fault": 3}[self.value]
+
+
+@dataclass(frozen=True)
+class TrialResult:
+    """One run of one trial: its recording and its scores."""
+
+    id: str
+    repeat: int
+    status: Status
+    recording: str
+    sha256: str
+    scores: tuple[Score, ...] = ()
+    reason: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Result:
+    """All trials of a suite on a target, with where they came from."""
+
+    suite: str
+    target: str
+    status: Status
+    trials: tuple[TrialResult, ...]
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    description: str = ""
+
+    @staticmethod
+    def overall(trials: tuple[TrialResult, ...], *, complete: bool) -> Status:
+        """Return the worst status: fault, then incomplete, then failed, then passed."""
+        found = {trial.status for trial in trials}
+        if Status.FAULT in found:
+            return Status.FAULT
+        if not complete or Status.INCOMPLETE in found:
+            return Status.INCOMPLETE
+        return Status.FAILED if Status.FAILED in found else Status.PASSED
+
+    def to_json(self) -> str:
+        """Return the result as JSON (contract, section 8); NaN becomes null."""
+        return json.dumps(_to_dict(self), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def write(self, path: Path) -> None:
+        """Write JSON beside the final name and rename it, so that it is never half there."""
+        write_text(path, self.to_json())
+
+    @staticmethod
+    def read(path: Path) -> Result:
+        """Read a result.json.
+
+        Raises:
+            InputError: missing, not JSON, or of another schema version.
+        """
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError as error:
+            raise InputError("no such result", where=Place(file=str(path))) from error
+        except (OSError, ValueError) as error:
+            raise InputError(f"not a result ({error})", where=Place(file=str(path))) from error
+        version = data.get("schema_version") if isinstance(data, dict) else None
+        if version != SCHEMA_VERSION:
+            raise InputError(
+                f"schema version {version} instead of {SCHEMA_VERSION}",
+                where=Place(file=str(path), key="schema_version"),
+            )
+        try:
+            return _from_dict(data)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"not a result ({error!r})", where=Place(file=str(path))) from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a whole text file or nothing: to a temporary neighbour, then rename."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _to_dict(result: Result) -> dict[str, Any]:
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "suite": result.suite,
+        "description": result.description,
+        "target": result.target,
+        "status": result.status.value,
+        "trials": [
+            {
+                "id": trial.id,
+                "repeat": trial.repeat,
+                "status": trial.status.value,
+                "reason": trial.reason,
+                "recording": trial.recording,
+                "sha256": trial.sha256,
+                "notes": list(trial.notes),
+                "scores": [_score_to_dict(score) for score in trial.scores],
+            }
+            for trial in result.trials
+        ],
+        "provenance": dict(result.provenance),
+    }
+
+
+def _score_to_dict(score: Score) -> dict[str, Any]:
+    return {
+        "metric": score.metric,
+        "channel": score.channel,
+        "value": _number(score.measure.value),
+        "low": _number(score.measure.low),
+        "high": _number(score.measure.high),
+        "unit": score.unit,
+        "limit": score.limit,
+        "status": score.status.value,
+        "reason": score.measure.reason,
+    }
+
+
+def _float(value: Any) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _from_dict(data: Mapping[str, Any]) -> Result:
+    trials = tuple(
+        TrialResult(
+            id=str(trial["id"]),
+            repeat=int(trial["repeat"]),
+            status=Status(trial["status"]),
+            recording=str(trial["recording"]),
+            sha256=str(trial["sha256"]),
+            reason=str(trial.get("reason", "")),
+            notes=tuple(str(note) for note in trial.get("notes", ())),
+            scores=tuple(
+                Score(
+                    metric=str(score["metric"]),
+                    channel=str(score["channel"]),
+                    measure=Measure(
+                        _float(score["value"]),
+                        _float(score.get("low")),
+                        _float(score.get("high")),
+                        str(score.get("reason", "")),
+                    ),
+                    unit=str(score["unit"]),
+                    status=ScoreStatus(score["status"]),
+                    limit=str(score.get("limit", "")),
+                )
+                for score in trial["scores"]
+            ),
+        )
+        for trial in data["trials"]
+    )
+    return Result(
+        suite=str(data["suite"]),
+        target=str(data["target"]),
+        status=Status(data["status"]),
+        trials=trials,
+        provenance={str(key): str(value) for key, value in data["provenance"].items()},
+        description=str(data.get("description", "")),
+    )

@@ -1,0 +1,60 @@
+"""A score: one metric of one channel, with its interval, limit and verdict."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class ScoreStatus(StrEnum):
+    """What the acceptance limit says of a score."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    WARNED = "warned"
+    UNDECIDED = "undecided"
+    NOT_SCORED = "not_scored"
+
+    @property
+    def rejects(self) -> bool:
+        """Whether a gate must not accept a limit with this status."""
+        return self in (ScoreStatus.FAILED, ScoreStatus.UNDECIDED, ScoreStatus.NOT_SCORED)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """What a metric found: a value in SI with an interval, or NaN with the reason.
+
+    Attributes:
+        value: SI; NaN when it cannot be computed.
+        low, high: bounds of the 95 % interval; NaN when unknown.
+        reason: why there is no value, or the convention used.
+    """
+
+    value: float
+    low: float = math.nan
+    high: float = math.nan
+    reason: str = ""
+
+    @staticmethod
+    def none(reason: str) -> Measure:
+        """Return 'not scored' with its reason."""
+        return Measure(math.nan, reason=reason)
+
+
+@dataclass(frozen=True)
+class Score:
+    """A measure with its name and verdict, as it stands in result.json."""
+
+    metric: str
+    channel: str
+    measure: Measure
+    unit: str
+    status: ScoreStatus
+    limit: str = ""
+
+    @property
+    def value(self) -> float:
+        """The measured value, SI, NaN when not scored."""
+        return self.measure.value

@@ -1,0 +1,91 @@
+"""The reference that a trial asks for: a function of time that knows its own features.
+
+Metrics score by features, not by the signal's class: an `Edge` is a place where a step response
+is measured, a `Tone` a stretch of one sine, `Lines` a periodic multisine, a `Sweep` a chirp.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A jump of the reference: at `time` (s) from `before` to `after`, held until `until` (s)."""
+
+    time: float
+    before: float
+    after: float
+    until: float
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A stretch [start, stop) in s of offset + amplitude * sin(2 pi f (t - start) + phase)."""
+
+    start: float
+    stop: float
+    frequency: float
+    amplitude: float
+    offset: float = 0.0
+    phase: float = 0.0
+
+
+@dataclass(frozen=True)
+class Lines:
+    """A periodic multisine in [start, stop): period in s, and the excited harmonics (1-based)."""
+
+    start: float
+    stop: float
+    period: float
+    harmonics: tuple[int, ...]
+    realisation: int = 0
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sine sweep in [start, stop) s from f_start to f_stop in Hz."""
+
+    start: float
+    stop: float
+    f_start: float
+    f_stop: float
+
+
+class Signal(ABC):
+    """A reference signal; times in s from the start of the trial, values SI."""
+
+    @property
+    @abstractmethod
+    def duration(self) -> float:
+        """Length of the signal in s."""
+
+    @abstractmethod
+    def __call__(self, time: FloatArray) -> FloatArray:
+        """Return the reference at `time`, shape (n,) -> (n,)."""
+
+    @property
+    def edges(self) -> tuple[Edge, ...]:
+        """Jumps of the reference, in order of time."""
+        return ()
+
+    @property
+    def tones(self) -> tuple[Tone, ...]:
+        """Stretches of one sine, in order of time."""
+        return ()
+
+    @property
+    def lines(self) -> tuple[Lines, ...]:
+        """Periodic multisines, in order of time."""
+        return ()
+
+    @property
+    def sweeps(self) -> tuple[Sweep, ...]:
+        """Chirps, in order of time."""
+        return ()

@@ -1,0 +1,113 @@
+"""The one place where units are converted: text with a unit becomes a number in SI.
+
+Inside eha_bench every value is SI. `Unit` marks a pydantic field whose YAML value may be a bare
+number (already SI) or text such as `15 MPa`; the wrong dimension is a `UnitError`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from eha_bench.core.errors import UnitError
+
+if TYPE_CHECKING:
+    import pint
+
+_NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)$", re.DOTALL)
+
+
+@cache
+def _registry() -> pint.UnitRegistry[Any]:
+    # imported here: pint takes a third of a second, and most commands meet no unit text
+    import pint
+
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    registry.define("Nm = newton * meter")
+    registry.define("rev = revolution")
+    return registry
+
+
+@cache
+def factor_and_offset(unit: str, si_unit: str) -> tuple[float, float]:
+    """Return (factor, offset) with SI value = factor * value + offset.
+
+    Raises:
+        UnitError: the unit is unknown, or its dimension is not that of `si_unit`.
+    """
+    import pint
+
+    registry = _registry()
+    try:
+        source = registry.Unit(unit.replace("%", "percent") or "dimensionless")
+    except (pint.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
+        raise UnitError(f"unknown unit '{unit}'", hint=_expected(si_unit)) from error
+    except Exception as error:  # pint's tokenizer lets errors of Python's own parser through
+        raise UnitError(f"'{unit}' is not a unit", hint=_expected(si_unit)) from error
+    target = registry.Unit(si_unit or "dimensionless")
+    if source.dimensionality != target.dimensionality:
+        raise UnitError(f"unit '{unit}' has the wrong dimension", hint=_expected(si_unit))
+    zero = float(registry.Quantity(0.0, source).to(target).magnitude)
+    one = float(registry.Quantity(1.0, source).to(target).magnitude)
+    return one - zero, zero
+
+
+def _expected(si_unit: str) -> str:
+    return f"expected a unit of the dimension of {si_unit}" if si_unit else "expected a pure number"
+
+
+def parse(text: str | float, si_unit: str) -> float:
+    """Convert `15 MPa` (or a bare number, taken as SI) to a finite float in `si_unit`.
+
+    Raises:
+        UnitError: not a finite number, unknown unit, or the wrong dimension.
+    """
+    if isinstance(text, bool):
+        raise UnitError(f"'{text}' is not a quantity", hint=_expected(si_unit))
+    if isinstance(text, (int, float)):
+        value = float(text)
+    else:
+        match = _NUMBER.match(text)
+        if match is None:
+            raise UnitError(f"'{text}' is not a number with a unit", hint=_expected(si_unit))
+        value = float(match[1])
+        unit = match[2].strip()
+        if unit:
+            factor, offset = factor_and_offset(unit, si_unit)
+            value = factor * value + offset
+    if not math.isfinite(value):
+        raise UnitError(f"'{text}' is not finite", hint=_expected(si_unit))
+    return value
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Marks a pydantic field as a quantity: `Annotated[float, Unit("Pa")]`; stored in SI."""
+
+    si: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Accept a number or text with a unit; raise ValueError text that pydantic can place."""
+
+        def convert(value: Any) -> float:
+            if not isinstance(value, (str, int, float)):
+                raise ValueError(f"expected a number or text such as '1 {self.si}'")
+            try:
+                return parse(value, self.si)
+            except UnitError as error:
+                raise ValueError(str(error)) from error
+
+        return core_schema.no_info_before_validator_function(convert, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Editors see: a number in SI, or text with a unit."""
+        described = f"a number in {self.si or '1'}, or text with a unit"
+        return {"anyOf": [{"type": "number"}, {"type": "string"}], "description": described}
