@@ -81,7 +81,7 @@ $(BIN)/python:
 
 # Two stamps, so that a new entry point does not install the lock again.
 .venv/.locked: $(LOCK) | $(BIN)/python
-	echo "Installing the packages of $(LOCK) (about a minute)"
+	echo "Installing the packages of $(LOCK) (a minute or two)"
 	$(PIP) install --quiet --require-hashes --requirement $(LOCK)
 	touch $@
 
