@@ -1,0 +1,94 @@
+"""What a metric is called and in which unit it comes out; how it is computed stands elsewhere.
+
+Suites check their acceptance limits against these specifications, and metrics carry them, so that
+neither has to know the other. The ids of the table are public (result.json).
+"""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from typing import Any, Final
+
+from eha_bench.core import plugins
+from eha_bench.core.channels import unit_of
+from eha_bench.core.errors import InputError, Place, PluginError
+
+
+@dataclass(frozen=True)
+class MetricSpec:
+    """Name, unit and place of a metric.
+
+    Attributes:
+        id: public name, e.g. `response_time`.
+        description: what it is and by which convention, one sentence.
+        unit: SI unit of its value ("" for a fraction or a count); None for the unit of the channel
+            that it is scored on (a peak in Pa, a tracking error in rad).
+        channel: the channel it is scored on unless the suite says otherwise: None for the channel
+            that should follow the reference, "" for the recording as a whole.
+    """
+
+    id: str
+    description: str
+    unit: str | None = ""
+    channel: str | None = None
+
+    def unit_on(self, channel: str) -> str:
+        """Return the SI unit of the metric's value when scored on `channel`."""
+        return unit_of(channel) if self.unit is None else self.unit
+
+    def channel_for(self, controlled: str) -> str:
+        """Return the channel it is scored on by default in a trial that controls `controlled`."""
+        return controlled if self.channel is None else self.channel
+
+
+_ALL: Final = (
+    MetricSpec("rise_time", "10 to 90 % of the step, interpolated crossings", "s"),
+    MetricSpec("response_time", "from the command's edge to 95 % of the step", "s"),
+    MetricSpec("settling_time", "from the edge until within 2 % of the step for good", "s"),
+    MetricSpec("overshoot", "beyond the final level, as a fraction of the step"),
+    MetricSpec("undershoot", "before the initial level, as a fraction of the step"),
+    MetricSpec("peak", "the extreme value after the edge, in the direction of the step", None),
+    MetricSpec("peak_time", "from the edge to the peak", "s"),
+    MetricSpec("delay_time", "from the command's edge to 50 % of the step", "s"),
+    MetricSpec("steady_state_error", "reference minus final level", None),
+    MetricSpec("holding_current", "mean current while the final level is held", "A", "current"),
+    MetricSpec("tracking_rms", "root mean square of reference minus measurement", None),
+    MetricSpec("tracking_max", "largest magnitude of reference minus measurement", None),
+    MetricSpec("tracking_nrmse", "tracking_rms over the span of the reference"),
+    MetricSpec("amplitude_ratio", "fundamental of the measurement over that of the reference"),
+    MetricSpec("phase_lag", "phase of the reference minus that of the measurement", "rad"),
+    MetricSpec("time_lag", "phase lag as time at the frequency of the fundamental", "s"),
+    MetricSpec("distortion", "total harmonic distortion of the measurement"),
+    MetricSpec("bandwidth_3db", "where the gain has fallen by 3 dB", "Hz"),
+    MetricSpec("bandwidth_90deg", "where the phase lag reaches 90 degrees", "Hz"),
+    MetricSpec("loop_overruns", "ticks at which the control loop was late", "", ""),
+)
+
+METRICS: Final[dict[str, MetricSpec]] = {spec.id: spec for spec in _ALL}
+"""Specifications of the built-in metrics by id."""
+
+
+def metric_spec(name: str, *, where: Place | None = None) -> MetricSpec:
+    """Return the specification of a metric: built in, or the `spec` of an installed plug-in.
+
+    Raises:
+        InputError: no metric has this id.
+        PluginError: the plug-in cannot be loaded, or has no `spec`.
+    """
+    if name in METRICS:
+        return METRICS[name]
+    known = (*METRICS, *(other for other in plugins.names("metrics") if other not in METRICS))
+    if name not in known:
+        close = difflib.get_close_matches(name, known, n=1)
+        hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
+        raise InputError(f"unknown metric '{name}'", where=where, hint=hint)
+    plugin: Any = plugins.load("metrics", name, where=where)
+    spec = getattr(plugin, "spec", None)
+    if not isinstance(spec, MetricSpec):
+        raise PluginError(
+            f"metric '{name}' does not say what it is",
+            where=where,
+            hint="its class needs an attribute 'spec' of type MetricSpec",
+        )
+    return spec
