@@ -1,0 +1,85 @@
+"""An effect: one physical phenomenon that a plant's declared equations may lack.
+
+An effect is written as small pure functions, one for each place of the plant's kernel where it
+acts (a *hook*). A function names what it needs as its arguments: the hook's own quantities
+(`omega`, `pressure`, `level` ...), parameters of the plant by name, the effect's own parameters and
+states by name. `assembly` binds them by those names and compiles everything once; at its neutral
+parameters an effect is skipped, so the declared model is nested in every candidate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from eha_bench.core.errors import PluginError
+from eha_bench.plants.parameter import Parameter
+
+
+class Equation(StrEnum):
+    """The balance that an effect acts in."""
+
+    ACTUATION = "actuation"
+    TORQUE = "torque"
+    FLOW = "flow"
+    FORCE = "force"
+    MEASUREMENT = "measurement"
+
+
+@dataclass(frozen=True)
+class Action:
+    """How an effect acts in one plant: the equation, and a function for each hook it uses."""
+
+    equation: Equation
+    hooks: Mapping[str, Callable[..., object]]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A named effect with its parameters and its action in every plant it applies to.
+
+    Attributes:
+        id: public name.
+        summary: one sentence.
+        parameters: the first one is the *strength*: at its `neutral` value the effect is off.
+            A parameter's `default` is a typical size, from which a search may start.
+        neutral: value of the strength at which the effect is off.
+        actions: plant id -> action.
+        states: names of the effect's own states (all start at 0 unless `start` has a function).
+        advance: state name -> function returning the state after a time `h`.
+        start: state name -> function returning the state at the first sample.
+        source: literature.
+        separate: the experiment that tells this effect from its look-alikes.
+        starts: further starting points of a search, as {parameter: value}.
+    """
+
+    id: str
+    summary: str
+    parameters: tuple[Parameter, ...]
+    actions: Mapping[str, Action]
+    source: str
+    neutral: float = 0.0
+    states: tuple[str, ...] = ()
+    advance: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    start: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    separate: str = ""
+    starts: tuple[Mapping[str, float], ...] = ()
+
+    @property
+    def strength(self) -> Parameter:
+        """The parameter that turns the effect off at its neutral value."""
+        return self.parameters[0]
+
+    def action(self, plant: str) -> Action:
+        """Return how the effect acts in a plant.
+
+        Raises:
+            PluginError: the effect does not apply to that plant.
+        """
+        if plant not in self.actions:
+            raise PluginError(
+                f"effect '{self.id}' does not apply to plant '{plant}'",
+                hint=f"it applies to: {', '.join(self.actions)}",
+            )
+        return self.actions[plant]

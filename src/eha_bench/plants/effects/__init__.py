@@ -1,0 +1,1 @@
+"""Effects that a plant's declared equations may lack, one a file."""

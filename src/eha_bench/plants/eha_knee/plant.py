@@ -1,0 +1,160 @@
+"""The knee EHA as a plant: channels in, channels out, and a session for a running controller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import InputError
+from eha_bench.plants.assembly import Layout, assemble
+from eha_bench.plants.eha_knee import hooks, kernel
+from eha_bench.plants.eha_knee.parameters import PARAMETERS
+from eha_bench.plants.plant import Drive, Plant, effects_of
+
+FloatArray = NDArray[np.float64]
+
+IMPOSED = ("motor_speed", "pressure_a", "pressure_b", "piston_position", "piston_velocity")
+_STATE = {
+    "motor_speed": kernel.OMEGA,
+    "pressure_a": kernel.PRESSURE_A,
+    "pressure_b": kernel.PRESSURE_B,
+    "piston_position": kernel.POSITION,
+    "piston_velocity": kernel.VELOCITY,
+    "current": kernel.CURRENT,
+}
+
+
+class EhaKnee(Plant):
+    """The knee EHA of the paper, Eq. (1)-(10), with every registered effect built in."""
+
+    id = "eha_knee"
+    outputs = (
+        "current",
+        "motor_speed",
+        "pressure_a",
+        "pressure_b",
+        "piston_position",
+        "piston_velocity",
+    )
+
+    def __init__(self) -> None:
+        self.layout = Layout(self.id, PARAMETERS, effects_of(self.id))
+
+    @cached_property
+    def compiled(self) -> ModuleType:
+        """The kernel with all effects, compiled on first use."""
+        return assemble(self.layout, kernel, hooks)
+
+    def start_state(self, vector: FloatArray, initial: Mapping[str, float]) -> FloatArray:
+        """Return the state vector for first values by channel; pressures rest at the parameter's.
+
+        Raises:
+            InputError: a channel that is no state of this plant.
+        """
+        state = np.zeros(7)
+        rest = vector[self.layout.index["initial_pressure"]]
+        state[kernel.PRESSURE_A] = state[kernel.PRESSURE_B] = rest
+        for name, value in initial.items():
+            if name not in _STATE:
+                raise InputError(f"'{name}' is not a state of {self.id}")
+            state[_STATE[name]] = value
+        return state
+
+    def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
+        """Return what the sensors would read: (n, 6) in the order of `outputs`, SI."""
+        n = drive.time.size
+        imposed = np.zeros((n, len(IMPOSED)))
+        is_imposed = np.zeros(len(IMPOSED), dtype=np.bool_)
+        zeros = np.zeros(n)
+        for name, values in drive.inputs.items():
+            if name in IMPOSED:
+                imposed[:, IMPOSED.index(name)] = values
+                is_imposed[IMPOSED.index(name)] = True
+            elif name not in ("current_command", "force"):
+                raise InputError(f"'{name}' cannot be an input of {self.id}")
+        out = np.empty((n, len(self.outputs)))
+        self.compiled.simulate(
+            0,
+            n - 1,
+            np.ascontiguousarray(drive.time, dtype=np.float64),
+            np.ascontiguousarray(drive.inputs.get("current_command", zeros), dtype=np.float64),
+            np.ascontiguousarray(drive.inputs.get("force", zeros), dtype=np.float64),
+            imposed,
+            is_imposed,
+            drive.locked,
+            drive.bypass_open,
+            step,
+            True,
+            vector,
+            np.zeros(max(1, len(self.layout.states))),
+            self.start_state(vector, drive.initial),
+            out,
+        )
+        return out
+
+    def session(
+        self,
+        vector: FloatArray,
+        time: FloatArray,
+        initial: Mapping[str, float],
+        *,
+        locked: bool,
+        bypass_open: bool,
+        step: float,
+    ) -> Session:
+        """Return a simulation that is advanced tick by tick under a controller."""
+        return Session(self, vector, time, initial, locked, bypass_open, step)
+
+
+class Session:
+    """A simulation in progress: read the sensors, give a command, advance by one tick."""
+
+    def __init__(
+        self,
+        plant: EhaKnee,
+        vector: FloatArray,
+        time: FloatArray,
+        initial: Mapping[str, float],
+        locked: bool,
+        bypass_open: bool,
+        step: float,
+    ) -> None:
+        n = time.size
+        self._run = plant.compiled.simulate
+        self._time = np.ascontiguousarray(time, dtype=np.float64)
+        self._commands = np.zeros(n)
+        self._forces = np.zeros(n)
+        self._imposed = np.zeros((n, len(IMPOSED)))
+        self._is_imposed = np.zeros(len(IMPOSED), dtype=np.bool_)
+        self._locked = locked
+        self._bypass = bypass_open
+        self._step = step
+        self._vector = vector
+        self._effects = np.zeros(max(1, len(plant.layout.states)))
+        self._state = plant.start_state(vector, initial)
+        self._tick = 0
+        self.outputs = np.full((n, len(plant.outputs)), np.nan)
+        self._advance(0, 0, fresh=True)
+
+    def _advance(self, first: int, last: int, *, fresh: bool) -> None:
+        self._run(
+            first, last, self._time, self._commands, self._forces, self._imposed, self._is_imposed,
+            self._locked, self._bypass, self._step, fresh, self._vector, self._effects,
+            self._state, self.outputs,
+        )  # fmt: skip
+
+    @property
+    def reading(self) -> FloatArray:
+        """What the sensors read now, (6,) in the order of the plant's outputs, without noise."""
+        row: FloatArray = self.outputs[self._tick]
+        return row
+
+    def advance(self, command: float) -> None:
+        """Hold `command` (A) until the next tick."""
+        self._commands[self._tick] = command
+        self._advance(self._tick, self._tick + 1, fresh=False)
+        self._tick += 1

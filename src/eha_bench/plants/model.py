@@ -1,0 +1,230 @@
+"""A model: a plant, what differs from its defaults, its effects, and what may be calibrated.
+
+The file format is model.yaml (contract, section 3): it can be diffed, and what `diagnose` writes
+is read again by `run --target`, `predict` and the next `diagnose`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from io import StringIO
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from eha_bench.core import units, yaml_file
+from eha_bench.core.errors import InputError, Place, PluginError, UnitError
+from eha_bench.core.result import write_text
+from eha_bench.core.yaml_file import StrictModel
+from eha_bench.plants.assembly import Layout
+from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.plant import Plant, get_plant
+
+FloatArray = NDArray[np.float64]
+Value = float | str | list[float]
+
+
+class ModelFile(StrictModel):
+    """model.yaml: a plant, what differs from its defaults, and its declared effects."""
+
+    model: Annotated[str, Field(description="plant: eha_knee, linear_drive, or a plug-in's")]
+    parameters: Annotated[
+        dict[str, float | str],
+        Field(description="what differs from the plant's defaults, SI or with a unit"),
+    ] = {}
+    calibrate: Annotated[
+        list[str], Field(description="parameters that calibration may estimate")
+    ] = []
+    effects: Annotated[
+        list[dict[str, float | str | list[float]]],
+        Field(description="declared effects, in the order they were added"),
+    ] = []
+
+
+@dataclass(frozen=True)
+class DeclaredEffect:
+    """An effect with its parameters: a number, or a word, or a list for a curve; SI."""
+
+    id: str
+    values: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A plant with parameters and effects, all SI.
+
+    Attributes:
+        plant_id: id of the plant.
+        parameters: values that differ from the plant's defaults.
+        calibrate: names of parameters that calibration may estimate.
+        effects: declared effects.
+    """
+
+    plant_id: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    calibrate: tuple[str, ...] = ()
+    effects: tuple[DeclaredEffect, ...] = ()
+
+    @property
+    def plant(self) -> Plant:
+        """The plant, compiled on first use."""
+        return get_plant(self.plant_id)
+
+    def value(self, name: str) -> float:
+        """Value of a plant parameter, SI."""
+        if name in self.parameters:
+            return self.parameters[name]
+        return self.plant.layout.by_key[name].default
+
+    def vector(self) -> FloatArray:
+        """Return the parameter vector `P` of the plant's layout."""
+        layout = self.plant.layout
+        vector = layout.defaults()
+        for name, value in self.parameters.items():
+            vector[layout.index[name]] = value
+        for declared in self.effects:
+            effect = layout.effect(declared.id)
+            for parameter in effect.parameters:
+                at = layout.index[f"{effect.id}.{parameter.name}"]
+                given = declared.values.get(parameter.name, parameter.default)
+                vector[at : at + parameter.size] = _encoded(parameter, given)
+        return vector
+
+    def with_parameters(self, values: Mapping[str, float]) -> Model:
+        """Return a copy with plant parameters replaced."""
+        return replace(self, parameters={**self.parameters, **values})
+
+    def with_effect(self, effect: DeclaredEffect) -> Model:
+        """Return a copy with an effect added, or replaced where it is declared already."""
+        kept = tuple(other for other in self.effects if other.id != effect.id)
+        return replace(self, effects=(*kept, effect))
+
+    def to_yaml(self, comment: str = "") -> str:
+        """Return the model as model.yaml text."""
+        from ruamel.yaml import YAML
+
+        data: dict[str, Any] = {"model": self.plant_id, "parameters": dict(self.parameters)}
+        if self.calibrate:
+            data["calibrate"] = list(self.calibrate)
+        if self.effects:
+            data["effects"] = [{"effect": item.id, **item.values} for item in self.effects]
+        stream = StringIO()
+        writer = YAML()
+        writer.default_flow_style = None
+        writer.width = 100
+        writer.dump(data, stream)
+        head = "".join(f"# {line}\n" for line in comment.splitlines())
+        return head + stream.getvalue()
+
+    def write(self, path: Path, comment: str = "") -> None:
+        """Write model.yaml, whole or not at all."""
+        write_text(path, self.to_yaml(comment))
+
+    @property
+    def sha256(self) -> str:
+        """Digest of what the model says, independent of comments and order of files."""
+        return hashlib.sha256(self.to_yaml().encode()).hexdigest()
+
+
+def load_model(path: Path) -> Model:
+    """Read a model.yaml.
+
+    Raises:
+        InputError: unknown plant, parameter or effect, or a wrong unit, with file, line and key.
+    """
+    return parse_model(yaml_file.load(path), str(path))
+
+
+def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Model:
+    """Return the model that a YAML mapping holds; `name` is the file for messages."""
+    file = yaml_file.validate(ModelFile, content, name, prefix)
+
+    def place(*keys: int | str) -> Place:
+        line = yaml_file.line_of(content, keys)
+        return Place(file=name, line=line, key=".".join(str(key) for key in (*prefix, *keys)))
+
+    try:
+        layout = get_plant(file.model).layout
+    except PluginError as error:
+        raise InputError(error.what, where=place("model"), hint=error.hint) from error
+    own = {parameter.name: parameter for parameter in layout.parameters}
+    parameters = {}
+    for key, raw in file.parameters.items():
+        where = place("parameters", key)
+        parameters[key] = float(_checked(_known(own, key, where), raw, where))
+    for number, key in enumerate(file.calibrate):
+        _known(own, key, place("calibrate", number))
+    effects = tuple(
+        _parse_effect(layout, raw, number, place) for number, raw in enumerate(file.effects)
+    )
+    seen = [effect.id for effect in effects]
+    for number, effect_id in enumerate(seen):
+        if effect_id in seen[:number]:
+            raise InputError(
+                f"effect '{effect_id}' is declared twice", where=place("effects", number)
+            )
+    return Model(file.model, parameters, tuple(file.calibrate), effects)
+
+
+def _parse_effect(layout: Layout, raw: Mapping[str, Any], number: int, place: Any) -> DeclaredEffect:
+    if "effect" not in raw:
+        raise InputError("key 'effect' is missing", where=place("effects", number))
+    try:
+        effect = layout.effect(str(raw["effect"]))
+    except PluginError as error:
+        where = place("effects", number, "effect")
+        raise InputError(error.what, where=where, hint=error.hint) from error
+    own = {parameter.name: parameter for parameter in effect.parameters}
+    values = {
+        key: _checked(
+            _known(own, key, place("effects", number, key)), value, place("effects", number, key)
+        )
+        for key, value in raw.items()
+        if key != "effect"
+    }
+    return DeclaredEffect(effect.id, values)
+
+
+def _known(own: Mapping[str, Parameter], key: str, where: Place) -> Parameter:
+    if key not in own:
+        import difflib
+
+        near = difflib.get_close_matches(key, own, 1)
+        hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(own)}"
+        raise InputError(f"unknown parameter '{key}'", where=where, hint=hint)
+    return own[key]
+
+
+def _checked(parameter: Parameter, raw: Any, where: Place) -> Any:
+    """Return a value in SI after checking unit, bounds and form."""
+    if parameter.choices:
+        if raw not in parameter.choices:
+            raise InputError(
+                f"'{raw}' is not a choice", where=where, hint=f"one of {', '.join(parameter.choices)}"
+            )
+        return raw
+    if parameter.size > 1 or isinstance(raw, list):
+        if not isinstance(raw, list) or len(raw) != parameter.size:
+            raise InputError(f"expected a list of {parameter.size} numbers", where=where)
+        return [float(_checked(replace(parameter, size=1), item, where)) for item in raw]
+    try:
+        value = units.parse(raw, parameter.unit)
+    except UnitError as error:
+        raise InputError(error.what, where=where, hint=error.hint) from error
+    if not parameter.low <= value <= parameter.high:
+        raise InputError(
+            f"{value:g} {parameter.unit} is outside {parameter.low:g} ... {parameter.high:g}",
+            where=where,
+        )
+    return value
+
+
+def _encoded(parameter: Parameter, value: Value) -> float | list[float]:
+    if parameter.choices:
+        return float(parameter.choices.index(str(value))) if isinstance(value, str) else float(0)
+    return value if isinstance(value, list) else float(value)

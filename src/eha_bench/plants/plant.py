@@ -1,0 +1,86 @@
+"""What every plant offers: parameters, effects, and simulation of its measured channels."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core import plugins
+from eha_bench.core.errors import PluginError
+from eha_bench.plants.assembly import Layout
+from eha_bench.plants.effect import Effect
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What drives a simulation: measured inputs on a clock, the setup, and where it starts.
+
+    Attributes:
+        time: (n,) s, increasing.
+        inputs: channel -> (n,) SI; commands are held between samples, measured states that
+            stand here are imposed (their own equation drops out), linear between samples.
+        initial: channel -> value of the state at the first sample, SI; the rest starts at 0
+            or at what the plant takes as rest.
+        locked, bypass_open: setup of the rig.
+    """
+
+    time: FloatArray
+    inputs: Mapping[str, FloatArray]
+    initial: Mapping[str, float] = field(default_factory=dict)
+    locked: bool = False
+    bypass_open: bool = False
+
+
+class Plant(ABC):
+    """A plant: equations compiled with all effects, simulated from inputs and a first state."""
+
+    id: str
+    outputs: tuple[str, ...]
+    """Channels that `simulate` returns, in the order of its columns."""
+
+    layout: Layout
+
+    @abstractmethod
+    def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
+        """Return what the sensors would read, without noise.
+
+        Args:
+            vector: parameters of plant and effects, as `layout` orders them.
+            drive: inputs, setup and first state.
+            step: largest integration step in s.
+
+        Returns:
+            (n, len(outputs)), SI.
+        """
+
+
+def effects_of(plant: str) -> tuple[Effect, ...]:
+    """Return all registered effects that apply to a plant, in the order of their ids."""
+    found: list[Effect] = []
+    for name in plugins.names("effects"):
+        effect = plugins.load("effects", name)
+        if not isinstance(effect, Effect):
+            raise PluginError(f"effect '{name}' is not an Effect but {type(effect).__name__}")
+        if plant in effect.actions:
+            found.append(effect)
+    return tuple(sorted(found, key=lambda effect: effect.id))
+
+
+@cache
+def get_plant(name: str) -> Plant:
+    """Return the registered plant of that id, compiled on first use.
+
+    Raises:
+        PluginError: no such plant.
+    """
+    plant = plugins.load("plants", name)()
+    if not isinstance(plant, Plant):
+        raise PluginError(f"plant '{name}' is not a Plant but {type(plant).__name__}")
+    return plant
