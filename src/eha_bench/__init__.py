@@ -10,8 +10,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eha_bench.bench.run import run
-    from eha_bench.bench.scoring import score
+    from eha_bench.api import run
+    from eha_bench.metrics import score
     from eha_bench.core.recording import Recording
     from eha_bench.recordings import read, write
 
@@ -21,8 +21,8 @@ _HOME = {
     "Recording": "eha_bench.core.recording",
     "read": "eha_bench.recordings",
     "write": "eha_bench.recordings",
-    "run": "eha_bench.bench.run",
-    "score": "eha_bench.bench.scoring",
+    "run": "eha_bench.api",
+    "score": "eha_bench.metrics",
 }
 
 __all__ = ["Recording", "__version__", "read", "run", "score", "write"]

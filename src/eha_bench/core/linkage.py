@@ -9,6 +9,7 @@ is its length when fully retracted. The joint angle is the absolute angle betwee
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,17 @@ class Linkage:
         c_squared = self.a**2 + self.b**2 - 2 * self.a * self.b * np.cos(angle)
         result: FloatArray = np.sqrt(c_squared) - self.c0 - self.half_stroke
         return result
+
+    def position_at(self, angle: float) -> float:
+        """Rod position from mid-stroke in m at one absolute joint angle in rad."""
+        c_squared = self.a**2 + self.b**2 - 2 * self.a * self.b * math.cos(angle)
+        return math.sqrt(c_squared) - self.c0 - self.half_stroke
+
+    def angle_at(self, position: float) -> float:
+        """Absolute joint angle in rad at one rod position in m; NaN where there is none."""
+        c = self.c0 + self.half_stroke + position
+        cosine = (self.a**2 + self.b**2 - c**2) / (2 * self.a * self.b)
+        return math.acos(cosine) if abs(cosine) <= 1 else math.nan
 
     def arm(self, position: FloatArray) -> FloatArray:
         """Moment arm l_el of the actuator about the knee in m, Eq. (10): dc/d(angle)."""

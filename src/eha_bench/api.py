@@ -1,0 +1,103 @@
+"""The Python face of running and scoring: the same as the commands, with their reports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from eha_bench.bench.progress import Progress, silent
+from eha_bench.bench.run import run_suite
+from eha_bench.bench.scoring import score_recordings
+from eha_bench.core.recording import Recording
+from eha_bench.core.result import Result, TrialResult, write_text
+from eha_bench.core.trial import Trial
+from eha_bench.recordings import read
+from eha_bench.report import markdown_summary, write_junit, write_report
+from eha_bench.suites import load_suite
+from eha_bench.targets.resolve import open_target
+
+Loader = Callable[[], Recording]
+
+
+def run(
+    suite: str | Path,
+    target: str | Path | None = None,
+    out: str | Path | None = None,
+    *,
+    resume: bool = False,
+    progress: Progress = silent,
+) -> Result:
+    """Run a suite on a target; write recordings, result.json and the reports.
+
+    Args:
+        suite: path of a suite.yaml.
+        target: `simulator`, a target.yaml or a model.yaml; the suite's own target if None.
+        out: result folder; reports/<suite name> if None.
+        resume: do only what an earlier, interrupted run of the same left undone.
+        progress: told at the start of every trial.
+
+    Raises:
+        EhaBenchError: bad input, or the folder cannot be used.
+    """
+    loaded = load_suite(Path(suite))
+    chosen = target or loaded.target or "simulator"
+    opened = open_target(chosen, model=loaded.model, controller=loaded.controller)
+    folder = Path(out) if out else Path("reports") / loaded.name
+    result = run_suite(loaded, opened, folder, resume=resume, progress=progress)
+    trials = {trial.id: trial for trial in loaded.trials}
+    by_repeat = {(item.id, item.repeat): trials[item.id] for item in result.trials}
+    write_reports(folder, result, by_repeat, folder)
+    return result
+
+
+def score_files(
+    recordings: Sequence[str | Path],
+    suite: str | Path | None = None,
+    channels: str | Path | None = None,
+    out: str | Path | None = None,
+    *,
+    trial: str | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Score recordings made earlier or elsewhere; write result.json and the reports into `out`.
+
+    Raises:
+        EhaBenchError: a recording cannot be read, or belongs to no trial.
+    """
+    loaded = load_suite(Path(suite)) if suite else None
+    map_file = Path(channels) if channels else None
+    paths = [Path(item) for item in recordings]
+    result, trials = score_recordings(
+        paths, suite=loaded, channels=map_file, trial=trial, progress=progress
+    )
+    if out is not None:
+        folder = Path(out)
+        folder.mkdir(parents=True, exist_ok=True)
+        result.write(folder / "result.json")
+        write_reports(folder, result, trials, Path(), channels=map_file)
+    return result
+
+
+def write_reports(
+    folder: Path,
+    result: Result,
+    trials: dict[tuple[str, int], Trial],
+    base: Path,
+    *,
+    channels: Path | None = None,
+) -> Path:
+    """Write report.html, junit.xml and summary.md; return the report's path."""
+    loaders = {
+        (item.id, item.repeat): _loader(base, item, channels)
+        for item in result.trials
+        if item.recording
+    }
+    write_junit(folder / "junit.xml", result)
+    write_text(folder / "summary.md", markdown_summary(result))
+    by_id = {trial_id: trial for (trial_id, _), trial in trials.items()}
+    return write_report(folder, result, loaders, by_id)
+
+
+def _loader(base: Path, item: TrialResult, channels: Path | None) -> Loader:
+    path = base / item.recording
+    return lambda: read(path, channels=channels)

@@ -1,0 +1,70 @@
+"""A result folder: recordings/, result.json; what is in it and what may be written there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from eha_bench.bench.provenance import file_sha256
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.result import Result, TrialResult
+
+
+@dataclass(frozen=True)
+class ResultFolder:
+    """The folder of one result; every path in it is made here and stays inside."""
+
+    path: Path
+
+    @property
+    def result(self) -> Path:
+        """The result file."""
+        return self.path / "result.json"
+
+    @property
+    def recordings(self) -> Path:
+        """The folder of the recordings."""
+        return self.path / "recordings"
+
+    def recording(self, trial: str, repeat: int) -> Path:
+        """Return where a recording is written.
+
+        Raises:
+            InputError: the name would leave the folder.
+        """
+        path = self.recordings / f"{trial}-{repeat}.mcap"
+        if path.resolve().parent != self.recordings.resolve():
+            raise InputError(f"'{trial}' cannot be a file name", where=Place(key="id"))
+        return path
+
+    def prepare(self) -> None:
+        """Make the folder, and refuse one that holds something else.
+
+        Raises:
+            InputError: it exists and is not a result folder, or cannot be written.
+        """
+        foreign = self.path.is_dir() and any(self.path.iterdir()) and not self._ours()
+        if foreign or (self.path.exists() and not self.path.is_dir()):
+            raise InputError(
+                "is not empty and not a result folder",
+                where=Place(file=str(self.path)),
+                hint="name another folder with --out",
+            )
+        try:
+            self.recordings.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"cannot be written ({error.strerror})", where=Place(file=str(self.path))
+            ) from error
+
+    def _ours(self) -> bool:
+        return self.result.is_file() or self.recordings.is_dir()
+
+    def previous(self) -> Result | None:
+        """Return the result that is there, or None."""
+        return Result.read(self.result) if self.result.is_file() else None
+
+    def holds(self, trial: TrialResult) -> bool:
+        """Whether the recording of a trial result is there, unchanged."""
+        path = self.path / trial.recording
+        return bool(trial.recording) and path.is_file() and file_sha256(path) == trial.sha256

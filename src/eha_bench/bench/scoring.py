@@ -1,0 +1,139 @@
+"""Scores recordings: those of a run just made, and those made earlier or elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from eha_bench.bench.progress import Progress, silent
+from eha_bench.bench.provenance import environment, file_sha256, now
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.recording import Recording
+from eha_bench.core.result import Result, Status, TrialResult
+from eha_bench.core.score import Score
+from eha_bench.core.trial import Trial
+from eha_bench.metrics import score
+from eha_bench.recordings import read
+from eha_bench.suites import Suite, trial_from_source
+
+__all__ = ["judge", "score", "score_recordings"]
+
+
+def judge(recording: Recording, trial: Trial, repeat: int) -> TrialResult:
+    """Return a trial's scores and status; the recording's place is filled in by the caller."""
+    scores = score(recording, trial)
+    return TrialResult(
+        id=trial.id,
+        repeat=repeat,
+        status=_status(scores),
+        recording="",
+        sha256="",
+        scores=scores,
+        notes=recording.notes,
+    )
+
+
+def _status(scores: tuple[Score, ...]) -> Status:
+    """A trial fails if a score that has a limit is rejected; scores without one never fail it."""
+    rejected = any(item.limit and item.status.rejects for item in scores)
+    return Status.FAILED if rejected else Status.PASSED
+
+
+def score_recordings(
+    paths: Sequence[Path],
+    *,
+    suite: Suite | None = None,
+    channels: Path | None = None,
+    trial: str | None = None,
+    progress: Progress = silent,
+) -> tuple[Result, dict[tuple[str, int], Trial]]:
+    """Score recordings made earlier or elsewhere; nothing that they hold is executed.
+
+    Args:
+        paths: recordings of any format that can be read.
+        suite: what they are scored by; None for recordings of our own, which carry their trial.
+        channels: channels.yaml for somebody else's log.
+        trial: id of the suite's trial that they all belong to; otherwise the recording's own
+            metadata or its file name says so.
+
+    Returns:
+        The result, and for each (trial id, repeat) the trial it was scored by.
+
+    Raises:
+        EhaBenchError: a recording cannot be read, or belongs to no trial.
+    """
+    done: list[TrialResult] = []
+    used: dict[tuple[str, int], Trial] = {}
+    for number, path in enumerate(paths):
+        progress(number, len(paths), path.name)
+        recording = read(path, channels=channels)
+        chosen = _trial_of(recording, path, suite, trial)
+        repeat = sum(result.id == chosen.id for result in done)
+        judged = judge(recording, chosen, repeat)
+        used[chosen.id, repeat] = chosen
+        done.append(
+            TrialResult(
+                id=judged.id,
+                repeat=repeat,
+                status=_ended(recording) or judged.status,
+                recording=str(path),
+                sha256=file_sha256(path) if path.is_file() else "",
+                scores=judged.scores,
+                reason=recording.metadata.get("ending_reason", ""),
+                notes=judged.notes,
+            )
+        )
+    trials = tuple(done)
+    folder = suite.folder if suite else Path.cwd()
+    provenance = {**environment(folder), "started": now()}
+    if suite:
+        provenance["suite_sha256"] = suite.sha256
+    result = Result(
+        suite=suite.name if suite else "recordings",
+        target="recordings",
+        status=Result.overall(trials, complete=True),
+        trials=trials,
+        provenance=provenance,
+        description=suite.description if suite else "",
+    )
+    return result, used
+
+
+def _ended(recording: Recording) -> Status | None:
+    """Return the status of a run that did not come to its end, as the recording says."""
+    ending = recording.metadata.get("ending", "complete")
+    if ending == "complete":
+        return None
+    return Status.INCOMPLETE if ending == "interrupted" else Status.FAULT
+
+
+def _trial_of(recording: Recording, path: Path, suite: Suite | None, named: str | None) -> Trial:
+    where = Place(file=str(path))
+    if suite is None:
+        source = recording.attachments.get("trial.json")
+        if source is None:
+            raise InputError(
+                "does not carry its trial",
+                where=where,
+                hint="say which suite it is scored by with --suite",
+            )
+        return trial_from_source(source.decode("utf-8", "replace"))
+    by_id = {trial.id: trial for trial in suite.trials}
+    if named is not None:
+        if named not in by_id:
+            raise InputError(
+                f"the suite has no trial '{named}'", hint=f"it has: {', '.join(by_id)}"
+            )
+        return by_id[named]
+    known = recording.metadata.get("trial", "")
+    stem = path.stem
+    for candidate in (known, stem, stem.rpartition("-")[0]):
+        if candidate in by_id:
+            return by_id[candidate]
+    if len(by_id) == 1:
+        return suite.trials[0]
+    raise InputError(
+        "belongs to no trial of the suite",
+        where=where,
+        hint=f"name the file after its trial or give --trial; the suite has: {', '.join(by_id)}",
+    )

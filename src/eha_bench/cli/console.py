@@ -1,0 +1,77 @@
+"""What the command line says to people: on standard error, without tracebacks."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from eha_bench.core.errors import EhaBenchError
+
+INTERRUPTED = 130
+
+
+def say(text: str) -> None:
+    """Print a line for people."""
+    print(text, file=sys.stderr)
+
+
+@contextmanager
+def errors_as_sentences() -> Iterator[None]:
+    """Turn what a user can put right into one sentence and an exit status.
+
+    Anything else is a bug and keeps its traceback.
+    """
+    try:
+        yield
+    except EhaBenchError as error:
+        say(f"eha-bench: {error}")
+        raise SystemExit(error.exit_status) from error
+    except KeyboardInterrupt as error:
+        say("eha-bench: interrupted")
+        raise SystemExit(INTERRUPTED) from error
+    except BrokenPipeError as error:
+        # the reader of our output went away: not our fault, and nothing left to say
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(0) from error
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        say(f"eha-bench: {name}{error.strerror or error}")
+        raise SystemExit(2) from error
+
+
+class TerminalProgress:
+    """A progress bar on a terminal; silent where nobody watches (CI, a pipe)."""
+
+    def __init__(self) -> None:
+        self._bar = None
+        if sys.stderr.isatty() and not os.environ.get("CI"):
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            self._bar = Progress(
+                TextColumn("{task.description}", markup=False),
+                BarColumn(),
+                TextColumn("{task.completed}/{task.total}"),
+                TimeElapsedColumn(),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self._task = self._bar.add_task("starting", total=None)
+
+    def __call__(self, done: int, total: int, what: str) -> None:
+        """Show that `done` of `total` pieces are done and `what` is next."""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done, total=total, description=what)
+
+    def __enter__(self) -> TerminalProgress:
+        """Start drawing."""
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Remove the bar."""
+        if self._bar is not None:
+            self._bar.stop()

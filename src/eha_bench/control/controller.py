@@ -1,0 +1,63 @@
+"""What a controller is, and how its YAML block is turned into one.
+
+A controller is one file: a class derived from `Controller` with a pydantic `Gains` model, found by
+the entry point group `eha_bench.controllers` or named as `module:Class` in a file that was given
+on the command line.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eha_bench.core.linkage import Linkage
+from eha_bench.core.yaml_file import StrictModel
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a controller may know besides its gains.
+
+    Attributes:
+        period: time between ticks, s.
+        current_limit: what the drive can deliver, A.
+        linkage: geometry of the joint, None where there is no joint.
+    """
+
+    period: float
+    current_limit: float
+    linkage: Linkage | None = None
+
+
+class NoGains(StrictModel):
+    """Gains of a controller that has none."""
+
+
+class Controller(ABC):
+    """One control law; a new instance is made for every run, so it may keep state.
+
+    A subclass names its gains in `Gains` and is called once a tick.
+    """
+
+    Gains: ClassVar[type[StrictModel]] = NoGains
+
+    @abstractmethod
+    def __init__(self, gains: StrictModel, context: Context) -> None:
+        """Start from rest with these gains."""
+
+    @abstractmethod
+    def step(self, reference: float, reading: Mapping[str, float]) -> float:
+        """Return the motor current to ask for now, A.
+
+        Args:
+            reference: what the trial asks for now, SI, in the unit of the control mode.
+            reading: what the sensors read now by channel, SI; `pressure_difference` and, where
+                there is a joint, `joint_angle` are among them.
+        """
+
+
+def clip(value: float, limit: float) -> float:
+    """Return the value within -limit ... limit."""
+    return min(max(value, -limit), limit)

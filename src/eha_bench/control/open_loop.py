@@ -1,0 +1,21 @@
+"""No control: the reference is the motor current."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from eha_bench.control.controller import Context, Controller, NoGains, clip
+from eha_bench.core.yaml_file import StrictModel
+
+
+class OpenLoop(Controller):
+    """Passes a current reference (A) on to the drive, within what the drive can deliver."""
+
+    Gains = NoGains
+
+    def __init__(self, gains: StrictModel, context: Context) -> None:
+        self._limit = context.current_limit
+
+    def step(self, reference: float, reading: Mapping[str, float]) -> float:
+        """Return the reference, A."""
+        return clip(reference, self._limit)

@@ -1,0 +1,55 @@
+"""What `--target` may be: a registered name, a target.yaml, or a model.yaml to simulate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from eha_bench.core import plugins, yaml_file
+from eha_bench.core.errors import InputError, Place, PluginError
+from eha_bench.targets.simulator import default_simulator
+from eha_bench.targets.target import Target
+
+
+def open_target(
+    target: str | Path, *, model: Path | None = None, controller: Path | None = None
+) -> Target:
+    """Return the target that a name or a file stands for.
+
+    Args:
+        target: `simulator`, the path of a target.yaml (key `target:`) or of a model.yaml.
+        model, controller: what the suite names for the simulator; a model.yaml given as the
+            target replaces the suite's model.
+
+    Raises:
+        InputError: no such target, or its file is wrong.
+    """
+    if str(target) == "simulator":
+        return default_simulator(model, controller)
+    path = Path(target)
+    if path.suffix not in (".yaml", ".yml"):
+        names = ", ".join(plugins.names("targets"))
+        raise InputError(
+            f"unknown target '{target}'",
+            hint=f"give a target.yaml, a model.yaml, or 'simulator' (kinds of target.yaml: {names})",
+        )
+    content = yaml_file.load(path)
+    if isinstance(content, dict) and "target" in content:
+        return _from_file(path, content)
+    if isinstance(content, dict) and "model" in content:
+        return default_simulator(path, controller)
+    raise InputError(
+        "neither a target nor a model", where=Place(file=str(path)), hint="expected 'target:'"
+    )
+
+
+def _from_file(path: Path, content: dict[str, object]) -> Target:
+    line = yaml_file.line_of(content, ["target"])
+    where = Place(file=str(path), line=line, key="target")
+    try:
+        make = plugins.load("targets", str(content["target"]))
+    except PluginError as error:
+        raise InputError(error.what, where=where, hint=error.hint) from error
+    target = make(path, content)
+    if not isinstance(target, Target):
+        raise InputError(f"'{content['target']}' does not make a Target", where=where)
+    return target

@@ -1,0 +1,69 @@
+"""What every target offers: run a trial, return what was recorded and how it ended."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import TracebackType
+from typing import Self
+
+from eha_bench.core.recording import Recording
+from eha_bench.core.trial import Trial
+
+
+class Ending(StrEnum):
+    """How a run of a trial ended."""
+
+    COMPLETE = "complete"
+    INTERRUPTED = "interrupted"
+    SAFETY_STOP = "safety stop"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A recording (as far as the run came), how it ended and why."""
+
+    recording: Recording
+    ending: Ending = Ending.COMPLETE
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a target is, for provenance: digests and the files a recording should carry."""
+
+    name: str
+    digests: Mapping[str, str] = field(default_factory=dict)
+    attachments: Mapping[str, bytes] = field(default_factory=dict)
+
+
+class Target(ABC):
+    """Something that a trial can be run on; used as a context manager, safe after leaving it."""
+
+    @property
+    @abstractmethod
+    def identity(self) -> Identity:
+        """What this target is."""
+
+    @abstractmethod
+    def check(self, trial: Trial) -> None:
+        """Raise an EhaBenchError if this target cannot run the trial, before anything moves."""
+
+    @abstractmethod
+    def run(self, trial: Trial, repeat: int) -> Outcome:
+        """Run one repeat of a trial from rest and return what was recorded."""
+
+    def __enter__(self) -> Self:
+        """Take hold of the target."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the target in its safe state, whatever happened."""
