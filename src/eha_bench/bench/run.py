@@ -83,9 +83,7 @@ def run_suite(
         for number, (trial, repeat) in enumerate(jobs):
             progress(number, len(jobs), f"{trial.id} ({repeat + 1}/{trial.repeats})")
             earlier = kept.get((trial.id, repeat))
-            result, ending = (
-                (earlier, Ending.COMPLETE) if earlier else _run_one(run, trial, repeat)
-            )
+            result, ending = (earlier, Ending.COMPLETE) if earlier else _run_one(run, trial, repeat)
             run.done.append(result)
             if ending is not Ending.COMPLETE:
                 return run.save(complete=False)
@@ -94,9 +92,7 @@ def run_suite(
     return run.result(complete=True)
 
 
-def _kept(
-    folder: ResultFolder, digests: Mapping[str, str]
-) -> dict[tuple[str, int], TrialResult]:
+def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, int], TrialResult]:
     """Return what an earlier run finished, if it ran the same suite on the same target."""
     previous = folder.previous()
     if previous is None:
@@ -119,9 +115,7 @@ def _run_one(run: _Run, trial: Trial, repeat: int) -> tuple[TrialResult, Ending]
     if outcome.ending is not Ending.COMPLETE:
         status = _STATUS[outcome.ending]
         reason = f"{outcome.ending.value}: {outcome.reason}"
-        result = TrialResult(
-            trial.id, repeat, status, relative, file_sha256(path), reason=reason
-        )
+        result = TrialResult(trial.id, repeat, status, relative, file_sha256(path), reason=reason)
         return result, outcome.ending
     judged = judge(outcome.recording, trial, repeat)
     return replace(judged, recording=relative, sha256=file_sha256(path)), outcome.ending

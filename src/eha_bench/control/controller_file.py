@@ -10,7 +10,7 @@ block cannot be run, except `current`, which needs no controller.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -100,12 +100,13 @@ def parse_controllers(content: Any, name: str, text: str, *, base: Path | None) 
     by_mode = {}
     for mode in ControlMode:
         if getattr(file, mode.value) is not None:
-            by_mode[mode] = _parse_block(content[mode.value], name, mode.value, base)
+            by_mode[mode] = _parse_block(content, name, mode.value, base)
     return ControllerSet(by_mode, name, text)
 
 
-def _parse_block(block: Any, name: str, mode: str, base: Path | None) -> ControllerSpec:
-    line = yaml_file.line_of(block, ["controller"])
+def _parse_block(content: Any, name: str, mode: str, base: Path | None) -> ControllerSpec:
+    block = content[mode]
+    line = yaml_file.line_of(content, [mode, "controller"])
     where = Place(file=name, line=line, key=f"{mode}.controller")
     reference = block.get("controller")
     if not isinstance(reference, str):
@@ -120,14 +121,13 @@ def _parse_block(block: Any, name: str, mode: str, base: Path | None) -> Control
     if not (isinstance(kind, type) and issubclass(kind, Controller)):
         raise InputError(f"'{reference}' is not a Controller class", where=where)
     gains = {key: value for key, value in block.items() if key != "controller"}
-    lines = type(block)()
-    lines.update(gains)
-    if hasattr(block, "lc"):
-        _copy_lines(block, lines)
-    return ControllerSpec(kind, yaml_file.validate(kind.Gains, lines, name, [mode]))
 
+    def places(keys: Sequence[int | str]) -> Place:
+        path = (mode, *keys)
+        return Place(
+            file=name,
+            line=yaml_file.line_of(content, path),
+            key=".".join(str(key) for key in path),
+        )
 
-def _copy_lines(source: Any, target: Any) -> None:
-    """Keep ruamel's line numbers on a copy without the key `controller`."""
-    for key in target:
-        target._yaml_set_kv_line_col(key, [*source.lc.key(key), *source.lc.value(key)])
+    return ControllerSpec(kind, yaml_file.validate(kind.Gains, gains, name, places=places))

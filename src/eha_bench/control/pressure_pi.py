@@ -4,9 +4,8 @@
 
 The speed feedback damps what the paper calls erratic fluctuations. Anti-windup: the integral only
 grows while the current is inside its limit, or where it leads back inside (conditional
-integration; Astrom, Hagglund, Advanced PID Control, ISA 2006, section 3.5); it starts anew where
-the reference jumps, so that the error of the transient is not held against the new level, and it
-rests within `dead_band`, where dry friction would otherwise make it hunt.
+integration; Astrom, Hagglund, Advanced PID Control, ISA 2006, section 3.5), and it rests within
+`dead_band`, where dry friction would otherwise make it hunt.
 """
 
 from __future__ import annotations

@@ -17,6 +17,9 @@ reference passed through a critically damped third-order filter with bandwidth `
 e, e', e'' and x_ref''' are taken against that. The motor speed asked for goes to the inner PI loop,
 where it is limited.
 
+Velocity and acceleration pass a first-order low-pass with the time constant `filter_time`, because
+their noise is multiplied by the gains of the inner loop.
+
 `trim` adds what removes the last error at rest, k_x * integral(e): dry friction holds the rod where
 the boundary layer is too soft to move it.
 """
@@ -54,6 +57,9 @@ class SlidingModeGains(StrictModel):
     k: Annotated[float, Unit("m/s^3"), Field(ge=0, description="reaching gain")]
     epsilon: Annotated[float, Unit("1/s"), Field(ge=0, description="proportional reaching rate")]
     phi: Annotated[float, Unit("m/s^2"), Field(gt=0, description="boundary layer")]
+    filter_time: Annotated[
+        float, Unit("s"), Field(ge=0, description="low-pass of velocity and acceleration")
+    ] = 0.0
     trim: Annotated[float, Unit("1/s"), Field(ge=0, description="integral trim at rest")] = 0.0
     reference_rate: Annotated[
         float, Unit("1/s"), Field(gt=0, description="bandwidth of the reference filter")
@@ -77,6 +83,8 @@ class SlidingMode(Controller):
         self._inner = SpeedPI(gains.speed, context)
         self._filter: tuple[float, float, float] | None = None
         self._integral = 0.0
+        self._velocity = 0.0
+        self._acceleration = 0.0
 
     def _filtered(self, target: float, at_start: float) -> tuple[float, float, float, float]:
         """Return x_ref and its first three derivatives; the filter starts at rest at x."""
@@ -94,14 +102,19 @@ class SlidingMode(Controller):
     def step(self, reference: float, reading: Mapping[str, float]) -> float:
         """Return the current for a joint angle reference in rad, A."""
         gains, plant = self._gains, self._gains.model
-        x, v = reading["piston_position"], reading["piston_velocity"]
+        x = reading["piston_position"]
         difference = reading["pressure_difference"]
         target = self._linkage.position_at(reference)
         x_ref, v_ref, a_ref, jerk_ref = self._filtered(target, x)
         area, mass = plant.piston_area, plant.load_mass
         stiffness = plant.bulk_modulus / max(plant.volume + area * x, 0.02 * plant.volume)
         stiffness += plant.bulk_modulus / max(plant.volume - area * x, 0.02 * plant.volume)
-        acceleration = (area * difference - plant.rod_viscous * v) / mass
+        share = self._context.period / (self._context.period + gains.filter_time)
+        self._velocity += share * (reading["piston_velocity"] - self._velocity)
+        v = self._velocity
+        net = area * difference - plant.rod_viscous * v
+        self._acceleration += share * (net / mass - self._acceleration)
+        acceleration = self._acceleration
         f = area * stiffness * (-area * v - plant.leakage * difference) / mass
         f -= plant.rod_viscous * acceleration / mass
         g = area * plant.pump_displacement * stiffness / mass

@@ -17,8 +17,9 @@ def open_target(
 
     Args:
         target: `simulator`, the path of a target.yaml (key `target:`) or of a model.yaml.
-        model, controller: what the suite names for the simulator; a model.yaml given as the
-            target replaces the suite's model.
+        model: the model that the suite names for the simulator; a model.yaml given as the target
+            takes its place.
+        controller: the controller file that the suite names for the simulator.
 
     Raises:
         InputError: no such target, or its file is wrong.
@@ -30,7 +31,7 @@ def open_target(
         names = ", ".join(plugins.names("targets"))
         raise InputError(
             f"unknown target '{target}'",
-            hint=f"give a target.yaml, a model.yaml, or 'simulator' (kinds of target.yaml: {names})",
+            hint=f"give 'simulator', a model.yaml, or a target.yaml (its kinds: {names})",
         )
     content = yaml_file.load(path)
     if isinstance(content, dict) and "target" in content:

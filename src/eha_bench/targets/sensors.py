@@ -49,7 +49,9 @@ RIG_SENSORS: dict[str, Sensor] = {
 class SensorNoise:
     """Noise for every tick of a run, drawn at its start so that a seed fixes it."""
 
-    def __init__(self, sensors: dict[str, Sensor], channels: tuple[str, ...], n: int, seed: int) -> None:
+    def __init__(
+        self, sensors: dict[str, Sensor], channels: tuple[str, ...], n: int, seed: list[int]
+    ) -> None:
         generator = np.random.default_rng(seed)
         self._noise = np.zeros((n, len(channels)))
         self._count = np.zeros(len(channels))

@@ -67,3 +67,7 @@ class Target(ABC):
         trace: TracebackType | None,
     ) -> None:
         """Leave the target in its safe state, whatever happened."""
+        self.make_safe()
+
+    def make_safe(self) -> None:  # noqa: B027 - most targets (all simulated ones) are safe as is
+        """Take the torque off; called after every run, also after a fault or an interruption."""
