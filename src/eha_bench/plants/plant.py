@@ -29,6 +29,8 @@ class Drive:
         initial: channel -> value of the state at the first sample, SI; the rest starts at 0
             or at what the plant takes as rest.
         locked, bypass_open: setup of the rig.
+        first: tick at which the simulation starts; what is before it is history of the inputs
+            (a delayed command looks back), and its rows of the result are NaN.
     """
 
     time: FloatArray
@@ -36,6 +38,7 @@ class Drive:
     initial: Mapping[str, float] = field(default_factory=dict)
     locked: bool = False
     bypass_open: bool = False
+    first: int = 0
 
 
 class Plant(ABC):

@@ -25,6 +25,7 @@ _STATE = {
     "piston_position": kernel.POSITION,
     "piston_velocity": kernel.VELOCITY,
     "current": kernel.CURRENT,
+    "shaft_angle": kernel.THETA,
 }
 
 
@@ -76,9 +77,9 @@ class EhaKnee(Plant):
                 is_imposed[IMPOSED.index(name)] = True
             elif name not in ("current_command", "force"):
                 raise InputError(f"'{name}' cannot be an input of {self.id}")
-        out = np.empty((n, len(self.outputs)))
+        out = np.full((n, len(self.outputs)), np.nan)
         self.compiled.simulate(
-            0,
+            drive.first,
             n - 1,
             np.ascontiguousarray(drive.time, dtype=np.float64),
             np.ascontiguousarray(drive.inputs.get("current_command", zeros), dtype=np.float64),
