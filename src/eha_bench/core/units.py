@@ -22,6 +22,15 @@ if TYPE_CHECKING:
 
 _NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)$", re.DOTALL)
 
+# What a unit may be written with. Pint evaluates arithmetic, so that 9**9**9 would never come back.
+_UNIT = re.compile(r"[^\W\d_][\w°µμΩ%^*/().\s·⋅²³⁻¹-]{0,80}|[°%]\w*|1\s*/[\w^*/().\s-]{1,80}|")
+_POWER = re.compile(r"(?:\*\*|\^)[\s(+-]*\d{2}|\d\s*\)?\s*(?:\*\*|\^)")
+
+# To Pint an angle is a pure number, and a hertz one per second: 1 Hz would be 1 rad/s, 1 rpm be
+# 0.105 Hz, and 50 deg an overshoot. Where the product's own units could be confused, the exponent
+# of the angle has to be this one.
+_ANGLE = {"": 0, "rad": 1, "Hz": 0}
+
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
@@ -44,6 +53,8 @@ def factor_and_offset(unit: str, si_unit: str) -> tuple[float, float]:
     import pint
 
     registry = _registry()
+    if not _UNIT.fullmatch(unit) or _POWER.search(unit):
+        raise UnitError(f"'{unit}' is not a unit", hint=_expected(si_unit))
     try:
         source = registry.Unit(unit.replace("%", "percent") or "dimensionless")
     except (pint.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
@@ -51,11 +62,46 @@ def factor_and_offset(unit: str, si_unit: str) -> tuple[float, float]:
     except Exception as error:  # pint's tokenizer lets errors of Python's own parser through
         raise UnitError(f"'{unit}' is not a unit", hint=_expected(si_unit)) from error
     target = registry.Unit(si_unit or "dimensionless")
-    if source.dimensionality != target.dimensionality:
+    if source.dimensionality != target.dimensionality or not _same_kind(source, unit, si_unit):
         raise UnitError(f"unit '{unit}' has the wrong dimension", hint=_expected(si_unit))
     zero = float(registry.Quantity(0.0, source).to(target).magnitude)
     one = float(registry.Quantity(1.0, source).to(target).magnitude)
     return one - zero, zero
+
+
+def _same_kind(source: Any, unit: str, si_unit: str) -> bool:
+    """Return False where an angle would pass for a number, or a frequency for a speed."""
+    if si_unit == "rad/s":
+        return "hertz" not in str(source)
+    wanted = _ANGLE.get(si_unit)
+    found = dict(_registry().get_root_units(source)[1]._units).get("radian", 0)
+    return wanted is None or not unit or found == wanted
+
+
+_DERIVED = ("Pa", "N", "N*m", "V", "W", "ohm", "H", "Hz")
+
+
+@cache
+def base_unit(unit: str) -> str:
+    """Return the SI unit of the same kind as `unit`, e.g. Pa for bar, rad for deg, rad/s for rpm.
+
+    Raises:
+        UnitError: the unit is unknown.
+    """
+    import pint
+
+    registry = _registry()
+    try:
+        source = registry.Unit(unit.replace("%", "percent") or "dimensionless")
+        base = registry.get_base_units(source)[1]
+    except (pint.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
+        raise UnitError(f"unknown unit '{unit}'") from error
+    except Exception as error:  # as in factor_and_offset
+        raise UnitError(f"'{unit}' is not a unit") from error
+    for name in _DERIVED:
+        if registry.get_base_units(name)[1] == base:
+            return name
+    return f"{base:~C}".replace("**", "^")
 
 
 def _expected(si_unit: str) -> str:
@@ -86,17 +132,37 @@ def parse(text: str | float, si_unit: str) -> float:
     return value
 
 
+def parse_difference(text: str | float, si_unit: str) -> float:
+    """Convert a difference of two quantities: as `parse`, but 5 degC are then 5 K.
+
+    Raises:
+        UnitError: as `parse`.
+    """
+    value = parse(text, si_unit)
+    match = _NUMBER.match(text) if isinstance(text, str) else None
+    unit = match[2].strip() if match else ""
+    return value - factor_and_offset(unit, si_unit)[1] if unit else value
+
+
+def has_unit(text: str | float) -> bool:
+    """Whether a quantity's text names a unit."""
+    match = _NUMBER.match(text) if isinstance(text, str) else None
+    return match is not None and bool(match[2].strip())
+
+
 @dataclass(frozen=True)
 class Unit:
     """Marks a pydantic field as a quantity: `Annotated[float, Unit("Pa")]`; stored in SI."""
 
     si: str
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         """Accept a number or text with a unit; raise ValueError text that pydantic can place."""
 
         def convert(value: Any) -> float:
-            if not isinstance(value, (str, int, float)):
+            if isinstance(value, bool) or not isinstance(value, (str, int, float)):
                 raise ValueError(f"expected a number or text such as '1 {self.si}'")
             try:
                 return parse(value, self.si)

@@ -1,0 +1,230 @@
+"""`channels.yaml`: how somebody else's log becomes channels in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator, Field, field_validator, model_validator
+
+from eha_bench.core.channels import CHANNELS
+from eha_bench.core.errors import UnitError
+from eha_bench.core.units import Unit, base_unit, factor_and_offset
+from eha_bench.core.yaml_file import StrictModel, load_model
+from eha_bench.recordings.field_path import FieldPath
+
+
+class Clock(StrEnum):
+    """Which time stamps a sample."""
+
+    LOG = "log"
+    PUBLISH = "publish"
+    HEADER = "header"
+
+
+class Method(StrEnum):
+    """How a channel is carried onto the common clock."""
+
+    LINEAR = "linear"
+    HOLD = "hold"
+
+
+class Duplicates(StrEnum):
+    """What to do with samples of one topic that carry the same stamp."""
+
+    ERROR = "error"
+    FIRST = "first"
+    LAST = "last"
+
+
+class StepsBack(StrEnum):
+    """What to do where a topic's stamps step back in time."""
+
+    ERROR = "error"
+    SORT = "sort"
+    DROP = "drop"
+
+
+class Gaps(StrEnum):
+    """What a channel holds on the common clock where its own topic has a gap."""
+
+    NAN = "nan"
+    INTERPOLATE = "interpolate"
+
+
+class Range(StrEnum):
+    """Whether the recording ends where the first channel ends, or holds NaN from there on."""
+
+    COMMON = "common"
+    ALL = "all"
+
+
+HELD = frozenset({"reference", "current_command"})
+"""Commands keep their value until the next one; measured states are interpolated."""
+
+
+def _path(text: str) -> str:
+    FieldPath.parse(text)
+    return text
+
+
+class ChannelEntry(StrictModel):
+    """Where one channel comes from: value = (raw * scale + offset) in `unit`, then SI."""
+
+    topic: str | None = Field(default=None, min_length=1, description="topic of the message")
+    field: Annotated[str, AfterValidator(_path)] | None = Field(
+        default=None,
+        description="field of the message: velocity[0], pose.position.z, velocity[motor]",
+    )
+    column: str | None = Field(
+        default=None, min_length=1, description="column of a CSV, Parquet or MAT file"
+    )
+    unit: str | None = Field(default=None, description="unit of raw * scale + offset; default SI")
+    scale: float = Field(default=1.0, allow_inf_nan=False)
+    offset: float = Field(default=0.0, allow_inf_nan=False)
+    clock: Clock | None = Field(default=None, description="another clock for this channel's topic")
+    method: Method | None = Field(
+        default=None, description="how it is carried onto the common clock"
+    )
+    unwrap: Annotated[int, Field(ge=2, le=63)] | None = Field(
+        default=None, description="repair a raw integer of so many bits that wrapped around"
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> ChannelEntry:
+        if self.column is not None and (self.topic is not None or self.field is not None):
+            raise ValueError("give either topic and field, or column, not both")
+        if self.column is None and (self.topic is None or self.field is None):
+            raise ValueError("a topic and a field are needed, or a column for a table")
+        return self
+
+
+class TimeColumn(StrictModel):
+    """The column of a table that holds the time."""
+
+    column: str = Field(min_length=1)
+    unit: str = "s"
+
+    @field_validator("unit")
+    @classmethod
+    def _of_time(cls, unit: str) -> str:
+        _check_unit(unit, "s")
+        return unit
+
+
+class Repair(StrictModel):
+    """What may be repaired; nothing is unless it is said here."""
+
+    duplicates: Duplicates = Duplicates.ERROR
+    steps_back: StepsBack = StepsBack.ERROR
+    gaps: Gaps = Gaps.NAN
+
+
+class ChannelMapFile(StrictModel):
+    """A `channels.yaml`: where every channel of a log comes from."""
+
+    clock: Clock = Clock.LOG
+    base: str | None = Field(default=None, description="channel whose topic gives the common clock")
+    range: Range = Range.COMMON
+    time: TimeColumn | None = None
+    sample_rate: Annotated[float, Unit("Hz")] | None = Field(
+        default=None, description="of a table without a time column"
+    )
+    repair: Repair = Repair()
+    channels: dict[str, ChannelEntry] = Field(min_length=1)
+
+    @field_validator("sample_rate")
+    @classmethod
+    def _positive(cls, rate: float | None) -> float | None:
+        if rate is not None and rate <= 0:
+            raise ValueError("the sample rate must be positive")
+        return rate
+
+    @field_validator("channels")
+    @classmethod
+    def _units(cls, channels: dict[str, ChannelEntry]) -> dict[str, ChannelEntry]:
+        for name, entry in channels.items():
+            if name == "time" or not name.isprintable() or not name.strip():
+                raise ValueError(f"'{name}' cannot be the name of a channel")
+            try:
+                _check_channel_unit(name, entry)
+            except ValueError as error:
+                raise ValueError(f"channel '{name}': {error}") from error
+        return channels
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ChannelMapFile:
+        if self.time is not None and self.sample_rate is not None:
+            raise ValueError("give either time or sample_rate, not both")
+        if self.base is not None and self.base not in self.channels:
+            raise ValueError(f"base: '{self.base}' is not one of the channels")
+        if len({entry.column is None for entry in self.channels.values()}) > 1:
+            raise ValueError("either all channels have a topic, or all have a column")
+        return self
+
+    @property
+    def is_table(self) -> bool:
+        """Whether the channels are columns of a table."""
+        return any(entry.column is not None for entry in self.channels.values())
+
+    def method(self, name: str) -> Method:
+        """How a channel is carried onto the common clock."""
+        return self.channels[name].method or (Method.HOLD if name in HELD else Method.LINEAR)
+
+    def si_unit(self, name: str) -> str:
+        """SI unit of a channel's values."""
+        known = CHANNELS[name].unit if name in CHANNELS else ""
+        return known or base_unit(self.channels[name].unit or "")
+
+    def to_si(self, name: str) -> tuple[float, float]:
+        """Return (factor, offset) from a channel's unit to SI."""
+        unit = self.channels[name].unit
+        return (1.0, 0.0) if unit is None else factor_and_offset(unit, self.si_unit(name))
+
+
+ChannelMap = ChannelMapFile
+
+
+def _check_unit(unit: str, si_unit: str) -> tuple[float, float]:
+    try:
+        return factor_and_offset(unit, si_unit)
+    except UnitError as error:
+        raise ValueError(str(error)) from error
+
+
+def _check_channel_unit(name: str, entry: ChannelEntry) -> None:
+    known = CHANNELS.get(name)
+    if entry.unit is None:
+        if known is None:
+            raise ValueError("a channel that eha-bench does not know needs a unit ('' for none)")
+        if not known.unit:
+            raise ValueError(f"'{name}' needs a unit, since it has that of the control mode")
+        return
+    if known is not None and known.unit:
+        if known.unit == "rad/s" and entry.unit.strip().lower() in {"hz", "khz", "hertz"}:
+            raise ValueError(
+                f"unit '{entry.unit}' is ambiguous for a speed; write rev/s, rpm or rad/s"
+            )
+        _check_unit(entry.unit, known.unit)
+        return
+    try:
+        base_unit(entry.unit)
+    except UnitError as error:
+        raise ValueError(str(error)) from error
+
+
+def load_channel_map(channels: str | Path | ChannelMap | Mapping[str, object]) -> ChannelMap:
+    """Return a channel map from a file, a mapping as in the file, or as it is.
+
+    Raises:
+        InputError: the file is missing or not a channel map.
+    """
+    if isinstance(channels, ChannelMapFile):
+        return channels
+    if isinstance(channels, Mapping):
+        from eha_bench.core.yaml_file import validate
+
+        return validate(ChannelMapFile, dict(channels), "channels")
+    return load_model(ChannelMapFile, Path(channels))

@@ -1,0 +1,105 @@
+"""Decompression with a limit: what a file declares is checked before memory is taken."""
+
+from __future__ import annotations
+
+import bz2
+import zlib
+from typing import Any
+
+import lz4.frame
+import numpy as np
+import zstandard
+
+from eha_bench.recordings.payloads import Bytes
+
+LARGEST = 2 << 30
+"""No chunk may be larger than this when uncompressed, in bytes."""
+_RATIO = {"zstd": 40_000, "lz4": 256, "bz2": 50_000, "": 1, "none": 1}
+_STEP = 1 << 20
+
+
+class DamagedChunk(Exception):
+    """A chunk cannot be decompressed; says why."""
+
+
+def decompress(data: memoryview, compression: str, size: int, crc: int = 0) -> Bytes:
+    """Return a chunk's `size` bytes, checked against `crc` (0 means there is none).
+
+    Raises:
+        DamagedChunk: unknown compression, a size that cannot be, damaged data, or a wrong CRC.
+    """
+    if compression not in _RATIO:
+        raise DamagedChunk(f"its compression '{compression[:20]}' is not known")
+    if size > LARGEST:
+        raise DamagedChunk(f"it declares {size} bytes, more than the {LARGEST} that are accepted")
+    if size > (len(data) + 64) * _RATIO[compression]:
+        raise DamagedChunk(f"it declares {size} bytes, which {len(data)} bytes cannot hold")
+    try:
+        raw = _whole(data, compression, size)
+    except (zstandard.ZstdError, RuntimeError, OSError, ValueError, EOFError) as error:
+        raise DamagedChunk(f"it cannot be decompressed ({error})") from error
+    if len(raw) != size:
+        raise DamagedChunk(f"it holds {len(raw)} bytes where {size} are declared")
+    if crc and zlib.crc32(raw) != crc:
+        raise DamagedChunk("its checksum is wrong")
+    return np.frombuffer(raw, dtype=np.uint8)
+
+
+def decompress_torn(data: memoryview, compression: str) -> Bytes:
+    """Return what can be had of a chunk whose end is missing."""
+    if compression in {"", "none"}:
+        return np.frombuffer(data, dtype=np.uint8)
+    if compression not in _RATIO:
+        return np.empty(0, dtype=np.uint8)
+    stream = _stream(compression)
+    parts: list[bytes] = []
+    total = 0
+    for start in range(0, len(data), 4096):
+        try:
+            part = stream.decompress(data[start : start + 4096])
+        except (zstandard.ZstdError, RuntimeError, OSError, ValueError, EOFError):
+            break
+        total += len(part)
+        parts.append(part)
+        if total > LARGEST:
+            break
+    return np.frombuffer(b"".join(parts), dtype=np.uint8)
+
+
+def _whole(data: memoryview, compression: str, size: int) -> Any:
+    if compression in {"", "none"}:
+        return data
+    if not size:
+        return b""
+    if compression == "zstd":
+        declared = zstandard.frame_content_size(data)
+        if declared == size:
+            return zstandard.ZstdDecompressor().decompress(data)
+        if declared >= 0:
+            raise DamagedChunk(f"its frame holds {declared} bytes where {size} are declared")
+        with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+            return reader.read(size)
+    if compression == "lz4":
+        return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
+    return bz2.BZ2Decompressor().decompress(data, max_length=size)
+
+
+def _stream(compression: str) -> Any:
+    if compression == "zstd":
+        return zstandard.ZstdDecompressor().decompressobj()
+    return lz4.frame.LZ4FrameDecompressor() if compression == "lz4" else bz2.BZ2Decompressor()
+
+
+def decompress_blob(data: bytes) -> bytes:
+    """Return one message that is compressed with zstd.
+
+    Raises:
+        DamagedChunk: it cannot be decompressed.
+    """
+    try:
+        size = zstandard.frame_content_size(data)
+        if size < 0:
+            return decompress_torn(memoryview(data), "zstd").tobytes()
+    except zstandard.ZstdError as error:
+        raise DamagedChunk(f"it cannot be decompressed ({error})") from error
+    return decompress(memoryview(data), "zstd", size).tobytes()

@@ -1,0 +1,100 @@
+"""Which format a file is: by its first bytes, since names lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.mcap_file import MAGIC
+from eha_bench.recordings.source import Source
+
+_READ = "MCAP, ROS 1 bag, rosbag2 folder, CSV, Parquet and MAT v5"
+
+
+def open_source(path: Path) -> Source:
+    """Return a recording as a source, whatever its format.
+
+    Raises:
+        RecordingError: no such file, an empty one, or no recording.
+    """
+    where = Place(file=str(path))
+    try:
+        if path.is_dir():
+            from eha_bench.recordings.rosbag2 import Rosbag2Source
+
+            return Rosbag2Source(path)
+        with path.open("rb") as stream:
+            head = stream.read(4096)
+    except FileNotFoundError as error:
+        raise RecordingError("no such file", where=where, hint="check its path") from error
+    except OSError as error:
+        raise RecordingError(f"cannot be read ({error.strerror or error})", where=where) from error
+    if not head:
+        raise RecordingError("the file is empty", where=where, hint="record it again")
+    return open_file(path, head)
+
+
+def open_file(path: Path, head: bytes) -> Source:
+    """Return one file as a source; `head` is its first 4096 bytes.
+
+    Raises:
+        RecordingError: it is no recording.
+    """
+    # imported here: each format brings its own library
+    if head.startswith(MAGIC):
+        from eha_bench.recordings.mcap_source import McapSource
+
+        return McapSource(path)
+    if head.startswith(b"#ROSBAG V"):
+        from eha_bench.recordings.bag1 import Bag1Source
+
+        return Bag1Source(path)
+    if head.startswith(b"SQLite format 3\0"):
+        from eha_bench.recordings.sqlite_source import SqliteSource
+
+        return SqliteSource(path)
+    if head.startswith(b"PAR1"):
+        from eha_bench.recordings.table import ParquetSource
+
+        return ParquetSource(path)
+    if head.startswith(b"MATLAB 5.0") or _is_mat5(head):
+        from eha_bench.recordings.mat import MatSource
+
+        return MatSource(path)
+    raise_for_relatives(path, head)
+    if b"\0" not in head:
+        from eha_bench.recordings.table import CsvSource
+
+        return CsvSource(path)
+    raise RecordingError(
+        "this is not a recording that eha-bench knows",
+        where=Place(file=str(path)),
+        hint=f"it reads {_READ}",
+    )
+
+
+def _is_mat5(head: bytes) -> bool:
+    return len(head) >= 128 and head[124:128] in {b"\x00\x01IM", b"\x01\x00MI"}
+
+
+def raise_for_relatives(path: Path, head: bytes) -> None:
+    """Refuse formats that look close, with the way out.
+
+    Raises:
+        RecordingError: MAT v7.3, a compressed file, or a part of a rosbag2.
+    """
+    where = Place(file=str(path))
+    if head.startswith((b"MATLAB 7.3", b"\x89HDF")):
+        raise RecordingError(
+            "this is a MAT v7.3 (HDF5) file, which is not read",
+            where=where,
+            hint="save it with save(..., '-v7')",
+        )
+    if head.startswith(b"\x28\xb5\x2f\xfd"):
+        raise RecordingError(
+            "the file is compressed with zstd as a whole",
+            where=where,
+            hint="give the rosbag2 folder that it lies in, or decompress it with unzstd",
+        )
+    if head.startswith((b"\x1f\x8b", b"PK\x03\x04")):
+        raise RecordingError("this is an archive", where=where, hint="unpack it first")

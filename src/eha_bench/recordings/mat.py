@@ -1,0 +1,78 @@
+"""MATLAB v4 and v5 files as tables; only plain numeric arrays are taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.field_path import Element, FieldPath
+from eha_bench.recordings.table import TableSource
+
+
+class MatSource(TableSource):
+    """A MAT file: a variable, a field of a struct (`log.p`), or a column of a matrix (`y[0]`)."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        from scipy.io import loadmat
+
+        try:
+            content = loadmat(str(path), squeeze_me=True, struct_as_record=True)
+        except NotImplementedError as error:
+            raise RecordingError(
+                "this version of MAT is not read",
+                where=Place(file=self.path),
+                hint="save it with save(..., '-v7')",
+            ) from error
+        except Exception as error:  # damaged files raise errors of many roots
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            raise RecordingError(
+                f"the MAT file is damaged or torn ({reason})",
+                where=Place(file=self.path),
+                hint="save it again",
+            ) from error
+        self._columns: dict[str, NDArray[Any]] = {}
+        for name, value in content.items():
+            if not name.startswith("__"):
+                self._collect(name, value, 0)
+        if not self._columns:
+            raise RecordingError("it holds no numeric arrays", where=Place(file=self.path))
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the arrays."""
+        return tuple(self._columns)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column of numbers, shape (n,)."""
+        return self._columns[name]
+
+    def _checked(self, name: str) -> NDArray[Any]:
+        if name in self._columns:
+            return self._columns[name]
+        try:
+            steps = FieldPath.parse(name).steps
+        except ValueError:
+            steps = ()
+        if len(steps) > 1 and isinstance(steps[-1], Element):
+            matrix = self._columns.get(str(FieldPath(steps[:-1])))
+            index = steps[-1].index
+            if matrix is not None and matrix.ndim == 2 and index < matrix.shape[1]:
+                return matrix[:, index]
+        return super()._checked(name)
+
+    def _collect(self, name: str, value: Any, depth: int) -> None:
+        """Collect numeric arrays, also from structs inside structs."""
+        if not isinstance(value, np.ndarray) or depth > 8:
+            return
+        if value.dtype.names and value.ndim == 0:
+            for field in value.dtype.names:
+                inner = value[field]
+                self._collect(
+                    f"{name}.{field}", inner.item() if inner.dtype == object else inner, depth + 1
+                )
+        elif value.dtype.kind in "iufb" and value.ndim in (1, 2) and value.size:
+            self._columns[name] = value.astype(np.float64) if value.dtype.kind == "b" else value

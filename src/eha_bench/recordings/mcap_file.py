@@ -1,0 +1,220 @@
+"""The records of an MCAP file, found by a linear scan that stops at a tear.
+
+Format: https://mcap.dev/spec. Only the frame of each record is read here; contents are parsed by
+the mcap library. The index at the end is not trusted and not needed: a torn file has none.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+
+from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.demux import RECORD_HEAD
+from eha_bench.recordings.payloads import Bytes
+
+MAGIC = b"\x89MCAP0\r\n"
+_FRAME = struct.Struct("<BQ")
+_CHUNK = struct.Struct("<QQQII")
+
+
+@dataclass
+class Chunk:
+    """A chunk's frame; `channels` counts messages by channel id, None if no index tells."""
+
+    offset: int
+    start_time: int
+    end_time: int
+    uncompressed_size: int
+    crc: int
+    compression: str
+    data_start: int
+    data_size: int
+    channels: dict[int, int] | None = None
+    torn: bool = False
+
+
+@dataclass
+class Stretch:
+    """Messages that lie outside of chunks: from `start` up to `stop`."""
+
+    start: int
+    stop: int
+
+
+@dataclass
+class McapFile:
+    """What a scan of an MCAP file found.
+
+    Attributes:
+        buffer: the file's bytes.
+        parts: chunks and stretches of bare messages, in file order.
+        schemas, channels: by id; those inside chunks are not in here until a chunk is opened.
+        data_ended: whether the data section was closed; a summary may follow.
+        summary_channels: whether the summary repeated the channels, so that chunks can be skipped.
+        attachments: (start of content, length).
+        tear: where the readable part ends, or None for a file that was closed in order.
+        reason: what is wrong at the tear.
+    """
+
+    path: Path
+    buffer: Bytes
+    header: Header | None = None
+    parts: list[Chunk | Stretch] = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    summary_channels: bool = False
+    data_ended: bool = False
+    metadata: list[Metadata] = field(default_factory=list)
+    attachments: list[tuple[int, int]] = field(default_factory=list)
+    tear: int | None = None
+    reason: str = ""
+
+    def attachment(self, start: int, length: int) -> Attachment | None:
+        """Return an attachment, or None if it cannot be parsed."""
+        found = self.parse(Attachment, start, length)
+        return found if isinstance(found, Attachment) else None
+
+    def parse(self, kind: Any, start: int, length: int) -> Any:
+        """Return a record's content as the mcap library's type, or None if it does not fit."""
+        return parse_record(kind, bytes(self.buffer.data[start : start + length]))
+
+
+def parse_record(kind: Any, content: bytes) -> Any:
+    """Return a record as the mcap library's type, or None if the content does not fit."""
+    try:
+        return kind.read(ReadDataStream(BytesIO(content)))
+    except Exception:  # struct.error, EndOfFile, UnicodeDecodeError, ...
+        return None
+
+
+def open_mcap(path: Path) -> McapFile:
+    """Scan an MCAP file's frames; chunks stay as they are.
+
+    Raises:
+        RecordingError: the file is not MCAP.
+    """
+    buffer = map_file(path)
+    if bytes(buffer[:8]) != MAGIC:
+        raise RecordingError("this is not an MCAP file", where=Place(file=str(path)))
+    file = McapFile(path, buffer)
+    _scan(file)
+    return file
+
+
+def map_file(path: Path) -> Bytes:
+    """Return a file's bytes without reading them."""
+    with path.open("rb") as stream:
+        if not path.stat().st_size:
+            return np.empty(0, dtype=np.uint8)
+        return np.frombuffer(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
+
+
+def _scan(file: McapFile) -> None:
+    data = file.buffer.data
+    size = file.buffer.size
+    position = len(MAGIC)
+    while True:
+        if position + RECORD_HEAD > size:
+            file.tear, file.reason = position, "the file ends without a footer"
+            return
+        opcode, length = _FRAME.unpack_from(data, position)
+        start = position + RECORD_HEAD
+        following = start + length
+        if opcode == 0:
+            file.tear, file.reason = position, "there are no more records"
+            return
+        if following > size:
+            file.tear, file.reason = position, "the file ends inside a record"
+            if opcode == Opcode.CHUNK:
+                _add_chunk(file, position, start, size, torn=True)
+            return
+        if opcode == Opcode.FOOTER:
+            if bytes(data[following : following + 8]) != MAGIC:
+                file.tear, file.reason = following, "the closing magic is missing"
+            return
+        if opcode == Opcode.CHUNK:
+            if not _add_chunk(file, position, start, following):
+                file.tear, file.reason = position, "a chunk's frame is damaged"
+                return
+        else:
+            _take(file, opcode, start, length)
+        position = following
+
+
+def _take(file: McapFile, opcode: int, start: int, length: int) -> None:
+    """Note a record that is no chunk."""
+    last = file.parts[-1] if file.parts else None
+    match opcode:
+        case Opcode.MESSAGE:
+            if isinstance(last, Stretch) and last.stop == start - RECORD_HEAD:
+                last.stop = start + length
+            else:
+                file.parts.append(Stretch(start - RECORD_HEAD, start + length))
+        case Opcode.MESSAGE_INDEX if isinstance(last, Chunk) and length >= 6:
+            channel, entries = struct.unpack_from("<HI", file.buffer.data, start)
+            last.channels = last.channels if last.channels is not None else {}
+            last.channels[channel] = last.channels.get(channel, 0) + entries // 16
+        case Opcode.SCHEMA:
+            add_schema(file, start, length, file.buffer)
+        case Opcode.CHANNEL:
+            file.summary_channels |= file.data_ended
+            add_channel(file, start, length, file.buffer)
+        case Opcode.METADATA:
+            found = file.parse(Metadata, start, length)
+            if found is not None:
+                file.metadata.append(found)
+        case Opcode.ATTACHMENT:
+            file.attachments.append((start, length))
+        case Opcode.HEADER:
+            file.header = file.parse(Header, start, length)
+        case Opcode.DATA_END:
+            file.data_ended = True
+        case _:
+            pass
+
+
+def add_schema(file: McapFile, start: int, length: int, buffer: Bytes) -> None:
+    """Note a schema; one of id 0 or one that cannot be parsed is ignored."""
+    schema = parse_record(Schema, bytes(buffer.data[start : start + length]))
+    if schema is not None and schema.id:
+        file.schemas.setdefault(schema.id, schema)
+
+
+def add_channel(file: McapFile, start: int, length: int, buffer: Bytes) -> None:
+    """Note a channel; one that cannot be parsed is ignored."""
+    channel = parse_record(Channel, bytes(buffer.data[start : start + length]))
+    if channel is not None:
+        file.channels.setdefault(channel.id, channel)
+
+
+def _add_chunk(file: McapFile, position: int, start: int, stop: int, torn: bool = False) -> bool:
+    data = file.buffer.data
+    if start + _CHUNK.size > stop:
+        return False
+    start_time, end_time, uncompressed, crc, name_size = _CHUNK.unpack_from(data, start)
+    name_start = start + _CHUNK.size
+    content = name_start + name_size + 8
+    if name_size > 64 or content > stop:
+        return False
+    compression = bytes(data[name_start : name_start + name_size]).decode("utf-8", "replace")
+    declared = struct.unpack_from("<Q", data, name_start + name_size)[0]
+    if not torn and content + declared > stop:
+        return False
+    data_size = stop - content if torn else declared
+    file.parts.append(
+        Chunk(
+            position, start_time, end_time, uncompressed, crc, compression, content, data_size,
+            torn=torn,
+        )
+    )  # fmt: skip
+    return True

@@ -1,0 +1,216 @@
+"""Writes MCAP: chunks that are already built, with the indexes that every other reader expects.
+
+Format: https://mcap.dev/spec. Small records are written by the mcap library.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from eha_bench.recordings.mcap_file import MAGIC
+
+LIBRARY: Final = "eha-bench"
+_CHUNK_HEAD = struct.Struct("<BQQQQII4sQ")
+_INDEX_HEAD = struct.Struct("<BQHI")
+_ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
+_COMPRESSION = b"zstd"
+
+Index = dict[int, tuple[np.ndarray, np.ndarray]]
+"""Channel id -> (log times, offsets of the records in the chunk), both (n,)."""
+
+
+class McapSink:
+    """An MCAP file being written; the caller opens and closes the stream."""
+
+    def __init__(self, stream: BinaryIO, *, level: int = 3, profile: str = "ros2") -> None:
+        self._stream = stream
+        self._compressor = zstandard.ZstdCompressor(level=level)
+        self._position = 0
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._chunks: list[ChunkIndex] = []
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: dict[int, int] = {}
+        self._put(MAGIC)
+        self._record(Header(profile=profile, library=LIBRARY))
+
+    def schema(self, name: str, encoding: str, data: bytes) -> int:
+        """Write a schema and return its id."""
+        schema = Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name)
+        self._schemas[schema.id] = schema
+        self._record(schema)
+        return schema.id
+
+    def channel(
+        self, topic: str, encoding: str, schema: int, metadata: dict[str, str] | None = None
+    ) -> int:
+        """Write a channel and return its id."""
+        channel = Channel(
+            id=len(self._channels) + 1,
+            topic=topic,
+            message_encoding=encoding,
+            metadata=metadata or {},
+            schema_id=schema,
+        )
+        self._channels[channel.id] = channel
+        self._record(channel)
+        return channel.id
+
+    def metadata(self, name: str, content: dict[str, str]) -> None:
+        """Write a metadata record."""
+        offset = self._position
+        length = self._record(Metadata(name=name, metadata=content))
+        self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
+
+    def attachment(self, name: str, data: bytes, media_type: str, log_time: int) -> None:
+        """Write a file into the recording."""
+        offset = self._position
+        length = self._record(
+            Attachment(
+                create_time=0, log_time=log_time, name=name, media_type=media_type, data=data
+            )
+        )
+        self._attachments.append(
+            AttachmentIndex(
+                offset=offset,
+                length=length,
+                create_time=0,
+                log_time=log_time,
+                data_size=len(data),
+                name=name,
+                media_type=media_type,
+            )
+        )
+
+    def chunk(self, records: Any, index: Index) -> None:
+        """Compress and write a chunk of whole message records, and its message indexes.
+
+        Args:
+            records: the bytes of the records, any contiguous buffer.
+            index: where each channel's records are.
+        """
+        raw = memoryview(records).cast("B")
+        compressed = self._compressor.compress(raw)
+        start = min(int(times.min()) for times, _ in index.values())
+        end = max(int(times.max()) for times, _ in index.values())
+        offset = self._position
+        content = _CHUNK_HEAD.size - 9 + len(compressed)
+        head = _CHUNK_HEAD.pack(
+            Opcode.CHUNK, content, start, end, len(raw), zlib.crc32(raw), len(_COMPRESSION),
+            _COMPRESSION, len(compressed),
+        )  # fmt: skip
+        parts = [head, compressed]
+        length = len(head) + len(compressed)
+        indexes = {}
+        position = offset + length
+        for channel, (times, offsets) in index.items():
+            entries = np.empty(len(times), dtype=_ENTRY)
+            entries["time"] = times
+            entries["offset"] = offsets
+            indexes[channel] = position
+            size = entries.nbytes
+            parts += [
+                _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size),
+                entries.tobytes(),
+            ]
+            position += _INDEX_HEAD.size + size
+            self._counts[channel] = self._counts.get(channel, 0) + len(times)
+        # one write: a chunk is never on the disk without its indexes unless the write was cut
+        self._put(b"".join(parts))
+        self._chunks.append(
+            ChunkIndex(
+                chunk_length=length,
+                chunk_start_offset=offset,
+                compression=_COMPRESSION.decode(),
+                compressed_size=len(compressed),
+                message_end_time=end,
+                message_index_length=self._position - offset - length,
+                message_index_offsets=indexes,
+                message_start_time=start,
+                uncompressed_size=len(raw),
+            )
+        )
+
+    def finish(self) -> None:
+        """Write the summary and the footer; the stream stays open."""
+        self._record(DataEnd(data_section_crc=0))
+        start = self._position
+        builder = RecordBuilder()
+        offsets = []
+        for opcode, group in (
+            (Opcode.SCHEMA, list(self._schemas.values())),
+            (Opcode.CHANNEL, list(self._channels.values())),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.ATTACHMENT_INDEX, self._attachments),
+            (Opcode.METADATA_INDEX, self._metadata),
+        ):
+            begin = builder.count
+            for record in group:
+                record.write(builder)
+            if group:
+                offsets.append(
+                    SummaryOffset(
+                        group_opcode=opcode,
+                        group_start=start + begin,
+                        group_length=builder.count - begin,
+                    )
+                )
+        offset_start = start + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        summary: bytes = builder.end()  # type: ignore[no-untyped-call]
+        crc = zlib.crc32(
+            struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start), zlib.crc32(summary)
+        )
+        self._put(summary)
+        self._record(
+            Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc)
+        )
+        self._put(MAGIC)
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunks),
+            message_count=sum(self._counts.values()),
+            message_start_time=min((c.message_start_time for c in self._chunks), default=0),
+            message_end_time=max((c.message_end_time for c in self._chunks), default=0),
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+
+    def _record(self, record: Any) -> int:
+        builder = RecordBuilder()
+        record.write(builder)
+        content: bytes = builder.end()  # type: ignore[no-untyped-call]
+        self._put(content)
+        return len(content)
+
+    def _put(self, content: bytes) -> None:
+        self._stream.write(content)
+        self._position += len(content)

@@ -1,0 +1,63 @@
+"""Reads eha_bench's own recordings: what the fields are stands in the file."""
+
+from __future__ import annotations
+
+from eha_bench.core.errors import Place, RecordingError
+from eha_bench.core.recording import Recording
+from eha_bench.recordings import sample
+from eha_bench.recordings.channel_map import Clock
+from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.series import nan_note
+from eha_bench.recordings.source import Source, Wanted
+
+
+def read_own(source: Source) -> Recording:
+    """Return a recording as it was written.
+
+    Raises:
+        RecordingError: it is of a later version, it has no samples, or it is damaged.
+    """
+    where = Place(file=source.path)
+    records = source.metadata()
+    version = records[sample.FORMAT].get("version", "")
+    if version != sample.VERSION:
+        raise RecordingError(
+            f"it is written in version {version[:20]} of the format, known is {sample.VERSION}",
+            where=where,
+            hint="update eha-bench",
+        )
+    fields = records[sample.FIELDS]
+    units = records.get(sample.UNITS, {})
+    try:
+        epoch_ns = int(records[sample.FORMAT].get("epoch_ns", "0"))
+        paths = tuple(FieldPath.parse(field) for field in (sample.TIME, *fields))
+    except ValueError as error:
+        raise RecordingError(f"its metadata is damaged ({error})", where=where) from error
+    if sample.TOPIC not in {topic.name for topic in source.topics()}:
+        raise RecordingError(
+            f"the recording is empty: it has no topic {sample.TOPIC}",
+            where=where,
+            hint="run the trial again",
+        )
+    track = source.tracks({sample.TOPIC: Wanted(paths, Clock.LOG)})[sample.TOPIC]
+    if not len(track):
+        raise RecordingError(
+            "the recording is empty: it has no samples", where=where, hint="run the trial again"
+        )
+    notes = records.get(sample.NOTES, {})
+    time = track.columns.pop(sample.TIME)
+    values = {name: track.columns.pop(field) for field, name in fields.items()}
+    found = list(source.notes)
+    for name, column in values.items():
+        found += nan_note(name, column, time)
+    earlier = tuple(notes[key] for key in sorted(notes, key=lambda key: (len(key), key)))
+    return Recording(
+        time,
+        values,
+        {name: units.get(name, "") for name in values},
+        epoch_ns=epoch_ns,
+        metadata=records.get(sample.METADATA, {}),
+        attachments=source.attachments(),
+        notes=(*earlier, *(note for note in found if note not in earlier)),
+        source=source.path,
+    )

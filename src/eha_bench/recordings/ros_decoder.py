@@ -1,0 +1,149 @@
+"""ROS messages (CDR and ROS 1) as columns: one layout serves every message that is alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.recordings.decoder import Column, Decoder, Encoded, UnreadableTopic
+from eha_bench.recordings.definitions import (
+    DefinitionError,
+    Definitions,
+    parse_idl,
+    parse_msg,
+    short_name,
+)
+from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.payloads import Payloads
+from eha_bench.recordings.ros_layout import Layout, PayloadError, check_path, layout_of
+
+_MOST_LAYOUTS = 8
+
+
+class RosDecoder(Decoder):
+    """Finds the layout of a message once and reads all that are alike at one go."""
+
+    def __init__(self, encoded: Encoded, paths: tuple[FieldPath, ...]) -> None:
+        self._ros1 = encoded.encoding == "ros1"
+        self._name = short_name(encoded.schema_name)
+        self._paths = paths
+        self._layouts: dict[int, list[Layout]] = {}
+        self._kinds: dict[int, str] = {}
+        self._definitions = definitions_of(encoded)
+        try:
+            for path in paths:
+                check_path(self._definitions, self._name, path)
+        except DefinitionError as error:
+            raise UnreadableTopic(str(error)) from error
+
+    def kinds(self) -> Mapping[int, str]:
+        """Return the NumPy types that the paths were seen with, by their number."""
+        return self._kinds
+
+    def decode(self, payloads: Payloads, columns: list[Column]) -> None:
+        """Write one value a message into each column.
+
+        Raises:
+            UnreadableTopic: a message does not fit its definition.
+        """
+        rows: NDArray[np.intp] | None = None
+        left = payloads
+        known = self._layouts.setdefault(payloads.size, [])
+        for attempt in range(_MOST_LAYOUTS):
+            if attempt >= len(known):
+                known.append(self._layout(left, 0))
+            fits = _fitting(left, known[attempt])
+            if fits is None:
+                self._fill(left, known[attempt], columns, rows)
+                return
+            if fits.any():
+                index = np.flatnonzero(fits)
+                self._fill(
+                    left.rows(index),
+                    known[attempt],
+                    columns,
+                    index if rows is None else rows[index],
+                )
+            index = np.flatnonzero(~fits)
+            left = left.rows(index)
+            rows = index if rows is None else rows[index]
+        # arrays of ever changing length: no two messages are alike, so take them one by one
+        for row in range(left.count):
+            one = left.rows(np.array([row]))
+            target = np.array([row if rows is None else rows[row]])
+            self._fill(one, self._layout(one, 0), columns, target)
+
+    def _layout(self, payloads: Payloads, row: int) -> Layout:
+        try:
+            layout = layout_of(
+                payloads.payload(row), self._definitions, self._name, self._paths, ros1=self._ros1
+            )
+        except (PayloadError, DefinitionError) as error:
+            raise UnreadableTopic(
+                f"a message does not fit its type {self._name}: {error}"
+            ) from error
+        for index, leaf in enumerate(layout.leaves):
+            if leaf is not None:
+                self._kinds.setdefault(index, leaf.code)
+        return layout
+
+    @staticmethod
+    def _fill(
+        payloads: Payloads,
+        layout: Layout,
+        columns: list[Column],
+        rows: NDArray[np.intp] | None,
+    ) -> None:
+        for column, leaf in zip(columns, layout.leaves, strict=True):
+            values = np.nan if leaf is None else payloads.column(leaf.offset, leaf.code)
+            if rows is None:
+                column[:] = values
+            else:
+                column[rows] = values
+
+
+def definitions_of(encoded: Encoded) -> Definitions:
+    """Return the message definitions that a schema holds (none for a schema that is empty).
+
+    Raises:
+        UnreadableTopic: the schema cannot be parsed.
+    """
+    try:
+        text = encoded.schema.decode("utf-8")
+        match encoded.schema_encoding:
+            case "ros2msg" | "ros1msg" | "":
+                ros1 = encoded.encoding == "ros1"
+                if not text.strip() and not ros1:
+                    return {}
+                return parse_msg(encoded.schema_name, text, ros1=ros1)
+            case "ros2idl":
+                return parse_idl(text)
+            case other:
+                raise UnreadableTopic(f"its schema is written as '{other}', which is not read")
+    except (UnicodeDecodeError, DefinitionError) as error:
+        raise UnreadableTopic(f"its schema cannot be read: {error}") from error
+
+
+def _fitting(payloads: Payloads, layout: Layout) -> NDArray[np.bool_] | None:
+    """Return which messages have the layout's guards; None if all have."""
+    fits: NDArray[np.bool_] | None = None
+    for offset, raw in layout.guards:
+        for start, code in _words(len(raw)):
+            word = np.frombuffer(raw, dtype=code, count=1, offset=start)[0]
+            same = payloads.column(offset + start, code) == word
+            if not same.all():
+                fits = same if fits is None else fits & same
+    return fits
+
+
+def _words(size: int) -> list[tuple[int, str]]:
+    """Return how to compare `size` bytes: (offset, NumPy type) of each word."""
+    words = []
+    start = 0
+    while start < size:
+        width = next(width for width in (8, 4, 2, 1) if width <= size - start)
+        words.append((start, f"<u{width}"))
+        start += width
+    return words

@@ -1,0 +1,181 @@
+"""rosbag2 folders: one recording split over files, described by metadata.yaml."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from eha_bench.core.errors import InputError, Place, RecordingError
+from eha_bench.core.yaml_file import load, plain
+from eha_bench.recordings.decompress import LARGEST
+from eha_bench.recordings.formats import open_file
+from eha_bench.recordings.source import Source, Topic, Wanted
+from eha_bench.recordings.track import Track
+
+_FILES = ("*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
+
+
+class Rosbag2Source(Source):
+    """An opened rosbag2 folder; its files are read one after the other."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._notes: list[str] = []
+        self._unpacked: list[tempfile.TemporaryDirectory[str]] = []
+        described = self._describe()
+        self._message_mode = str(described.get("compression_mode", "")).upper() == "MESSAGE"
+        self._parts = [self._open(file) for file in self._files(described)]
+        if not self._parts:
+            raise RecordingError(
+                "the folder holds no recording (no metadata.yaml, *.mcap or *.db3)",
+                where=Place(file=str(path)),
+                hint="give a recording or a rosbag2 folder",
+            )
+
+    @property
+    def path(self) -> str:
+        """The folder, for messages."""
+        return str(self._path)
+
+    @property
+    def parts(self) -> tuple[Source, ...]:
+        """The files, in order."""
+        return tuple(self._parts)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found so far, each with the file that it was found in."""
+        inner = [
+            f"{Path(part.path).name}: {note}" if len(self._parts) > 1 else note
+            for part in self._parts
+            for note in part.notes
+        ]
+        return (*self._notes, *inner)
+
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics of all files."""
+        found: dict[str, Topic] = {}
+        for part in self._parts:
+            for topic in part.topics():
+                found.setdefault(topic.name, topic)
+        return tuple(found.values())
+
+    def tracks(self, wanted: Mapping[str, Wanted]) -> dict[str, Track]:
+        """Return the samples of the wanted topics, file after file.
+
+        Raises:
+            RecordingError: a topic cannot be decoded.
+        """
+        collected: dict[str, list[Track]] = {topic: [] for topic in wanted}
+        for part in self._parts:
+            here = {topic.name for topic in part.topics()}
+            inside = {topic: what for topic, what in wanted.items() if topic in here}
+            for topic, track in part.tracks(inside).items():
+                collected[topic].append(track)
+        return {topic: _joined(topic, tracks) for topic, tracks in collected.items()}
+
+    def metadata(self) -> Mapping[str, Mapping[str, str]]:
+        """Metadata of all files."""
+        found: dict[str, dict[str, str]] = {}
+        for part in self._parts:
+            for name, record in part.metadata().items():
+                found.setdefault(name, {}).update(record)
+        return found
+
+    def attachments(self) -> Mapping[str, bytes]:
+        """Attachments of all files."""
+        return {name: data for part in self._parts for name, data in part.attachments().items()}
+
+    def _describe(self) -> dict[str, Any]:
+        file = self._path / "metadata.yaml"
+        if not file.exists():
+            return {}
+        try:
+            content = plain(load(file))
+        except InputError as error:
+            self._notes.append(f"its metadata.yaml was left aside ({error})")
+            return {}
+        inside = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+        return inside if isinstance(inside, dict) else {}
+
+    def _files(self, described: Mapping[str, Any]) -> list[Path]:
+        """Return the files that the description names, or all that the folder holds."""
+        named = described.get("relative_file_paths")
+        if not isinstance(named, list) or not named:
+            found = {file for pattern in _FILES for file in self._path.glob(pattern)}
+            if found and not described:
+                self._notes.append("there is no metadata.yaml; its files were read by name")
+            return sorted(found, key=_natural)
+        files = []
+        for written in map(str, named):
+            # only the name counts: a description never leads out of its folder
+            name = PurePath(written).name
+            if name != written:
+                self._notes.append(f"metadata.yaml names '{written[:80]}'; '{name[:80]}' was read")
+            file = self._path / name
+            if not file.is_file():
+                raise RecordingError(
+                    f"a part of the recording is missing: {name[:80]}",
+                    where=Place(file=str(self._path)),
+                    hint="put the file back, or remove metadata.yaml to read what is there",
+                )
+            files.append(file)
+        return files
+
+    def _open(self, file: Path) -> Source:
+        if file.suffix == ".zstd":
+            file = self._unpack(file)
+        with file.open("rb") as stream:
+            head = stream.read(4096)
+        if not head:
+            raise RecordingError("the file is empty", where=Place(file=str(file)))
+        if head.startswith(b"SQLite format 3\0"):
+            from eha_bench.recordings.sqlite_source import SqliteSource
+
+            return SqliteSource(file, compressed=self._message_mode)
+        return open_file(file, head)
+
+    def _unpack(self, file: Path) -> Path:
+        """Decompress a file into a temporary folder that goes when the source goes."""
+        import zstandard
+
+        folder = tempfile.TemporaryDirectory(prefix="eha-bench-")
+        self._unpacked.append(folder)
+        target = Path(folder.name) / file.stem
+        written = 0
+        try:
+            with file.open("rb") as source, target.open("wb") as sink:
+                for part in zstandard.ZstdDecompressor().read_to_iter(source):
+                    written += len(part)
+                    if written > 8 * LARGEST:
+                        raise RecordingError(
+                            "it decompresses to more than is accepted", where=Place(file=str(file))
+                        )
+                    sink.write(part)
+        except zstandard.ZstdError:
+            self._notes.append(f"{file.name}: its compression is torn; what could be had was read")
+        return target
+
+
+def _natural(path: Path) -> tuple[object, ...]:
+    """Sort bag_2 before bag_10."""
+    digits = "".join(c if c.isdigit() else " " for c in path.stem).split()
+    return (*(int(d) for d in digits[-1:]), path.name) if digits else (-1, path.name)
+
+
+def _joined(topic: str, tracks: list[Track]) -> Track:
+    filled = [track for track in tracks if len(track)]
+    if len(filled) <= 1:
+        return (
+            filled[0] if filled else (tracks[0] if tracks else Track(topic, np.empty(0, np.int64)))
+        )
+    columns = {
+        name: np.concatenate([track.columns[name] for track in filled])
+        for name in filled[0].columns
+    }
+    kinds = {name: kind for track in filled for name, kind in track.kinds.items()}
+    return Track(topic, np.concatenate([track.stamps for track in filled]), columns, kinds)

@@ -1,0 +1,166 @@
+"""Looks at a topic's stamps and values: duplicates, steps back, gaps, NaN, wrapped integers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.channel_map import ChannelEntry, Duplicates, Repair, StepsBack
+from eha_bench.recordings.track import Column, Stamps, Track
+
+GAP = 1.5
+"""An interval longer than this many median intervals is reported as a gap."""
+BRIDGED = 3.0
+"""Values are interpolated across intervals of up to this many median intervals."""
+
+
+def seconds(stamps: Stamps, epoch: int) -> NDArray[np.float64]:
+    """Return stamps in s since `epoch`, shape (n,)."""
+    return (stamps - np.int64(epoch)) / 1e9
+
+
+def ordered(track: Track, repair: Repair, where: Place) -> tuple[Track, list[str]]:
+    """Return the track with strictly increasing stamps, and notes of what was repaired.
+
+    Raises:
+        RecordingError: stamps repeat or step back and the map does not say how to repair it, or
+            the time stands still.
+    """
+    notes: list[str] = []
+    if len(track) < 2:
+        return track, notes
+    epoch = int(track.stamps[0])
+    if track.stamps.min() == track.stamps.max():
+        raise RecordingError(
+            f"the time stands still: all {len(track)} samples have the same stamp",
+            where=where,
+            hint="choose another clock in channels.yaml (log, publish or header)",
+        )
+    steps = np.diff(track.stamps)
+    back = np.flatnonzero(steps < 0)
+    if back.size:
+        text = (
+            f"{_times(back.size)} the time steps back, first at "
+            f"{seconds(track.stamps[back[:1] + 1], epoch)[0]:.6g} s by "
+            f"{-steps[back[0]] / 1e9:.6g} s (sample {back[0] + 1})"
+        )
+        if repair.steps_back is StepsBack.ERROR:
+            raise RecordingError(
+                text,
+                where=where,
+                hint="say 'repair: {steps_back: sort}' or 'drop' in channels.yaml",
+            )
+        if repair.steps_back is StepsBack.SORT:
+            track = track.rows(np.argsort(track.stamps, kind="stable"))
+            notes.append(f"{where}: {text}; the samples were sorted by time")
+        else:
+            before = len(track)
+            highest = np.maximum.accumulate(track.stamps)
+            track = track.rows(track.stamps >= highest)
+            notes.append(f"{where}: {text}; {before - len(track)} samples were dropped")
+    same = np.flatnonzero(np.diff(track.stamps) == 0)
+    if same.size:
+        text = (
+            f"{same.size} samples repeat the stamp before, first at "
+            f"{seconds(track.stamps[same[:1]], epoch)[0]:.6g} s (sample {same[0] + 1})"
+        )
+        if repair.duplicates is Duplicates.ERROR:
+            raise RecordingError(
+                text,
+                where=where,
+                hint="say 'repair: {duplicates: first}' or 'last' in channels.yaml",
+            )
+        keep = np.ones(len(track), dtype=bool)
+        keep[same + (repair.duplicates is Duplicates.FIRST)] = False
+        track = track.rows(keep)
+        notes.append(f"{where}: {text}; the {repair.duplicates.value} of each was kept")
+    return track, notes
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
+
+@dataclass(frozen=True)
+class GapList:
+    """Intervals of a clock that are much longer than its median interval."""
+
+    starts: NDArray[np.intp]
+    lengths: NDArray[np.float64]
+    period: float
+
+
+def gaps(stamps: Stamps) -> GapList:
+    """Return the gaps of a strictly increasing clock."""
+    if stamps.size < 3:
+        return GapList(np.empty(0, dtype=np.intp), np.empty(0), float("nan"))
+    steps = np.diff(stamps)
+    period = float(np.median(steps))
+    found = np.flatnonzero(steps > GAP * period)
+    return GapList(found, steps[found] / 1e9, period / 1e9)
+
+
+def gap_note(name: str, stamps: Stamps, epoch: int) -> list[str]:
+    """Say how many gaps a clock has, and where the longest is."""
+    found = gaps(stamps)
+    if not found.starts.size:
+        return []
+    longest = int(np.argmax(found.lengths))
+    at = seconds(stamps[found.starts[longest : longest + 1]], epoch)[0]
+    count = found.starts.size
+    return [
+        f"{name}: {count} gap{'s' if count > 1 else ''} in time, the longest "
+        f"{found.lengths[longest]:.6g} s after {at:.6g} s (samples usually every "
+        f"{found.period:.6g} s)"
+    ]
+
+
+def nan_note(name: str, values: Column, time: NDArray[np.float64]) -> list[str]:
+    """Say how many samples of a channel are NaN or infinite, and where the first is."""
+    bad = ~np.isfinite(values)
+    count = int(np.count_nonzero(bad))
+    if not count:
+        return []
+    at = time[int(np.argmax(bad))]
+    return [
+        f"channel '{name}': {count} of {values.size} samples are not finite, first at {at:.6g} s; "
+        "they are kept"
+    ]
+
+
+def unwrapped(
+    name: str, values: Column, kind: str, entry: ChannelEntry, time: NDArray[np.float64]
+) -> tuple[Column, list[str]]:
+    """Report integers that wrapped around, and repair them where the map says so."""
+    bits = entry.unwrap or _bits(values, kind)
+    if not bits or values.size < 2:
+        return values, []
+    period = 2.0**bits
+    jumps = np.flatnonzero(np.abs(np.diff(values)) > (0.5 if entry.unwrap else 0.75) * period)
+    if not jumps.size:
+        return values, []
+    text = (
+        f"channel '{name}': the raw {bits}-bit integer wraps around {_times(jumps.size)}, first at "
+        f"{time[jumps[0] + 1]:.6g} s"
+    )
+    if entry.unwrap is None:
+        return values, [f"{text}; not repaired ('unwrap: {bits}' in channels.yaml repairs it)"]
+    return np.unwrap(values, period=period), [f"{text}; it was unwrapped"]
+
+
+def _bits(values: Column, kind: str) -> int:
+    """Return the width of the raw integers: known from the log, or 16 if they look like it."""
+    code = kind.lstrip("<>=|")
+    if code[:1] in {"i", "u"}:
+        return 8 * int(code[1:]) if int(code[1:]) < 8 else 0
+    if code and code[0] == "f":
+        return 0
+    finite = values[np.isfinite(values)]
+    if not finite.size or np.any(finite != np.round(finite)):
+        return 0
+    low, high = float(finite.min()), float(finite.max())
+    inside = low >= -32768 and high <= 65535 and high - low <= 65535
+    return 16 if inside and high - low > 49152 else 0

@@ -1,0 +1,115 @@
+"""One sqlite3 file of a rosbag2."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from pathlib import Path
+
+from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.blobs import Connection, collect
+from eha_bench.recordings.channel_map import Clock
+from eha_bench.recordings.decoder import Encoded
+from eha_bench.recordings.decompress import DamagedChunk, decompress_blob
+from eha_bench.recordings.source import Source, Topic, Wanted
+from eha_bench.recordings.track import Track
+
+
+class SqliteSource(Source):
+    """An opened sqlite3 bag file; `compressed` if each message is compressed with zstd."""
+
+    def __init__(self, path: Path, *, compressed: bool = False) -> None:
+        self._path = path
+        self._compressed = compressed
+        self._notes: list[str] = []
+        try:
+            self._connections = self._read_connections()
+        except sqlite3.Error as error:
+            raise RecordingError(
+                f"this is not a rosbag2 database, or it is damaged ({error})",
+                where=Place(file=str(path)),
+                hint="recover it with 'sqlite3 FILE .recover'",
+            ) from error
+
+    @property
+    def path(self) -> str:
+        """The file, for messages."""
+        return str(self._path)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found so far: a damaged end."""
+        return tuple(dict.fromkeys(self._notes))
+
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics of the file."""
+        found: dict[str, Topic] = {}
+        for connection in self._connections.values():
+            skipped = "it holds service events" if "/srv/" in connection.encoded.schema_name else ""
+            found.setdefault(
+                connection.topic, Topic(connection.topic, connection.encoded, None, skipped)
+            )
+        return tuple(found.values())
+
+    def tracks(self, wanted: Mapping[str, Wanted]) -> dict[str, Track]:
+        """Return the samples of the wanted topics, in file order.
+
+        Raises:
+            RecordingError: a topic cannot be decoded, or the publisher's clock is asked for.
+        """
+        for topic, what in wanted.items():
+            if what.clock is Clock.PUBLISH:
+                raise RecordingError(
+                    "a sqlite3 bag does not hold the time of publishing",
+                    where=Place(file=self.path, topic=topic),
+                    hint="use clock: log or header",
+                )
+        return collect(self, wanted, self._connections, self._messages(set(wanted)))
+
+    def _open(self) -> sqlite3.Connection:
+        # immutable: a bag on a read-only disk has no room for a lock or a journal
+        return sqlite3.connect(f"{self._path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+
+    def _read_connections(self) -> dict[int, Connection]:
+        with closing(self._open()) as database:
+            tables = {row[0] for row in database.execute("SELECT name FROM sqlite_master")}
+            schemas = {}
+            if "message_definitions" in tables:
+                schemas = {
+                    str(name): (str(encoding), str(text).encode())
+                    for name, encoding, text in database.execute(
+                        "SELECT topic_type, encoding, encoded_message_definition"
+                        " FROM message_definitions"
+                    )
+                }
+            found = {}
+            for number, topic, kind, encoding in database.execute(
+                "SELECT id, name, type, serialization_format FROM topics"
+            ):
+                written, text = schemas.get(str(kind), ("", b""))
+                encoded = Encoded(str(encoding), str(kind), written, text)
+                found[int(number)] = Connection(int(number), str(topic), encoded)
+            return found
+
+    def _messages(self, topics: set[str]) -> Iterator[tuple[int, int, bytes]]:
+        ids = [c.id for c in self._connections.values() if c.topic in topics]
+        marks = ",".join("?" * len(ids))
+        count = 0
+        try:
+            with closing(self._open()) as database:
+                for topic, stamp, data in database.execute(
+                    f"SELECT topic_id, timestamp, data FROM messages"
+                    f" WHERE topic_id IN ({marks}) ORDER BY id",
+                    ids,
+                ):
+                    payload = bytes(data)
+                    if self._compressed:
+                        payload = decompress_blob(payload)
+                    count += 1
+                    yield int(topic), int(stamp), payload
+        except (sqlite3.Error, DamagedChunk) as error:
+            self._notes.append(
+                f"the database is damaged after {count} messages ({error}); "
+                "everything before was read"
+            )

@@ -1,0 +1,135 @@
+"""Collects one topic's messages into a track: numbers by a decoder, stamps by the wanted clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.recordings.channel_map import Clock
+from eha_bench.recordings.decoder import Decoder, Encoded, UnreadableTopic, make_decoder
+from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.payloads import Payloads
+from eha_bench.recordings.source import Wanted
+from eha_bench.recordings.track import Growing, Stamps, Track
+
+_STAMPS = (
+    ("header.stamp.sec", "header.stamp.nanosec"),
+    ("stamp.sec", "stamp.nanosec"),
+    ("header.stamp.seconds", "header.stamp.nanos"),
+    ("header.timestamp.seconds", "header.timestamp.nanos"),
+    ("timestamp.seconds", "timestamp.nanos"),
+)
+
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Equal-size messages of one channel id among the messages of a topic.
+
+    Attributes:
+        channel: id, since a topic may have channels (publishers) of different schemas.
+        payloads: the messages.
+        rows: their places within the batch; None if they are the whole batch, in order.
+        stamps: (n,) ns by the log's or the publisher's clock.
+    """
+
+    channel: int
+    payloads: Payloads
+    rows: Rows | None
+    stamps: Stamps
+
+
+class TopicReader:
+    """Grows a track from batches of messages of one topic."""
+
+    def __init__(self, topic: str, wanted: Wanted, expected: int = 0) -> None:
+        self._topic = topic
+        self._wanted = wanted
+        self._decoders: dict[int, Decoder] = {}
+        self._growing = Growing(len(wanted.fields), expected)
+
+    @property
+    def clock(self) -> Clock:
+        """Which time stamps the samples."""
+        return self._wanted.clock
+
+    def extend(self, batch: list[Part], encoded: Callable[[int], Encoded]) -> None:
+        """Add messages that lie together in the log.
+
+        Args:
+            batch: the messages; the rows of all parts together are 0 .. n-1.
+            encoded: how the messages of a channel id are encoded.
+
+        Raises:
+            UnreadableTopic: a message does not fit, or there is no header stamp.
+        """
+        place, columns = self._growing.extend(sum(part.payloads.count for part in batch))
+        for part in batch:
+            decoder = self._decoders.get(part.channel)
+            if decoder is None:
+                decoder = self._decoders[part.channel] = self._make(encoded(part.channel))
+            count = part.payloads.count
+            targets = columns if part.rows is None else [np.empty(count) for _ in columns]
+            stamps = part.stamps
+            if self.clock is Clock.HEADER:
+                stamp = [np.empty(count), np.empty(count)]
+                decoder.decode(part.payloads, [*targets, *stamp])
+                if not (np.isfinite(stamp[0]).all() and np.isfinite(stamp[1]).all()):
+                    raise UnreadableTopic("some of its messages have no header.stamp")
+                stamps = stamp[0].astype(np.int64) * 1_000_000_000 + stamp[1].astype(np.int64)
+            elif targets:
+                decoder.decode(part.payloads, targets)
+            if part.rows is None:
+                place[:] = stamps
+                continue
+            place[part.rows] = stamps
+            for column, target in zip(columns, targets, strict=True):
+                column[part.rows] = target
+
+    def finish(self) -> Track:
+        """Return the track."""
+        stamps, columns = self._growing.finish()
+        names = [str(path) for path in self._wanted.fields]
+        kinds = {
+            names[index]: kind
+            for decoder in self._decoders.values()
+            for index, kind in decoder.kinds().items()
+            if index < len(names)
+        }
+        return Track(self._topic, stamps, dict(zip(names, columns, strict=True)), kinds)
+
+    def _make(self, encoded: Encoded) -> Decoder:
+        fields = self._wanted.fields
+        if self.clock is not Clock.HEADER:
+            return make_decoder(encoded, fields)
+        make_decoder(encoded, fields)  # a wrong field is said before a missing stamp
+        for pair in _STAMPS:
+            paths = tuple(FieldPath.parse(text) for text in pair)
+            try:
+                return make_decoder(encoded, (*fields, *paths))
+            except UnreadableTopic:
+                continue
+        raise UnreadableTopic("its messages have no header.stamp (use clock: log or publish)")
+
+
+def in_order(groups: list[Payloads]) -> list[Rows | None]:
+    """Return each group's rows in the order in which all messages stand in their buffer."""
+    if len(groups) == 1:
+        return [None]
+    starts = [
+        group.starts
+        if group.starts is not None
+        else group.first + group.step * np.arange(group.count, dtype=np.int64)
+        for group in groups
+    ]
+    order = np.argsort(np.concatenate(starts), kind="stable")
+    rows = np.empty(order.size, dtype=np.intp)
+    rows[order] = np.arange(order.size)
+    stops = np.cumsum([group.count for group in groups])
+    return [
+        rows[stop - group.count : stop] for stop, group in zip(stops.tolist(), groups, strict=True)
+    ]

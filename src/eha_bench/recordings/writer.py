@@ -1,0 +1,127 @@
+"""`write`: a complete recording as one MCAP file, chunk by chunk from its arrays."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from eha_bench.core.errors import Place, RecordingError
+from eha_bench.core.recording import Recording
+from eha_bench.recordings import sample
+from eha_bench.recordings.mcap_sink import McapSink
+from eha_bench.recordings.sample import Sample
+
+CHUNK_SIZE = 1 << 20
+"""Bytes of a chunk before compression."""
+
+
+def write(path: str | Path, recording: Recording, *, level: int = 3) -> Path:
+    """Write a recording as MCAP (ROS 2 profile, one wide message a tick, zstd) and return its path.
+
+    The file appears under its name only when it is whole. Everything in the recording survives
+    `read` bit for bit.
+
+    Args:
+        path: the file; its folder must exist.
+        recording: what to write.
+        level: zstd compression level.
+
+    Raises:
+        RecordingError: the file cannot be written, or a time has no stamp.
+    """
+    target = Path(path)
+    with replacing(target) as stream:
+        units = sample.checked_units(recording.units, tuple(recording.values))
+        message = Sample.of(units)
+        sink = McapSink(stream, level=level)
+        channel = begin(
+            sink, message, recording.epoch_ns, recording.metadata, recording.attachments
+        )
+        if recording.notes:
+            notes = {str(number): note for number, note in enumerate(recording.notes)}
+            sink.metadata(sample.NOTES, notes)
+        _chunks(sink, message, channel, recording)
+        sink.finish()
+    return target
+
+
+def begin(
+    sink: McapSink,
+    message: Sample,
+    epoch_ns: int,
+    metadata: Mapping[str, str],
+    attachments: Mapping[str, bytes],
+) -> int:
+    """Write all that stands before the first tick; return the channel's id."""
+    for name, content in message.metadata(epoch_ns).items():
+        sink.metadata(name, content)
+    if metadata:
+        sink.metadata(sample.METADATA, dict(metadata))
+    for name, data in attachments.items():
+        sink.attachment(name, bytes(data), media_type(name), max(epoch_ns, 0))
+    schema = sink.schema(sample.SCHEMA_NAME, "ros2msg", message.schema)
+    return sink.channel(sample.TOPIC, "cdr", schema)
+
+
+def media_type(name: str) -> str:
+    """Return the media type that a file's name suggests."""
+    suffix = Path(name).suffix.lower()
+    known = {".yaml": "application/yaml", ".yml": "application/yaml", ".json": "application/json"}
+    return known.get(
+        suffix, "text/plain" if suffix in {".txt", ".md"} else "application/octet-stream"
+    )
+
+
+def _chunks(sink: McapSink, message: Sample, channel: int, recording: Recording) -> None:
+    size = message.record.itemsize
+    rows = max(CHUNK_SIZE // size, 1)
+    stamps = sample.log_times(recording.time, recording.epoch_ns)
+    records = message.records(min(rows, len(recording)), channel)
+    offsets = np.arange(len(records), dtype=np.uint64) * np.uint64(size)
+    for start in range(0, len(recording), rows):
+        stop = min(start + rows, len(recording))
+        part = records[: stop - start]
+        sample.stamp(part, stamps[start:stop])
+        part["sequence"] = np.arange(start, stop)
+        part[sample.TIME] = recording.time[start:stop]
+        for column, name in enumerate(message.channels):
+            part["values"][:, column] = recording.values[name][start:stop]
+        sink.chunk(part, {channel: (stamps[start:stop], offsets[: stop - start])})
+
+
+@contextmanager
+def replacing(target: Path) -> Iterator[BinaryIO]:
+    """Open a file beside `target` that takes its place when all went well.
+
+    Raises:
+        RecordingError: the file cannot be written.
+    """
+    temporary = ""
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+        with os.fdopen(handle, "wb") as stream:
+            yield stream
+        os.chmod(temporary, 0o666 & ~_umask())  # noqa: PTH101
+        os.replace(temporary, target)  # noqa: PTH105
+    except OSError as error:
+        raise RecordingError(
+            f"cannot be written ({error.strerror or error})",
+            where=Place(file=str(target)),
+            hint="check that the folder exists, is writable and has room",
+        ) from error
+    finally:
+        with suppress(FileNotFoundError):
+            if temporary:
+                Path(temporary).unlink()
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
