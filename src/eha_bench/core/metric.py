@@ -6,13 +6,13 @@ neither has to know the other. The ids of the table are public (result.json).
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from typing import Any, Final
 
 from eha_bench.core import plugins
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, PluginError
+from eha_bench.core.near_miss import suggest
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,7 @@ def metric_spec(name: str, *, where: Place | None = None) -> MetricSpec:
         return METRICS[name]
     known = (*METRICS, *(other for other in plugins.names("metrics") if other not in METRICS))
     if name not in known:
-        close = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
-        raise InputError(f"unknown metric '{name}'", where=where, hint=hint)
+        raise InputError(f"unknown metric '{name}'", where=where, hint=suggest(name, known))
     plugin: Any = plugins.load("metrics", name, where=where)
     spec = getattr(plugin, "spec", None)
     if not isinstance(spec, MetricSpec):

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from eha_bench.core.errors import Place, PluginError
+from eha_bench.core.near_miss import suggest
 
 
 @cache
@@ -34,8 +35,8 @@ def load(group: str, name: str, *, where: Place | None = None) -> Any:
     """
     point = _entry_points(group).get(name)
     if point is None:
-        known = ", ".join(names(group)) or "none"
-        raise PluginError(f"unknown {group[:-1]} '{name}'", where=where, hint=f"known: {known}")
+        hint = suggest(name, names(group))
+        raise PluginError(f"unknown {group[:-1]} '{name}'", where=where, hint=hint)
     try:
         return point.load()
     except Exception as error:

@@ -7,7 +7,8 @@ is measured, a `Tone` a stretch of one sine, `Lines` a periodic multisine, a `Sw
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,13 @@ class Lines:
     realisation: int = 0
 
 
+class Spacing(StrEnum):
+    """How a sweep's frequency grows, or how frequencies are spaced."""
+
+    LINEAR = "linear"
+    LOGARITHMIC = "logarithmic"
+
+
 @dataclass(frozen=True)
 class Sweep:
     """A sine sweep in [start, stop) s from f_start to f_stop in Hz."""
@@ -56,15 +64,31 @@ class Sweep:
     stop: float
     f_start: float
     f_stop: float
+    spacing: Spacing = Spacing.LINEAR
+
+    def frequency(self, time: float) -> float:
+        """Return the instantaneous frequency in Hz at a time in s within the sweep."""
+        done = (time - self.start) / (self.stop - self.start)
+        if self.spacing is Spacing.LINEAR:
+            return self.f_start + (self.f_stop - self.f_start) * done
+        return float(self.f_start * (self.f_stop / self.f_start) ** done)
+
+    def until(self, stop: float) -> Sweep:
+        """Return the part of the sweep before `stop` in s."""
+        return replace(self, stop=stop, f_stop=self.frequency(stop))
 
 
 class Signal(ABC):
-    """A reference signal; times in s from the start of the trial, values SI."""
+    """A reference signal; times in s from the start of the trial, values SI.
+
+    Before time 0 a signal keeps the value from before its first edge (what the trial settles at),
+    after its end the last one, so that it may be called with any time.
+    """
 
     @property
     @abstractmethod
     def duration(self) -> float:
-        """Length of the signal in s."""
+        """Length of the signal in s; infinite for one that has no end of its own."""
 
     @abstractmethod
     def __call__(self, time: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.channels import unit_of
 from eha_bench.core.limit import AcceptanceLimit, SafetyLimit
 from eha_bench.core.signal import Signal
 
@@ -20,6 +21,11 @@ class ControlMode(StrEnum):
     JOINT_ANGLE = "joint_angle"
     MOTOR_SPEED = "motor_speed"
     PISTON_POSITION = "piston_position"
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the reference."""
+        return unit_of(self.channel)
 
     @property
     def channel(self) -> str:
@@ -62,18 +68,19 @@ class Trial:
 
     Attributes:
         id: unique in its suite, safe as a file name.
-        signal: the reference from the start of scoring, time 0 at its beginning.
+        signal: the reference, time 0 where scoring begins; as long as the trial.
         mode: what the reference means.
         setup: piston, bypass, initial position.
         duration: scored length in s.
-        settle: time in s before `signal` starts, run with its first value and not scored.
+        settle: time in s before `signal` starts, run with its initial value and not scored.
         sample_rate: ticks per second of controller and recording.
         repeats: how often it is run.
         seed: of the first repeat; repeat r uses seed + r.
         scores: (metric, channel) pairs to compute beyond those that have limits.
         limits: acceptance limits.
         safety: safety limits.
-        source: the trial as text (YAML mapping as JSON), so that a recording alone can be re-scored.
+        source: the trial as JSON text, so that a recording alone can be re-scored.
+        description: for people.
     """
 
     id: str
@@ -89,6 +96,7 @@ class Trial:
     limits: tuple[AcceptanceLimit, ...] = ()
     safety: tuple[SafetyLimit, ...] = ()
     source: str = ""
+    description: str = ""
 
     @property
     def channel(self) -> str:
@@ -104,4 +112,4 @@ class Trial:
 
     def reference(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the reference at `time` (s, negative while settling), shape (n,) -> (n,)."""
-        return self.signal(np.maximum(time, 0.0) if self.settle > 0 else time)
+        return self.signal(time)

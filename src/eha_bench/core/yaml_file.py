@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from io import StringIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.near_miss import suggest
 
 
 class StrictModel(BaseModel):
@@ -19,6 +20,21 @@ class StrictModel(BaseModel):
 
 
 M = TypeVar("M", bound=BaseModel)
+Places: TypeAlias = Callable[[Sequence[int | str]], Place]
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file.
+
+    Raises:
+        InputError: the file is missing, cannot be read, or is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise InputError("no such file", where=Place(file=str(path))) from error
+    except (OSError, ValueError) as error:  # a name with a NUL is a ValueError, as is bad UTF-8
+        raise InputError(f"cannot be read ({error})", where=Place(file=str(path))) from error
 
 
 def load(path: Path) -> Any:
@@ -27,13 +43,7 @@ def load(path: Path) -> Any:
     Raises:
         InputError: the file is missing, empty, not UTF-8, or not YAML.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise InputError("no such file", where=Place(file=str(path))) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read ({error})", where=Place(file=str(path))) from error
-    return parse(text, str(path))
+    return parse(read_text(path), str(path))
 
 
 def parse(text: str, name: str) -> Any:
@@ -46,9 +56,7 @@ def parse(text: str, name: str) -> Any:
     except MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 0
         problem = " ".join(str(error.problem or error.context or "syntax error").split())
-        raise InputError(
-            f"not valid YAML: {problem}", where=Place(file=name, line=line)
-        ) from error
+        raise InputError(f"not valid YAML: {problem}", where=Place(file=name, line=line)) from error
     except (YAMLError, ValueError, RecursionError) as error:
         first = str(error).strip().splitlines()[0] if str(error).strip() else "syntax error"
         raise InputError(f"not valid YAML: {first}", where=Place(file=name)) from error
@@ -88,30 +96,63 @@ def plain(content: Any) -> Any:
     return str(content)
 
 
-def validate(model: type[M], content: Any, name: str, prefix: Sequence[int | str] = ()) -> M:
+def validate(
+    model: type[M],
+    content: Any,
+    name: str,
+    prefix: Sequence[int | str] = (),
+    *,
+    context: Any = None,
+    places: Places | None = None,
+) -> M:
     """Return `content` as `model`; the first problem becomes one sentence with file, line and key.
+
+    Args:
+        model: the file format.
+        content: what `load` returned, or a part of it.
+        name: the file's name, for messages.
+        prefix: keys that lead from the file's top to `content`, for messages.
+        context: handed to the model's validators (`info.context`).
+        places: says where a key stands, for content that was put together from several places.
 
     Raises:
         InputError: an unknown key, a missing key, a wrong type or unit.
     """
+
+    def place(keys: Sequence[int | str]) -> Place:
+        if places is not None:
+            return places(keys)
+        path = ".".join(str(part) for part in (*prefix, *_key_path(content, keys)))
+        return Place(file=name, line=line_of(content, keys), key=path)
+
     if not isinstance(content, dict):
+        found = place(())
         raise InputError(
-            f"expected keys and values, found {type(plain(content)).__name__}",
-            where=Place(file=name, line=1),
+            f"expected keys and values, found {_kind_of(content)}",
+            where=found if found.line else Place(file=name, line=1, key=found.key),
         )
     try:
-        return model.model_validate(plain(content))
+        return model.model_validate(plain(content), context=context)
     except ValidationError as error:
-        details = error.errors()
-        first = max(details, key=lambda item: len(item["loc"])) if details else None
-        location = tuple(first["loc"]) if first else ()
-        key = ".".join(str(part) for part in (*prefix, *_key_path(content, location)))
-        message = first["msg"] if first else str(error)
-        kind = first["type"] if first else ""
+        details = error.errors(include_url=False, include_context=False, include_input=False)
+        first = min(details, key=_rank)
         raise InputError(
-            _sentence(kind, message, location, len(details)),
-            where=Place(file=name, line=line_of(content, location), key=key),
+            _sentence(first["type"], first["msg"], first["loc"]) + _others(len(details) - 1),
+            where=place(first["loc"]),
+            hint=_way_out(model, first["type"], first["loc"]),
         ) from error
+
+
+def _rank(detail: Any) -> tuple[bool, int]:
+    # A misspelt key is told first (it is why another one is missing), then the deepest problem
+    # (of a union's alternatives the one that came furthest).
+    return detail["type"] != "extra_forbidden", -len(detail["loc"])
+
+
+def _kind_of(content: Any) -> str:
+    content = plain(content)
+    names = {list: "a list", str: f"the text '{content}'", type(None): "nothing"}
+    return names.get(type(content), f"'{content}'")
 
 
 def _key_path(content: Any, location: Sequence[int | str]) -> list[str]:
@@ -129,15 +170,46 @@ def _key_path(content: Any, location: Sequence[int | str]) -> list[str]:
     return path
 
 
-def _sentence(kind: str, message: str, location: Sequence[int | str], count: int) -> str:
+def _sentence(kind: str, message: str, location: Sequence[int | str]) -> str:
     last = location[-1] if location else ""
     if kind == "extra_forbidden":
-        text = f"unknown key '{last}'"
-    elif kind == "missing":
-        text = f"key '{last}' is missing"
-    else:
-        text = message.removeprefix("Value error, ")
-    return f"{text} (and {count - 1} more)" if count > 1 else text
+        return f"unknown key '{last}'"
+    if kind == "missing":
+        return f"key '{last}' is missing"
+    text = message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    return text[:1].lower() + text[1:] if text.startswith("Input should") else text
+
+
+def _others(count: int) -> str:
+    return f" (and {count} more)" if count else ""
+
+
+def _way_out(model: type[BaseModel], kind: str, location: Sequence[int | str]) -> str:
+    """Return the nearest key that the format has, for a key that it does not have."""
+    if kind != "extra_forbidden":
+        return ""
+    known: type[BaseModel] | None = model
+    for key in location[:-1]:
+        known = _model_within(known, key) if known is not None else None
+    if known is None:
+        return ""
+    return suggest(str(location[-1]), [f.alias or name for name, f in known.model_fields.items()])
+
+
+def _model_within(model: type[BaseModel], key: int | str) -> type[BaseModel] | None:
+    if isinstance(key, int):
+        return model  # an item of a list: the list's own models were found at its key
+    for name, field in model.model_fields.items():
+        if key in (name, field.alias):
+            found = _models_in(field.annotation)
+            return found[0] if len(found) == 1 else None
+    return None
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _models_in(part)]
 
 
 def load_model(model: type[M], path: Path) -> M:

@@ -1,0 +1,16 @@
+"""The way out of a misspelt name: the nearest known one, or the list of them."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def suggest(name: str, known: Iterable[str]) -> str:
+    """Return a hint such as `did you mean 'sine'?`, or the names there are."""
+    names = list(known)
+    folded = {other.lower(): other for other in reversed(names)}
+    close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean '{folded[close[0]]}'?"
+    return f"known: {', '.join(names)}" if names else "there are none"

@@ -1,0 +1,1 @@
+"""The acceptance language: what a metric must keep, and what a channel must keep."""

@@ -1,0 +1,192 @@
+"""The blocks `accept`, `scores` and `safety` of a trial become limits in SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from pydantic import Field
+
+from eha_bench.core.channels import CHANNELS
+from eha_bench.core.errors import InputError, Place, UnitError
+from eha_bench.core.limit import AcceptanceLimit, Bounds, SafetyLimit
+from eha_bench.core.metric import metric_spec
+from eha_bench.core.near_miss import suggest
+from eha_bench.core.trial import ControlMode
+from eha_bench.core.yaml_file import StrictModel, validate
+from eha_bench.suites.acceptance.grammar import examples, parse_bounds
+from eha_bench.suites.located import Located
+
+Quantity: TypeAlias = float | str
+
+
+class BoundsFile(StrictModel):
+    """A limit written as keys: `limit`, or `min` and `max`.
+
+    `unit` declares the SI unit of a channel that eha_bench does not know.
+    """
+
+    limit: str | None = None
+    min: Quantity | None = None
+    max: Quantity | None = None
+    unit: str = ""
+
+
+class LimitFile(BoundsFile):
+    """An acceptance limit: bounds, the channel it is scored on, and bounds that warn."""
+
+    channel: str | None = None
+    warn: str | BoundsFile | None = None
+
+
+class ScoreFile(StrictModel):
+    """A metric to compute, on another channel than the controlled one."""
+
+    metric: str
+    channel: str
+    unit: str = Field(default="", description="SI unit of a channel that eha_bench does not know")
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What `accept` and `scores` ask for."""
+
+    limits: tuple[AcceptanceLimit, ...]
+    scores: tuple[tuple[str, str], ...]
+
+
+def judgement(accept: Located, scores: Located, mode: ControlMode) -> Judgement:
+    """Return the acceptance limits, and the (metric, channel) pairs to compute without limit.
+
+    Raises:
+        InputError: an unknown metric or channel, not a limit, a wrong unit, the same limit twice.
+    """
+    limits: dict[tuple[str, str], AcceptanceLimit] = {}
+    pairs: dict[tuple[str, str], None] = {}
+    for metric, entry in accept.mapping("limits by metric").items():
+        several = isinstance(entry.value, list)
+        entries = [entry.at(i) for i in range(len(entry.value))] if several else [entry]
+        for one in entries:
+            pair, limit = _acceptance(metric, one, mode)
+            if pair in limits or pair in pairs:
+                raise one.error(
+                    f"{metric} of {pair[1] or 'the run'} is limited twice",
+                    hint="give each entry a 'channel' of its own",
+                )
+            if limit is None:
+                pairs[pair] = None
+            else:
+                limits[pair] = limit
+    for pair in _scores(scores, mode):
+        if pair not in limits:
+            pairs[pair] = None
+    return Judgement(tuple(limits.values()), tuple(pairs))
+
+
+def safety_limits(safety: Located, mode: ControlMode) -> tuple[SafetyLimit, ...]:
+    """Return the bounds that channels must keep during the run.
+
+    Raises:
+        InputError: an unknown channel, not a limit, a wrong unit.
+    """
+    limits = []
+    for channel, entry in safety.mapping("limits by channel").items():
+        form = _form(BoundsFile, entry)
+        unit = _unit_of(channel, form.unit, mode, entry.place())
+        bounds, text = _bounds(form, unit, entry)
+        limits.append(SafetyLimit(channel, bounds, text))
+    return tuple(limits)
+
+
+def _acceptance(
+    metric: str, entry: Located, mode: ControlMode
+) -> tuple[tuple[str, str], AcceptanceLimit | None]:
+    """Return the (metric, channel) of an entry, and its limit if it has one."""
+    spec = metric_spec(metric, where=entry.place())
+    form = LimitFile() if entry.value is None else _form(LimitFile, entry)
+    channel = spec.channel_for(mode.channel) if form.channel is None else form.channel
+    own = _unit_of(channel, form.unit, mode, entry.place(("channel",))) if channel else ""
+    unit = own if spec.unit is None else spec.unit
+    if form.limit is None and form.min is None and form.max is None:
+        if form.warn is not None:
+            raise entry.error("a warning needs a limit", hint=examples(unit))
+        return (metric, channel), None
+    bounds, text = _bounds(form, unit, entry)
+    warn = None
+    if form.warn is not None:
+        warning = entry.at("warn")
+        warn, _ = _bounds(_form(BoundsFile, warning), unit, warning)
+        warn = Bounds(max(warn.low, bounds.low), min(warn.high, bounds.high))
+        if not warn.low <= warn.high:
+            raise warning.error("no value is accepted without a warning")
+    return (metric, channel), AcceptanceLimit(metric, channel, bounds, text, unit, warn)
+
+
+def _scores(scores: Located, mode: ControlMode) -> list[tuple[str, str]]:
+    value: Any = scores.value or []
+    if not isinstance(value, list):
+        raise scores.error("expected a list of metrics", hint="write [rise_time, overshoot]")
+    pairs = []
+    for index in range(len(value)):
+        entry = scores.at(index)
+        if isinstance(entry.value, dict):
+            form = validate(ScoreFile, entry.value, "", places=entry.place)
+            metric_spec(form.metric, where=entry.place(("metric",)))
+            _unit_of(form.channel, form.unit, mode, entry.place(("channel",)))
+            pairs.append((form.metric, form.channel))
+        elif isinstance(entry.value, str):
+            spec = metric_spec(entry.value, where=entry.place())
+            pairs.append((spec.id, spec.channel_for(mode.channel)))
+        else:
+            raise entry.error("expected a metric", hint="write [rise_time, overshoot]")
+    return pairs
+
+
+def _form(model: type[BoundsFile], entry: Located) -> Any:
+    """Return an entry, be it text or keys, as `model`."""
+    if isinstance(entry.value, dict):
+        return validate(model, entry.value, "", places=entry.place)
+    if isinstance(entry.value, str):
+        return model(limit=entry.value)
+    raise entry.error(f"'{entry.value}' is not a limit", hint=examples("MPa"))
+
+
+def _bounds(form: BoundsFile, unit: str, entry: Located) -> tuple[Bounds, str]:
+    where = entry.place()
+    if form.limit is not None and (form.min is not None or form.max is not None):
+        raise entry.error("both 'limit' and 'min' or 'max' are given", hint="keep one of them")
+    try:
+        if form.limit is not None:
+            where = entry.place(("limit",)) if isinstance(entry.value, dict) else where
+            return parse_bounds(form.limit, unit), form.limit.strip()
+        sides = [(">=", "min", form.min), ("<=", "max", form.max)]
+        given = [(sign, key, str(value)) for sign, key, value in sides if value is not None]
+        if not given:
+            raise entry.error("the limit is empty", hint=examples(unit))
+        for sign, key, value in given:
+            where = entry.place((key,))
+            parse_bounds(f"{sign} {value}", unit)
+        where = entry.place()
+        text = ", ".join(f"{sign} {value}" for sign, _, value in given)
+        return parse_bounds(text, unit), text
+    except UnitError as error:
+        raise InputError(error.what, where=where, hint=error.hint) from error
+
+
+def _unit_of(channel: str, declared: str, mode: ControlMode, where: Place) -> str:
+    if channel == "reference":
+        return mode.unit
+    known = CHANNELS.get(channel)
+    if known is not None:
+        if declared and declared != known.unit:
+            raise InputError(
+                f"the unit of channel '{channel}' is {known.unit}, not '{declared}'", where=where
+            )
+        return known.unit
+    if not declared:
+        raise InputError(
+            f"unknown channel '{channel}'",
+            where=where,
+            hint=f"{suggest(channel, CHANNELS)}; for a channel of your own, give its SI 'unit'",
+        )
+    return declared

@@ -1,0 +1,53 @@
+"""A sine about an offset."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from eha_bench.core.signal import FloatArray, Tone
+from eha_bench.suites.signals.signal_model import (
+    Angle,
+    Hertz,
+    Level,
+    Moment,
+    SignalModel,
+    within,
+)
+
+
+class Sine(SignalModel):
+    """offset + amplitude * sin(2 pi frequency (t - at) + phase); amplitude is the peak value.
+
+    Before `at` it keeps its first value. With `cycles` it ends after so many periods, without it
+    has no end of its own.
+    """
+
+    kind: Literal["sine"]
+    amplitude: Level
+    frequency: Hertz
+    offset: Level = 0.0
+    phase: Angle = 0.0
+    at: Moment = 0.0
+    cycles: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+
+    @property
+    def duration(self) -> float:
+        """End of the last cycle in s, or infinite."""
+        return math.inf if self.cycles is None else self.at + self.cycles / self.frequency
+
+    def __call__(self, time: FloatArray) -> FloatArray:
+        """Return the reference at `time` in s, shape (n,) -> (n,)."""
+        elapsed = within(time, self.at, self.duration) - self.at
+        angle = 2 * np.pi * self.frequency * elapsed + self.phase
+        values: FloatArray = self.offset + self.amplitude * np.sin(angle)
+        return values
+
+    @property
+    def tones(self) -> tuple[Tone, ...]:
+        """The one sine."""
+        tone = Tone(self.at, self.duration, self.frequency, self.amplitude, self.offset, self.phase)
+        return (tone,)

@@ -1,0 +1,82 @@
+"""The format of a suite file: what its YAML may hold."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from eha_bench.core.trial import Bypass, ControlMode, Piston
+from eha_bench.core.units import Unit
+from eha_bench.core.yaml_file import StrictModel
+from eha_bench.suites.acceptance.limits import BoundsFile, LimitFile, ScoreFile
+from eha_bench.suites.identifiers import PATTERN
+from eha_bench.suites.signals.signal_model import Hertz, Moment, Seconds
+
+Count = Annotated[int, Field(ge=1, le=10_000)]
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+
+
+class InitialFile(StrictModel):
+    """Where the piston starts: one of the two."""
+
+    joint_angle: Annotated[float, Unit("rad")] | None = None
+    piston_position: Annotated[float, Unit("m")] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> InitialFile:
+        if self.joint_angle is not None and self.piston_position is not None:
+            raise ValueError("joint_angle and piston_position are both given: keep one of them")
+        return self
+
+    def values(self) -> dict[str, float]:
+        """Return start values by channel, SI."""
+        return {key: value for key, value in self.model_dump().items() if value is not None}
+
+
+class SetupFile(StrictModel):
+    """State of the rig during a trial."""
+
+    piston: Piston = Piston.FREE
+    bypass: Bypass = Bypass.CLOSED
+    initial: InitialFile = InitialFile()
+
+
+class RunKeys(StrictModel):
+    """What a trial says about its run."""
+
+    description: str = ""
+    mode: ControlMode
+    setup: SetupFile = SetupFile()
+    duration: Seconds | None = Field(default=None, description="scored length, s")
+    settle: Moment = Field(default=0.0, description="time before, not scored, s")
+    sample_rate: Hertz = Field(default=1000.0, description="ticks per second, Hz")
+    repeats: Count = 1
+    seed: Seed = Field(default=0, description="of the first repeat; repeat r uses seed + r")
+
+
+class TrialFile(RunKeys):
+    """A trial, or with a matrix several."""
+
+    id: Annotated[str, Field(pattern=PATTERN.replace("A-Z", "${}A-Z"))]
+    matrix: dict[str, list[str | float] | dict[str, dict[str, Any] | None]] = Field(
+        default={}, description="parameters; each combination is a trial, ${name} its values"
+    )
+    signal: dict[str, Any]
+    accept: dict[str, str | LimitFile | list[str | LimitFile] | None] = Field(
+        default={}, description="limit by metric; null for a metric without limit"
+    )
+    scores: list[str | ScoreFile] = Field(default=[], description="metrics without limit")
+    safety: dict[str, str | BoundsFile] = Field(default={}, description="limit by channel")
+
+
+class SuiteFile(StrictModel):
+    """A suite."""
+
+    name: Annotated[str, Field(pattern=PATTERN)] | None = None
+    description: str = ""
+    model: str | None = Field(default=None, description="model file, relative to this one")
+    controller: str | None = Field(default=None, description="controller file, relative to this")
+    target: str | None = Field(default=None, description="name of a target, or its file")
+    defaults: dict[str, Any] = Field(default={}, description="keys for trials that lack them")
+    trials: Annotated[list[dict[str, Any]], Field(min_length=1)]

@@ -1,0 +1,213 @@
+"""A trial as JSON text and back, so that a recording alone can be re-scored.
+
+Everything in it is SI and complete: limits in numbers, a trajectory with its samples. Reading it
+opens no file and loads no code but the installed signals.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any, Literal
+
+from pydantic import Field
+
+from eha_bench.core import plugins
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.excerpt import Excerpt
+from eha_bench.core.limit import AcceptanceLimit, Bounds, SafetyLimit
+from eha_bench.core.near_miss import suggest
+from eha_bench.core.signal import Signal
+from eha_bench.core.trial import Bypass, ControlMode, Piston, Setup, Trial
+from eha_bench.core.yaml_file import Places, StrictModel, validate
+from eha_bench.suites.identifiers import check_identifier
+from eha_bench.suites.signals.signal_model import SignalContext, SignalModel
+
+VERSION = 1
+
+
+class _Bounds(StrictModel):
+    low: float | None = Field(allow_inf_nan=False)
+    high: float | None = Field(allow_inf_nan=False)
+
+    @staticmethod
+    def of(bounds: Bounds) -> _Bounds:
+        def finite(value: float) -> float | None:
+            return value if math.isfinite(value) else None
+
+        return _Bounds(low=finite(bounds.low), high=finite(bounds.high))
+
+    def bounds(self) -> Bounds:
+        low = -math.inf if self.low is None else self.low
+        return Bounds(low, math.inf if self.high is None else self.high)
+
+
+class _Limit(StrictModel):
+    metric: str
+    channel: str
+    bounds: _Bounds
+    text: str
+    unit: str
+    warn: _Bounds | None
+
+
+class _Safety(StrictModel):
+    channel: str
+    bounds: _Bounds
+    text: str
+
+
+class _Setup(StrictModel):
+    piston: Piston
+    bypass: Bypass
+    initial: dict[str, float]
+
+
+class TrialSource(StrictModel):
+    """The JSON form of a trial."""
+
+    version: Literal[1] = 1
+    id: str
+    description: str = ""
+    mode: ControlMode
+    signal: dict[str, Any]
+    setup: _Setup
+    duration: float = Field(gt=0, allow_inf_nan=False)
+    settle: float = Field(ge=0, allow_inf_nan=False)
+    sample_rate: float = Field(gt=0, allow_inf_nan=False)
+    repeats: int = Field(ge=1)
+    seed: int = Field(ge=0)
+    scores: tuple[tuple[str, str], ...]
+    limits: tuple[_Limit, ...]
+    safety: tuple[_Safety, ...]
+
+
+def source_of(trial: Trial, signal: SignalModel) -> str:
+    """Return `trial` as JSON; `signal` is its signal as the suite wrote it."""
+    source = TrialSource(
+        id=trial.id,
+        description=trial.description,
+        mode=trial.mode,
+        signal=signal.model_dump(mode="json", by_alias=True),
+        setup=_Setup(
+            piston=trial.setup.piston,
+            bypass=trial.setup.bypass,
+            initial=dict(trial.setup.initial),
+        ),
+        duration=trial.duration,
+        settle=trial.settle,
+        sample_rate=trial.sample_rate,
+        repeats=trial.repeats,
+        seed=trial.seed,
+        scores=trial.scores,
+        limits=tuple(
+            _Limit(
+                metric=limit.metric,
+                channel=limit.channel,
+                bounds=_Bounds.of(limit.bounds),
+                text=limit.text,
+                unit=limit.unit,
+                warn=None if limit.warn is None else _Bounds.of(limit.warn),
+            )
+            for limit in trial.limits
+        ),
+        safety=tuple(
+            _Safety(channel=limit.channel, bounds=_Bounds.of(limit.bounds), text=limit.text)
+            for limit in trial.safety
+        ),
+    )
+    return json.dumps(source.model_dump(mode="json"), ensure_ascii=False, allow_nan=False)
+
+
+def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
+    """Return the trial that `Trial.source` holds; `name` stands in messages.
+
+    Raises:
+        InputError: not JSON, not a trial, or of another version.
+        PluginError: its signal is not installed.
+    """
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"not a trial ({error})", where=Place(file=name)) from error
+    if isinstance(content, dict) and content.get("version") != VERSION:
+        raise InputError(
+            f"a trial of version {content.get('version')}, not {VERSION}",
+            where=Place(file=name, key="version"),
+            hint="score it against the suite it was made with (--suite)",
+        )
+    source = validate(TrialSource, content, name)
+    signal = signal_from(source.signal, name, SignalContext())
+    return Trial(
+        id=check_identifier(source.id, "the trial's id", Place(file=name, key="id")),
+        signal=Excerpt(signal, source.duration),
+        mode=source.mode,
+        setup=Setup(source.setup.piston, source.setup.bypass, dict(source.setup.initial)),
+        duration=source.duration,
+        settle=source.settle,
+        sample_rate=source.sample_rate,
+        repeats=source.repeats,
+        seed=source.seed,
+        scores=source.scores,
+        limits=tuple(
+            AcceptanceLimit(
+                limit.metric,
+                limit.channel,
+                limit.bounds.bounds(),
+                limit.text,
+                limit.unit,
+                None if limit.warn is None else limit.warn.bounds(),
+            )
+            for limit in source.limits
+        ),
+        safety=tuple(
+            SafetyLimit(limit.channel, limit.bounds.bounds(), limit.text) for limit in source.safety
+        ),
+        source=text,
+        description=source.description,
+    )
+
+
+def signal_from(
+    content: Any, file: str, context: SignalContext, places: Places | None = None
+) -> SignalModel:
+    """Return the signal that a mapping with a `kind` describes.
+
+    Raises:
+        InputError: no `kind`, or quantities that are missing, unknown or of the wrong unit.
+        PluginError: no signal of that kind is installed.
+    """
+
+    def place(*keys: str) -> Place:
+        return places(keys) if places else Place(file=file, key=".".join(("signal", *keys)))
+
+    kinds = plugins.names("signals")
+    if not isinstance(content, dict):
+        raise InputError(
+            "a signal is written as keys and values",
+            where=place(),
+            hint="write {kind: step, final: 15 MPa}",
+        )
+    kind = content.get("kind")
+    if not isinstance(kind, str):
+        raise InputError(
+            "key 'kind' is missing" if kind is None else f"'{kind}' is not a kind of signal",
+            where=place("kind"),
+            hint=f"known: {', '.join(kinds)}",
+        )
+    if kind not in kinds:
+        raise InputError(f"unknown signal '{kind}'", where=place("kind"), hint=suggest(kind, kinds))
+    model = plugins.load("signals", kind, where=place("kind"))
+    if not (isinstance(model, type) and issubclass(model, SignalModel)):
+        raise InputError(
+            f"signal '{kind}' is not a SignalModel",
+            where=place("kind"),
+            hint="the entry point has to name a class derived from it",
+        )
+    prefix = () if places else ("signal",)
+    return validate(model, content, file, prefix, context=context, places=places)
+
+
+def written(signal: Signal) -> Signal:
+    """Return the signal as the suite wrote it, without the cut to the trial's length."""
+    return signal.whole if isinstance(signal, Excerpt) else signal
