@@ -55,6 +55,7 @@ def score_recordings(
         channels: channels.yaml for somebody else's log.
         trial: id of the suite's trial that they all belong to; otherwise the recording's own
             metadata or its file name says so.
+        progress: told at the start of every recording.
 
     Returns:
         The result, and for each (trial id, repeat) the trial it was scored by.

@@ -85,7 +85,10 @@ def _finish(result: Result, folder: Path, *, json: bool) -> None:
             f"(limit {item.limit})")  # fmt: skip
     limits = sum(bool(item.limit) for trial in result.trials for item in trial.scores)
     say(f"{result.suite}: {result.status.value}, {limits - len(rejected)} of {limits} limits kept")
-    say(str(folder / "report.html"))
+    if json:
+        say(str(folder / "report.html"))
+    else:
+        typer.echo(str(folder / "report.html"))
     if any(trial.reason.startswith("interrupted") for trial in result.trials):
         raise typer.Exit(INTERRUPTED)
     if result.status is not Status.PASSED:

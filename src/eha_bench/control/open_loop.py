@@ -14,8 +14,10 @@ class OpenLoop(Controller):
     Gains = NoGains
 
     def __init__(self, gains: StrictModel, context: Context) -> None:
+        del gains  # it has none
         self._limit = context.current_limit
 
     def step(self, reference: float, reading: Mapping[str, float]) -> float:
         """Return the reference, A."""
+        del reading  # nothing is fed back
         return clip(reference, self._limit)
