@@ -1,0 +1,115 @@
+"""Overshoot, undershoot, peak and its time: the extremes of a step response.
+
+The largest of many noisy samples lies above the response by several standard deviations; extremes
+are therefore taken from a local polynomial, and count as such only when they rise above what the
+largest of as much noise would reach.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from eha_bench.core.score import Measure
+from eha_bench.metrics.local import Peak, peak
+from eha_bench.metrics.metric import NotScored, spec_of
+from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge
+from eha_bench.metrics.step_response import StepResponse
+
+_LEAST = 5e-4  # of the step: below this a final level that is still creeping looks like a peak
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The peak of a normalised response, and the height that noise alone may reach."""
+
+    peak: Peak
+    threshold: float
+
+
+def highest(step: StepResponse) -> Extreme:
+    """Return the highest place of the response."""
+    return _extreme(step, step.smooth.values, step.rise)
+
+
+def lowest(step: StepResponse) -> Extreme:
+    """Return the lowest place of the response, turned upside down."""
+    return _extreme(step, -step.smooth.values, -step.rise)
+
+
+def _extreme(
+    step: StepResponse,
+    smoothed: np.ndarray[tuple[int], np.dtype[np.float64]],
+    values: np.ndarray[tuple[int], np.dtype[np.float64]],
+) -> Extreme:
+    index = int(np.argmax(smoothed))
+    found = peak(step.time, values, index, step.noise, 4 * step.transit)
+    independent = max(values.size / (2 * step.smooth.half + 1), 2.0)
+    return Extreme(found, step.smooth.sd * math.sqrt(2.0 * math.log(independent)))
+
+
+class Overshoot(StepMetric):
+    """How far the response goes beyond its final level, as a fraction of the step."""
+
+    spec = spec_of("overshoot")
+
+    def of(self, step: StepResponse) -> Measure:
+        """Return the overshoot, never below 0."""
+        found = highest(step)
+        value = max(found.peak.value - 1.0, 0.0)
+        levels = (1.0 + value) ** 2 * step.final_variance + value**2 * step.initial_variance
+        convention = f"beyond the final level as a fraction of the step, {LEVELS}"
+        return _fraction(step, value, found, found.peak.variance + levels, convention)
+
+
+class Undershoot(StepMetric):
+    """How far the response goes against the step, below its initial level, as a fraction of it."""
+
+    spec = spec_of("undershoot")
+
+    def of(self, step: StepResponse) -> Measure:
+        """Return the undershoot, never below 0."""
+        found = lowest(step)
+        value = max(found.peak.value, 0.0)
+        levels = (1.0 + value) ** 2 * step.initial_variance + value**2 * step.final_variance
+        convention = f"before the initial level as a fraction of the step, {LEVELS}"
+        return _fraction(step, value, found, found.peak.variance + levels, convention)
+
+
+def _fraction(
+    step: StepResponse, value: float, found: Extreme, variance: float, convention: str
+) -> Measure:
+    measure = around(step, value, variance, convention)
+    low = 0.0 if value <= found.threshold else max(measure.low, 0.0)
+    if math.isnan(measure.low):
+        low = math.nan
+    return Measure(value, low, measure.high, measure.reason)
+
+
+class PeakValue(StepMetric):
+    """The extreme value after the edge, in the direction of the step, in the channel's unit."""
+
+    spec = spec_of("peak")
+
+    def of(self, step: StepResponse) -> Measure:
+        """Return the value of the local polynomial's extreme."""
+        found = highest(step).peak
+        value = step.initial + step.step * found.value
+        reach = step.noise.quantile() * abs(step.step) * math.sqrt(found.variance)
+        return Measure(value, value - reach, value + reach, said(step, "extreme after the edge"))
+
+
+class PeakTime(StepMetric):
+    """Time in s from the edge to the peak of a response that overshoots."""
+
+    spec = spec_of("peak_time")
+
+    def of(self, step: StepResponse) -> Measure:
+        """Return the time of the local polynomial's extreme."""
+        found = highest(step)
+        if found.peak.value - 1.0 <= max(found.threshold, _LEAST):
+            raise NotScored("no peak: the response does not overshoot beyond its noise")
+        measure = around(step, found.peak.time, found.peak.time_variance, "edge to the peak")
+        return since_edge(step, measure)

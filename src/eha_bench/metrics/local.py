@@ -1,0 +1,244 @@
+"""Local polynomials: the value, the crossing and the peak of a noisy response, with their variance.
+
+The window is chosen by the intersection of confidence intervals of a lower order (Goldenshluger
+and Nemirovski, Math. Methods of Statistics 6, 1997), and the value is then taken from a fit of a
+higher order in that window, so that its bias is small against the interval that is reported
+(robust bias correction: Calonico, Cattaneo and Farrell, JASA 113, 2018,
+doi:10.1080/01621459.2017.1285776).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs, savgol_filter
+
+from eha_bench.metrics.noise import Noise
+
+FloatArray = NDArray[np.float64]
+
+_GROWTH = 1.3
+_LARGEST = 4000
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A response smoothed by a moving parabola, to find places; values come from local fits.
+
+    Attributes:
+        values: (n,).
+        sd: standard deviation of its noise.
+        half: half-width of the window in samples (0: not smoothed).
+    """
+
+    values: FloatArray
+    sd: float
+    half: int
+
+
+def smooth(values: FloatArray, noise: Noise, target: float, widest: int) -> Smooth:
+    """Return (n,) values smoothed until the noise is below `target`, or the window is `widest`."""
+    half = 0
+    deviation = noise.sd
+    widest = min(widest, (values.size - 1) // 2)
+    while deviation > target and half < widest:
+        half = min(max(2, math.ceil(half * _GROWTH)), widest)
+        if half < 2:
+            half = 0
+            break
+        deviation = math.sqrt(noise.variance(savgol_coeffs(2 * half + 1, 2)))
+    if half < 2:
+        return Smooth(values, noise.sd, 0)
+    return Smooth(savgol_filter(values, 2 * half + 1, 2, mode="interp"), deviation, half)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A polynomial through the samples around a place.
+
+    Attributes:
+        origin: time of the place, s.
+        scale: half the window, s; the polynomial is in (t - origin) / scale.
+        coefficients: ascending.
+        operator: (order + 1, m): coefficients = operator @ samples.
+    """
+
+    origin: float
+    scale: float
+    coefficients: FloatArray
+    operator: FloatArray
+
+    def value(self, time: float) -> float:
+        """Return the polynomial at `time` (s)."""
+        return float(self._powers(time) @ self.coefficients)
+
+    def slope(self, time: float) -> float:
+        """Return its derivative at `time`, per s."""
+        return float(self._slopes(time) @ self.coefficients) / self.scale
+
+    def weights(self, time: float) -> FloatArray:
+        """Return the weight of every sample in the value at `time`, (m,)."""
+        row: FloatArray = self._powers(time) @ self.operator
+        return row
+
+    def slope_weights(self, time: float) -> FloatArray:
+        """Return the weight of every sample in the slope at `time`, (m,), per s."""
+        row: FloatArray = self._slopes(time) @ self.operator / self.scale
+        return row
+
+    def _powers(self, time: float) -> FloatArray:
+        x = (time - self.origin) / self.scale
+        return np.asarray(x ** np.arange(self.coefficients.size), dtype=np.float64)
+
+    def _slopes(self, time: float) -> FloatArray:
+        x = (time - self.origin) / self.scale
+        orders = np.arange(self.coefficients.size)
+        powers = np.zeros(orders.size)
+        powers[1:] = orders[1:] * x ** (orders[1:] - 1)
+        return powers
+
+
+def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: int) -> Fit:
+    """Fit the samples within `half` samples of `centre` (s), at least order + 1 of them."""
+    index = int(np.searchsorted(time, centre))
+    first, last = max(0, index - half), min(time.size, index + half)
+    while last - first < min(order + 1, time.size):
+        first, last = max(0, first - 1), min(time.size, last + 1)
+    order = min(order, last - first - 1)
+    stamps = time[first:last] - centre
+    scale = float(np.max(np.abs(stamps))) or 1.0
+    design = np.vander(stamps / scale, order + 1, increasing=True)
+    operator: FloatArray = np.asarray(np.linalg.pinv(design), dtype=np.float64)
+    return Fit(centre, scale, operator @ values[first:last], operator)
+
+
+def half_width(
+    time: FloatArray, values: FloatArray, centre: float, noise: Noise, widest: int
+) -> int:
+    """Return the window in which a straight line is as good as the noise lets one see."""
+    low, high = -math.inf, math.inf
+    half, chosen = 2, 2
+    widest = min(widest, _LARGEST)
+    while half <= widest:
+        line = fit(time, values, centre, half, 1)
+        spread = 2.0 * math.sqrt(noise.variance(line.weights(centre)))
+        estimate = line.value(centre)
+        low, high = max(low, estimate - spread), min(high, estimate + spread)
+        if low > high:
+            break
+        chosen = half
+        half = max(half + 1, math.ceil(half * _GROWTH))
+    return chosen
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where a response crosses a level.
+
+    Attributes:
+        time: s.
+        slope: of the response there, per s.
+        variance: of the response's value there.
+    """
+
+    time: float
+    slope: float
+    variance: float
+
+
+def interpolated(time: FloatArray, values: FloatArray, level: float, index: int) -> Crossing:
+    """Return the crossing between samples index - 1 and index by a straight line."""
+    span = float(time[index] - time[index - 1])
+    rise = float(values[index] - values[index - 1])
+    share = (level - float(values[index - 1])) / rise if rise != 0.0 else 1.0
+    return Crossing(float(time[index - 1]) + share * span, rise / span, 0.0)
+
+
+def refined(
+    time: FloatArray,
+    values: FloatArray,
+    level: float,
+    guess: Crossing,
+    noise: Noise,
+    widest: int,
+) -> Crossing:
+    """Return the crossing of a local polynomial near a guess; the guess where it has none."""
+    half = half_width(time, values, guess.time, noise, widest)
+    local = fit(time, values, guess.time, half + 1, 3)
+    shifted = local.coefficients.copy()
+    shifted[0] -= level
+    roots = np.roots(shifted[::-1]) if np.any(shifted[1:] != 0.0) else np.zeros(0)
+    real = roots[np.abs(roots.imag) < 1e-9].real
+    real = real[np.abs(real) <= 1.0]
+    same = [x for x in real if local.slope(local.origin + x * local.scale) * guess.slope > 0.0]
+    if not same:
+        variance = noise.variance(local.weights(guess.time))
+        return Crossing(guess.time, guess.slope, variance)
+    place = local.origin + float(min(same, key=abs)) * local.scale
+    return Crossing(place, local.slope(place), noise.variance(local.weights(place)))
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest value of a response, with the variances of its value and of its time."""
+
+    value: float
+    time: float
+    variance: float
+    time_variance: float
+
+
+def peak(time: FloatArray, values: FloatArray, index: int, noise: Noise, widest: int) -> Peak:
+    """Return the maximum of a local polynomial around sample `index` of (n,) samples."""
+    centre = float(time[index])
+    if noise.sd <= 1e-6 * float(np.ptp(values)):
+        return _parabola(time, values, index)
+    half = half_width(time, values, centre, noise, widest) + 1
+    for _ in range(3):  # the window follows the maximum that it finds
+        local = fit(time, values, centre, half, 3)
+        grid = np.linspace(-0.9, 0.9, 181)
+        heights = np.polynomial.polynomial.polyval(grid, local.coefficients)
+        best = float(grid[int(np.argmax(heights))])
+        moved = local.origin + best * local.scale
+        if abs(best) < 0.2:
+            break
+        centre = min(max(moved, float(time[0])), float(time[-1]))
+    place = min(max(moved, float(time[0])), float(time[-1]))
+    value = local.value(place)
+    variance = noise.variance(local.weights(place))
+    curvature = _curvature(local, place)
+    slope_variance = noise.variance(local.slope_weights(place))
+    if curvature < 0.0:
+        # the maximum of a noisy parabola lies above the true one by this much on average
+        value -= min(slope_variance / (-2.0 * curvature), math.sqrt(variance))
+        return Peak(value, place, variance, slope_variance / curvature**2)
+    return Peak(value, place, variance, math.nan)
+
+
+def _curvature(local: Fit, place: float) -> float:
+    x = (place - local.origin) / local.scale
+    coefficients = np.polynomial.polynomial.polyder(local.coefficients, 2)
+    if coefficients.size == 0:
+        return 0.0
+    return float(np.polynomial.polynomial.polyval(x, coefficients)) / local.scale**2
+
+
+def _parabola(time: FloatArray, values: FloatArray, index: int) -> Peak:
+    """Return the vertex of the parabola through three samples (noise-free data)."""
+    here = Peak(float(values[index]), float(time[index]), 0.0, 0.0)
+    if not 0 < index < values.size - 1:
+        return here
+    left, right = float(time[index] - time[index - 1]), float(time[index + 1] - time[index])
+    before = (float(values[index] - values[index - 1])) / left
+    after = (float(values[index + 1] - values[index])) / right
+    bend = (after - before) / (left + right)
+    slope = before + bend * left
+    if not bend < 0.0:
+        return here
+    shift = -slope / (2.0 * bend)
+    if not -left <= shift <= right:
+        return here
+    return Peak(here.value + slope * shift / 2.0, here.time + shift, 0.0, 0.0)

@@ -1,0 +1,123 @@
+"""All scores of a recording of a trial: the same code wherever the recording came from."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from functools import cache
+
+from eha_bench.core import plugins
+from eha_bench.core.channels import unit_of
+from eha_bench.core.errors import EhaBenchError, MissingChannelError, PluginError
+from eha_bench.core.limit import AcceptanceLimit
+from eha_bench.core.metric import METRICS
+from eha_bench.core.recording import Recording
+from eha_bench.core.score import Measure, Score
+from eha_bench.core.trial import Trial
+from eha_bench.metrics.acceptance import judge
+from eha_bench.metrics.metric import Metric, NotScored
+
+
+@cache
+def metric(name: str) -> Metric:
+    """Return the metric of an id; the built-in ones are registered like anybody else's.
+
+    Raises:
+        PluginError: no such metric, it cannot be loaded, or it is not a Metric.
+    """
+    found = plugins.load("metrics", name)
+    if isinstance(found, type) and issubclass(found, Metric):
+        found = found()
+    if not isinstance(found, Metric) or found.spec.id != name:
+        raise PluginError(
+            f"entry point '{name}' of eha_bench.metrics does not name a metric of this id",
+            hint="it must name a subclass of eha_bench.metrics.Metric with this id in its spec",
+        )
+    return found
+
+
+@cache
+def all_metrics() -> dict[str, Metric]:
+    """Return every installed metric by id: in the order of the public table, then by name."""
+    installed = plugins.names("metrics")
+    known = [name for name in METRICS if name in installed]
+    others = [name for name in installed if name not in METRICS]
+    return {name: metric(name) for name in (*known, *others)}
+
+
+def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
+    """Return the scores that the trial's limits and `scores` ask for, then those by default.
+
+    What cannot be computed is a score without a value, its reason said; a limit on it is then
+    'not_scored', which a gate rejects.
+
+    Raises:
+        PluginError: a metric that is asked for does not exist or cannot be loaded.
+    """
+    wanted: list[tuple[str, str, AcceptanceLimit | None]] = [
+        (limit.metric, _channel(limit.metric, limit.channel, trial), limit)
+        for limit in trial.limits
+    ]
+    have = {(name, channel) for name, channel, _ in wanted}
+    defaults = [
+        (name, candidate.spec.channel_for(trial.channel))
+        for name, candidate in all_metrics().items()
+        if candidate.by_default and candidate.applies(trial)
+    ]
+    asked = [(name, _channel(name, channel, trial)) for name, channel in trial.scores]
+    for pair in (*asked, *defaults):
+        if pair not in have:
+            have.add(pair)
+            wanted.append((*pair, None))
+    return tuple(_score(recording, trial, *item) for item in wanted)
+
+
+def _channel(name: str, channel: str, trial: Trial) -> str:
+    return channel or metric(name).spec.channel_for(trial.channel)
+
+
+def _score(
+    recording: Recording, trial: Trial, name: str, channel: str, limit: AcceptanceLimit | None
+) -> Score:
+    found = metric(name)
+    measure = measure_safely(found, recording, trial, channel)
+    unit = _unit(found, recording, trial, channel)
+    return Score(
+        metric=name,
+        channel=channel,
+        measure=measure,
+        unit=unit,
+        status=judge(measure, limit),
+        limit=limit.text if limit else "",
+    )
+
+
+def measure_safely(found: Metric, recording: Recording, trial: Trial, channel: str) -> Measure:
+    """Return what a metric finds; whatever goes wrong becomes a reason."""
+    try:
+        with warnings.catch_warnings():
+            # numbers near the ends of the floating-point range overflow inside; what is not finite
+            # in the end is not scored, so the warning would say it twice
+            warnings.simplefilter("ignore", RuntimeWarning)
+            measure = found.measure(recording, trial, channel)
+    except NotScored as error:
+        return Measure.none(error.reason)
+    except MissingChannelError as error:
+        return Measure.none(f"no {error.channel}")
+    except EhaBenchError as error:
+        return Measure.none(str(error))
+    except Exception as error:  # a plug-in's fault must not cost the run's other scores
+        return Measure.none(f"metric '{found.spec.id}' failed ({type(error).__name__}: {error})")
+    if measure.value == measure.value and abs(measure.value) == float("inf"):
+        return Measure.none("the value is beyond the largest number")
+    if measure.value != measure.value and not measure.reason:
+        return replace(measure, reason="the metric gave no value and no reason")
+    return measure
+
+
+def _unit(found: Metric, recording: Recording, trial: Trial, channel: str) -> str:
+    if found.spec.unit is not None:
+        return found.spec.unit
+    if channel == "reference":
+        return unit_of(trial.channel)
+    return recording.unit(channel) if channel in recording else unit_of(channel)

@@ -1,0 +1,81 @@
+"""Settling time: from the edge until the response stays within 2 % of the step."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from eha_bench.core.score import Measure
+from eha_bench.metrics.local import Crossing, interpolated, refined, smooth
+from eha_bench.metrics.metric import NotScored, spec_of
+from eha_bench.metrics.step_metric import LEVELS, StepMetric, said, since_edge
+from eha_bench.metrics.step_response import StepResponse
+
+BAND = 0.02
+"""Half-width of the band around the final level, as a share of the step."""
+
+HOLD_SHARE = 0.1
+"""Share of the hold for which the response must have stayed in the band."""
+
+
+class SettlingTime(StepMetric):
+    """Time in s after which the response stays within 2 % of the step around the final level.
+
+    Noise would carry a settled response out of the band again and again. It is smoothed until a
+    fifth of the band is left of it; where even that is not possible, nothing is scored.
+    """
+
+    spec = spec_of("settling_time")
+
+    def of(self, step: StepResponse) -> Measure:
+        """Return the last crossing of the band; its interval covers exits that noise may hide."""
+        track = smooth(step.rise, step.noise, BAND / 5.0, max(2, 3 * step.transit))
+        spread = math.sqrt(track.sd**2 + step.final_variance)
+        if spread > BAND / 3.0:
+            raise NotScored(
+                f"the noise floor of {100 * spread:.2g} % of the step hides the 2 % band"
+            )
+        distance = track.values - 1.0
+        last = _last_outside(distance, BAND)
+        hold = float(step.time[-1])
+        if last + 1 >= step.time.size or step.time[last] > (1.0 - HOLD_SHARE) * hold:
+            raise NotScored(
+                f"not settled: outside of 2 % of the step {step.time[last]:.4g} s after the edge, "
+                f"with the hold ending at {hold:.4g} s"
+            )
+        edge = 1.0 + math.copysign(BAND, float(distance[last]))
+        place = interpolated(step.time, track.values, edge, last + 1)
+        if not step.exact and step.noise.known:
+            place = refined(step.time, step.rise, edge, place, step.noise, 4 * step.transit)
+        low, high = self._interval(step, distance, place, spread)
+        convention = f"2 % of the step for good, {LEVELS}"
+        return since_edge(step, Measure(place.time, low, high, said(step, convention)))
+
+    @staticmethod
+    def _interval(
+        step: StepResponse,
+        distance: np.ndarray[tuple[int], np.dtype[np.float64]],
+        place: Crossing,
+        spread: float,
+    ) -> tuple[float, float]:
+        if not step.noise.known:
+            return math.nan, math.nan
+        reach = step.noise.quantile()
+        own = reach * math.sqrt(place.variance + step.final_variance) / abs(place.slope)
+        surely = _last_outside(distance, BAND + reach * spread)
+        perhaps = _last_outside(distance, BAND - reach * spread)
+        low, high = place.time - own, place.time + own
+        if step.exact:
+            return low, high
+        # an oscillation that just clears the band, or just does not, moves the time by a period
+        if step.time[perhaps] > high + 3.0 * own:
+            high = float(step.time[perhaps])
+        if step.time[surely] < low - 3.0 * own:
+            low = min(low, float(step.time[surely]))
+        return low, high
+
+
+def _last_outside(distance: np.ndarray[tuple[int], np.dtype[np.float64]], band: float) -> int:
+    outside = np.flatnonzero(np.abs(distance) > band)
+    return int(outside[-1]) if outside.size else 0

@@ -1,0 +1,95 @@
+"""Steady-state error and holding current: means over the end of the hold."""
+
+from __future__ import annotations
+
+import math
+
+from eha_bench.core.channels import unit_of
+from eha_bench.core.recording import Recording
+from eha_bench.core.score import Measure
+from eha_bench.core.signal import Edge
+from eha_bench.core.trial import Trial
+from eha_bench.metrics.metric import Metric, NotScored, spec_of
+from eha_bench.metrics.noise import estimate
+from eha_bench.metrics.step_response import (
+    FINAL_SHARE,
+    final_window,
+    level,
+    require_finite,
+)
+from eha_bench.metrics.window import Timeline, commanded_edges, timeline
+
+_WINDOW = f"mean of the last {100 * FINAL_SHARE:.0f} % of the hold"
+
+
+class SteadyStateError(Metric):
+    """Reference minus final level, in the channel's unit."""
+
+    spec = spec_of("steady_state_error")
+
+    def applies(self, trial: Trial) -> bool:
+        """Whether the signal has an edge."""
+        return bool(trial.signal.edges)
+
+    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
+        """Return the error of the largest magnitude over the edges."""
+        if channel != trial.channel:
+            raise NotScored(f"{channel} is not what the reference asks for ({trial.channel} is)")
+        line = timeline(recording, trial)
+        found = [
+            _mean(line, recording, channel, edge, edge.after)
+            for edge in commanded_edges(line, trial)
+        ]
+        return _largest(found)
+
+
+class HoldingCurrent(Metric):
+    """Mean motor current while the final level is held, in A.
+
+    Friction sticks: which current holds a level depends on how it was reached, so the value is
+    that of this recording; a drift along the window is said.
+    """
+
+    spec = spec_of("holding_current")
+
+    def applies(self, trial: Trial) -> bool:
+        """Whether the signal has an edge to hold after."""
+        return bool(trial.signal.edges)
+
+    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
+        """Return the mean over the window, the largest magnitude over the edges."""
+        if (recording.unit(channel) or unit_of(channel)) != "A":
+            raise NotScored(f"{channel} is not a current")
+        line = timeline(recording, trial)
+        edges = commanded_edges(line, trial)
+        return _largest([_mean(line, recording, channel, edge, None) for edge in edges])
+
+
+def _mean(
+    line: Timeline, recording: Recording, channel: str, edge: Edge, target: float | None
+) -> Measure:
+    """Return the mean of the final window, or what is missing from it to `target`."""
+    window = final_window(line, edge)
+    values = recording[channel]
+    if window.stop <= window.start:
+        raise NotScored("no sample at the end of the hold")
+    require_finite(line, values, window)
+    scale = float(abs(values[window]).max()) or 1.0
+    noise = estimate([values[window] / scale])
+    found = level(values[window] / scale, noise)
+    reach = noise.quantile() * math.sqrt(found.variance) * scale
+    if not noise.known:
+        reach = math.nan
+    value = found.value * scale if target is None else target - found.value * scale
+    notes = [_WINDOW, line.how] if line.how else [_WINDOW]
+    if abs(found.drift) > 3.0 * math.sqrt(found.drift_variance) and abs(found.drift) > 0.01:
+        notes.append(f"not stationary: drifts by {found.drift * scale:.3g} along it")
+    return Measure(value, value - reach, value + reach, "; ".join(notes))
+
+
+def _largest(found: list[Measure]) -> Measure:
+    chosen = max(found, key=lambda measure: abs(measure.value))
+    if len(found) == 1:
+        return chosen
+    reason = f"largest of {len(found)} edges; {chosen.reason}"
+    return Measure(chosen.value, chosen.low, chosen.high, reason)

@@ -1,0 +1,68 @@
+"""A metric of the step response: one definition, applied to every edge, the worst one reported."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import replace
+
+from eha_bench.core.recording import Recording
+from eha_bench.core.score import Measure
+from eha_bench.core.trial import Trial
+from eha_bench.metrics.metric import Metric, NotScored
+from eha_bench.metrics.step_response import StepResponse, step_responses
+
+LEVELS = "levels by windows"
+
+
+class StepMetric(Metric):
+    """Scores trials whose signal has edges; with several edges, the largest magnitude counts."""
+
+    def applies(self, trial: Trial) -> bool:
+        """Whether the signal has an edge."""
+        return bool(trial.signal.edges)
+
+    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
+        """Return the worst value over the edges."""
+        responses = step_responses(recording, trial, channel)
+        return worst([(step, self._placed(step, len(responses))) for step in responses])
+
+    def _placed(self, step: StepResponse, edges: int) -> Measure:
+        try:
+            return self.of(step)
+        except NotScored as error:
+            if edges == 1:
+                raise
+            raise NotScored(f"edge at {step.edge.time:.6g} s: {error.reason}") from error
+
+    @abstractmethod
+    def of(self, step: StepResponse) -> Measure:
+        """Return the value for one edge."""
+
+
+def worst(found: list[tuple[StepResponse, Measure]]) -> Measure:
+    """Return the measure of the largest magnitude, and say which edge it belongs to."""
+    step, chosen = max(
+        found, key=lambda pair: math.inf if math.isnan(pair[1].value) else abs(pair[1].value)
+    )
+    if len(found) == 1:
+        return chosen
+    return replace(
+        chosen, reason=f"worst of {len(found)} edges, at {step.edge.time:.6g} s; {chosen.reason}"
+    )
+
+
+def around(step: StepResponse, value: float, variance: float, convention: str) -> Measure:
+    """Return a value with the interval that a (normalised) variance gives it."""
+    reach = step.noise.quantile() * math.sqrt(variance) if variance >= 0.0 else math.nan
+    return Measure(value, value - reach, value + reach, said(step, convention))
+
+
+def since_edge(step: StepResponse, measure: Measure) -> Measure:
+    """Return a time since the edge, later at most by what the edge may have been earlier."""
+    return replace(measure, low=max(measure.low, 0.0), high=measure.high + step.slack)
+
+
+def said(step: StepResponse, convention: str) -> str:
+    """Return the convention followed by what the reader of the score should know."""
+    return "; ".join((convention, *step.notes))

@@ -1,0 +1,250 @@
+"""A step response, normalised: 0 is the level before the edge, 1 the level that it settles at."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.recording import Recording
+from eha_bench.core.signal import Edge
+from eha_bench.core.trial import Trial
+from eha_bench.metrics.levels import Level, histogram_levels
+from eha_bench.metrics.local import Crossing, Smooth, interpolated, refined, smooth
+from eha_bench.metrics.memo import remembered
+from eha_bench.metrics.metric import NotScored
+from eha_bench.metrics.noise import Noise, estimate
+from eha_bench.metrics.window import Timeline, commanded_edges, timeline
+
+FloatArray = NDArray[np.float64]
+
+FINAL_SHARE = 0.2
+"""Share of the hold, at its end, whose mean is the final level."""
+
+DRIFT = 0.02
+"""Change along the final window, as a share of the step, above which nothing has settled."""
+
+_EXACT = 1e-6  # noise below this share of the step: crossings are interpolated between samples
+_SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
+
+
+@dataclass(frozen=True)
+class StepResponse:
+    """What one channel does between an edge of the command and the next.
+
+    Attributes:
+        edge: as commanded; time in s of the signal, levels in SI.
+        time: (n,) s since the edge; the first sample is the last one not after it.
+        rise: (n,) normalised response: 0 initial, 1 final level.
+        initial: level before the edge, SI.
+        step: final minus initial level, SI, signed.
+        initial_variance, final_variance: of the normalised levels.
+        noise: of `rise`.
+        smooth: `rise` smoothed, for finding places.
+        transit: samples from about 25 to 75 %.
+        slack: s by which the edge may really have been earlier (0 when its time is known).
+        notes: what a reader of the score should know, one clause each.
+    """
+
+    edge: Edge
+    time: FloatArray
+    rise: FloatArray
+    initial: float
+    step: float
+    initial_variance: float
+    final_variance: float
+    noise: Noise
+    smooth: Smooth
+    transit: int
+    slack: float
+    notes: tuple[str, ...]
+
+    @property
+    def final(self) -> float:
+        """Level at the end of the hold, SI."""
+        return self.initial + self.step
+
+    @property
+    def exact(self) -> bool:
+        """Whether the recording is free of noise, so that samples can be taken at their word."""
+        return self.noise.sd <= _EXACT
+
+    def level_variance(self, share: float) -> float:
+        """Return the variance of the level at `share` of the step (normalised)."""
+        return (1.0 - share) ** 2 * self.initial_variance + share**2 * self.final_variance
+
+    def crossing(self, share: float) -> Crossing:
+        """Return where the response first gets to `share` of the step, in s since the edge.
+
+        A crossing counts once the smoothed response has gone beyond it by two of its standard
+        deviations, so that noise around a level that it stays at does not.
+        """
+        key = f"{100 * share:g} %"
+        values = self.smooth.values
+        beyond = np.flatnonzero(values >= share + 2.0 * self.smooth.sd)
+        if beyond.size == 0:
+            beyond = np.flatnonzero(values >= share)
+        if beyond.size == 0:
+            raise NotScored(f"the response does not reach {key} of the step")
+        below = np.flatnonzero(values[: int(beyond[0])] < share)
+        if below.size == 0:
+            raise NotScored(f"the response is beyond {key} of the step at the edge already")
+        index = int(below[-1]) + 1
+        guess = interpolated(self.time, values, share, index)
+        if self.exact or not self.noise.known:
+            return guess
+        return refined(self.time, self.rise, share, guess, self.noise, 4 * self.transit)
+
+
+def step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[StepResponse, ...]:
+    """Return the response of a channel to every edge of the trial's signal, in order of time.
+
+    Raises:
+        NotScored: no edge, samples without a value, no step seen, or not settled.
+        MissingChannelError: no such channel.
+    """
+    return remembered(
+        recording, trial, ("steps", channel), lambda: _step_responses(recording, trial, channel)
+    )
+
+
+def _step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[StepResponse, ...]:
+    if not trial.signal.edges:
+        raise NotScored("the signal has no edge")
+    values = recording[channel]
+    line = timeline(recording, trial)
+    edges = commanded_edges(line, trial)
+    responses = []
+    for number, edge in enumerate(edges):
+        start = edges[number - 1].time if number else float(line.time[0])
+        asked = trial.signal.edges[number]
+        _require_hold(line, edge, asked)
+        response = _respond(line, values, edge, start)
+        if channel == trial.channel and (response.step > 0) != (edge.after > edge.before):
+            raise NotScored(
+                f"{channel} moves against the command (from {response.initial:.4g} "
+                f"to {response.final:.4g} where {edge.before:.4g} to {edge.after:.4g} was asked)"
+            )
+        responses.append(response)
+    return tuple(responses)
+
+
+def _require_hold(line: Timeline, edge: Edge, asked: Edge) -> None:
+    end = float(line.time[-1]) + line.period
+    hold = asked.until - asked.time
+    if edge.until >= end - 0.5 * line.period and end - edge.time < 0.5 * hold:
+        raise NotScored(
+            f"the recording ends {end - edge.time:.4g} s after the edge, "
+            f"in the first half of its hold of {hold:.4g} s"
+        )
+
+
+def final_window(line: Timeline, edge: Edge) -> slice:
+    """Return the samples of the end of an edge's hold."""
+    return line.between(edge.until - FINAL_SHARE * (edge.until - edge.time), edge.until)
+
+
+def initial_window(line: Timeline, edge: Edge, start: float) -> slice:
+    """Return the samples before an edge, its own included: at an instant it cannot act yet."""
+    length = min(0.5 * (edge.time - start), 0.25 * (edge.until - edge.time))
+    last = line.between(edge.time - length, edge.time + 2e-3 * line.period)
+    return last if last.stop > last.start else slice(max(last.stop - 1, 0), max(last.stop, 1))
+
+
+def require_finite(line: Timeline, values: FloatArray, window: slice) -> None:
+    """Raise NotScored, with the time of the recording, if a sample in the window has no value."""
+    good = np.isfinite(values[window])
+    if not np.all(good):
+        first = float(line.time[window][int(np.argmin(good))]) + line.offset
+        missing = int(np.count_nonzero(~good))
+        raise NotScored(f"{missing} sample(s) without a value, the first at {first:.6g} s")
+
+
+def level(values: FloatArray, noise: Noise) -> Level:
+    """Return the mean of (n,) samples with the variances of mean and drift."""
+    half = max(values.size // 2, 1)
+    drift = 2.0 * (float(values[-half:].mean()) - float(values[:half].mean()))
+    drift_variance = 8.0 * noise.variance_of_mean(half)
+    mean, variance = float(values.mean()), noise.variance_of_mean(values.size)
+    return Level(mean, variance, drift, drift_variance, int(values.size))
+
+
+def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> StepResponse:
+    before = initial_window(line, edge, start)
+    end = final_window(line, edge)
+    hold = slice(before.stop - 1, end.stop)
+    if hold.stop - hold.start < 4 or end.stop - end.start < 1:
+        raise NotScored(f"{hold.stop - hold.start} sample(s) in the hold after the edge")
+    require_finite(line, values, slice(before.start, end.stop))
+    scale = float(np.max(np.abs(values[before.start : end.stop])))
+    if scale == 0.0:
+        raise NotScored("no step: the response is zero throughout")
+    data = values / scale  # so that differences of the largest numbers are finite
+    noise = estimate([data[before], data[end]])
+    if noise.known and noise.sd == 0.0:
+        noise = _quantised(data[hold], noise)
+    low, high = level(data[before], noise), level(data[end], noise)
+    step = high.value - low.value
+    floor = max(4.0 * math.sqrt(low.variance + high.variance), 2.0 * noise.sd, 1e-12)
+    if not abs(step) > floor:
+        raise NotScored(
+            f"no step: the level changes by {step * scale:.3g}, "
+            f"noise has a standard deviation of {noise.sd * scale:.3g}"
+        )
+    if abs(high.drift) > DRIFT * abs(step) + 3.0 * math.sqrt(high.drift_variance):
+        raise NotScored(
+            f"not settled: the response still drifts by {100 * abs(high.drift / step):.1f} % "
+            f"of the step in the last {100 * FINAL_SHARE:.0f} % of the hold"
+        )
+    rise = (data[hold] - low.value) / step
+    time = line.time[hold] - edge.time
+    unit = Noise(noise.autocovariance / step**2, noise.freedom)
+    transit = _transit(rise, unit)
+    return StepResponse(
+        edge=edge,
+        time=time,
+        rise=rise,
+        initial=low.value * scale,
+        step=step * scale,
+        initial_variance=low.variance / step**2,
+        final_variance=high.variance / step**2,
+        noise=unit,
+        smooth=smooth(rise, unit, _SMOOTHED, max(2, transit // 2)),
+        transit=transit,
+        slack=line.period if line.how else 0.0,
+        notes=_notes(line, rise, low, unit),
+    )
+
+
+def _quantised(values: FloatArray, noise: Noise) -> Noise:
+    """Return the noise of rounding where a level is constant to the last bit."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-9]
+    distinct = np.unique(np.round(values / 1e-9)).size
+    if steps.size == 0 or distinct > 0.5 * values.size:
+        return noise
+    return Noise(np.array([float(steps.min()) ** 2 / 12.0]), noise.freedom)
+
+
+def _transit(rise: FloatArray, noise: Noise) -> int:
+    rough = smooth(rise, noise, 0.05, max(2, rise.size // 50)).values
+    high = int(np.argmax(rough >= 0.75)) if np.any(rough >= 0.75) else rise.size - 1
+    below = np.flatnonzero(rough[: high + 1] < 0.25)
+    return max(high - int(below[-1]) if below.size else high, 1)
+
+
+def _notes(line: Timeline, rise: FloatArray, low: Level, noise: Noise) -> tuple[str, ...]:
+    notes = [line.how] if line.how else []
+    if low.samples < 4:
+        notes.append(f"initial level from {low.samples} sample(s)")
+    if not noise.known:
+        notes.append("too few settled samples for an interval")
+    modes = histogram_levels(rise)
+    if noise.sd < 0.02 and max(abs(modes[0]), abs(modes[1] - 1.0)) > 0.05:
+        notes.append(
+            "levels by histogram (IEEE 181) differ: "
+            f"{100 * modes[0]:.0f} % and {100 * modes[1]:.0f} % of the step by windows"
+        )
+    return tuple(notes)

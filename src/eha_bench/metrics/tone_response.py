@@ -1,0 +1,250 @@
+"""The response to one sine: fundamental, harmonics and noise over its settled periods."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from eha_bench.core.recording import Recording
+from eha_bench.core.signal import Tone
+from eha_bench.core.trial import Trial
+from eha_bench.metrics.memo import remembered
+from eha_bench.metrics.metric import NotScored
+from eha_bench.metrics.sine_fit import fit4
+from eha_bench.metrics.step_response import require_finite
+from eha_bench.metrics.window import Timeline, timeline
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+TRANSIENT_PERIODS = 2
+"""Periods at the start of a tone that are never scored."""
+
+HARMONICS = 10
+"""Highest harmonic that counts as distortion."""
+
+_FEWEST_PER_PERIOD = 4
+_STATIONARY = 0.01  # of the amplitude: what a settled period may differ from the last ones
+_DRIFT = 0.05  # of the amplitude: between the halves of the settled periods
+
+
+@dataclass(frozen=True)
+class Phasor:
+    """A complex amplitude (value of exp(j 2 pi f t)) with the variance of each of its parts."""
+
+    value: complex
+    variance: float
+
+
+@dataclass(frozen=True)
+class ToneResponse:
+    """What a channel does under a settled sine.
+
+    Attributes:
+        tone: as the trial has it.
+        frequency: as commanded, Hz.
+        reference: fundamental of the command.
+        response: fundamental of the channel.
+        harmonics: of the channel, from the second on, as far as half the sample rate allows.
+        residual_rms: of what is neither offset nor fundamental nor harmonic, unit of the channel.
+        freedom: degrees of freedom of the variances (0: no interval).
+        periods: settled periods used.
+        notes: what a reader of the score should know.
+    """
+
+    tone: Tone
+    frequency: float
+    reference: Phasor
+    response: Phasor
+    harmonics: tuple[Phasor, ...]
+    residual_rms: float
+    freedom: float
+    periods: int
+    notes: tuple[str, ...]
+
+    def quantile(self) -> float:
+        """Return Student's two-sided 95 % quantile (NaN where the noise is not known)."""
+        return float(stdtrit(self.freedom, 0.975)) if self.freedom > 0 else math.nan
+
+    @property
+    def ratio(self) -> complex:
+        """Response over reference."""
+        return self.response.value / self.reference.value
+
+    @property
+    def ratio_sd(self) -> float:
+        """Standard deviation of the magnitude of `ratio`, and of its angle times the magnitude."""
+        relative = self.response.variance + abs(self.ratio) ** 2 * self.reference.variance
+        return math.sqrt(relative) / abs(self.reference.value)
+
+
+def tone_responses(recording: Recording, trial: Trial, channel: str) -> tuple[ToneResponse, ...]:
+    """Return the response of a channel to every tone of the trial's signal.
+
+    Raises:
+        NotScored: no tone, samples without a value, or too few settled periods.
+        MissingChannelError: no such channel.
+    """
+    if not trial.signal.tones:
+        raise NotScored("the signal has no sine")
+    return tuple(tone_response(recording, trial, channel, tone) for tone in trial.signal.tones)
+
+
+def tone_response(recording: Recording, trial: Trial, channel: str, tone: Tone) -> ToneResponse:
+    """Return the response of a channel to one tone; raises as `tone_responses`."""
+    return remembered(
+        recording, trial, ("tone", channel, tone), lambda: _respond(recording, trial, channel, tone)
+    )
+
+
+def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> ToneResponse:
+    values = recording[channel]
+    line = timeline(recording, trial)
+    label = f"{tone.frequency:.4g} Hz"
+    if not tone.frequency > 0.0 or not math.isfinite(tone.frequency):
+        raise NotScored(f"a tone of {label} has no period")
+    if tone.frequency * line.period * _FEWEST_PER_PERIOD > 1.0:
+        raise NotScored(f"fewer than {_FEWEST_PER_PERIOD} samples in a period of {label}")
+    start, stop = tone.start, min(tone.stop, float(line.time[-1]) + line.period, trial.duration)
+    start = max(start, float(line.time[0]))
+    periods = math.floor((stop - start) * tone.frequency + 1e-3)
+    if periods < TRANSIENT_PERIODS + 2:
+        raise NotScored(
+            f"{max(periods, 0)} period(s) of {label}: {TRANSIENT_PERIODS} are left out as the "
+            "transient and two settled ones are needed"
+        )
+    whole = line.between(stop - periods / tone.frequency, stop)
+    require_finite(line, values, whole)
+    require_finite(line, line.reference, whole)
+    frequency = _commanded_frequency(line, tone, whole)
+    scale = float(np.max(np.abs(values[whole])))
+    if scale == 0.0:
+        raise NotScored("the channel is zero throughout")
+    data = values / scale
+    phasors = _period_phasors(line.time, data, stop, periods - TRANSIENT_PERIODS, frequency)
+    settled = _settled(phasors)
+    window = line.between(stop - settled / frequency, stop)
+    time = line.time[window] - stop
+    response = _harmonic_fit(time, data[window], frequency, settled)
+    _require_stationary(phasors[:settled], response.variance, label)
+    command_scale = float(np.max(np.abs(line.reference[window]))) or 1.0
+    command = _harmonic_fit(time, line.reference[window] / command_scale, frequency, settled)
+    if not abs(command.phasors[0]) > 10.0 * math.sqrt(command.variance) + 1e-9:
+        raise NotScored(f"the reference holds no sine of {label}")
+    notes = [f"{settled} settled periods of {periods}"]
+    if line.how:
+        notes.append(line.how)
+    return ToneResponse(
+        tone=tone,
+        frequency=frequency,
+        reference=Phasor(command.phasors[0] * command_scale, command.variance * command_scale**2),
+        response=Phasor(response.phasors[0] * scale, response.variance * scale**2),
+        harmonics=tuple(
+            Phasor(value * scale, response.variance * scale**2) for value in response.phasors[1:]
+        ),
+        residual_rms=response.residual_rms * scale,
+        freedom=response.freedom,
+        periods=settled,
+        notes=tuple(notes),
+    )
+
+
+def _commanded_frequency(line: Timeline, tone: Tone, window: slice) -> float:
+    """Return the tone's frequency; of a foreign recording, that of its own reference."""
+    if not line.how:
+        return tone.frequency
+    reference = line.reference[window]
+    scale = float(np.max(np.abs(reference)))
+    if scale == 0.0 or np.ptp(reference) == 0.0:
+        return tone.frequency
+    time = line.time[window]
+    found = fit4(time - time[0], reference / scale, tone.frequency)
+    # a clock that runs fast or slow, not another signal
+    return found.frequency if abs(found.frequency / tone.frequency - 1.0) < 0.01 else tone.frequency
+
+
+@dataclass(frozen=True)
+class _HarmonicFit:
+    phasors: tuple[complex, ...]  # fundamental first
+    variance: float  # of each part of a phasor
+    residual_rms: float
+    freedom: float
+
+
+def _harmonic_fit(
+    time: FloatArray, values: FloatArray, frequency: float, periods: int
+) -> _HarmonicFit:
+    """Fit offset, fundamental and harmonics at once; the noise comes from between the lines."""
+    period = (time[-1] - time[0]) / (time.size - 1)
+    highest = max(1, min(HARMONICS, math.ceil(0.5 / (frequency * period)) - 1))
+    highest = max(1, min(highest, (time.size - 2) // 3))
+    angles = 2.0 * np.pi * frequency * np.outer(time, np.arange(1, highest + 1))
+    design = np.column_stack([np.ones(time.size), np.cos(angles), np.sin(angles)])
+    # over whole periods the columns are nearly orthogonal: normal equations lose nothing
+    solution = np.linalg.solve(design.T @ design, design.T @ values)
+    residual = values - design @ solution
+    # a cos + b sin = Re((a - jb) exp(jwt)); a sine of phase 0 is -j
+    phasors = tuple(complex(solution[1 + h], -solution[1 + highest + h]) for h in range(highest))
+    density, freedom = _noise_density(residual, periods, highest)
+    variance = 2.0 * density / time.size
+    rms = math.sqrt(float(residual @ residual) / max(time.size - 1 - 2 * highest, 1))
+    return _HarmonicFit(phasors, variance, rms, freedom)
+
+
+def _noise_density(residual: FloatArray, periods: int, highest: int) -> tuple[float, float]:
+    """Return the noise variance per sample near the fundamental, and its degrees of freedom.
+
+    A record of P periods has P - 1 free lines between two harmonics: the nearest twelve to the
+    fundamental tell its noise, correlated or not.
+    """
+    spectrum = np.fft.rfft(residual)
+    bins = np.arange(1, min((residual.size - 1) // 2, 4 * periods + 64))
+    free = bins[(bins % periods != 0) | (bins > highest * periods)]
+    if free.size == 0:
+        return 0.0, 0.0
+    nearest = free[np.argsort(np.abs(free - periods), kind="stable")[:12]]
+    power = np.abs(spectrum[nearest]) ** 2 / residual.size
+    return float(power.mean()), 2.0 * float(nearest.size)
+
+
+def _settled(phasors: ComplexArray) -> int:
+    """Return how many periods, from the last one backwards, are like the last half of them."""
+    tail = phasors[: max(phasors.size // 2, 2)]
+    centre = tail.mean()
+    scatter = float(np.sqrt(np.mean(np.abs(tail - centre) ** 2)))
+    alike = np.abs(phasors - centre) <= _STATIONARY * abs(centre) + 4.0 * scatter
+    return int(phasors.size if np.all(alike) else np.argmin(alike))
+
+
+def _require_stationary(phasors: ComplexArray, variance: float, label: str) -> None:
+    """Raise NotScored if the newer half of the settled periods differs from the older half."""
+    half = phasors.size // 2
+    change = float(abs(phasors[:half].mean() - phasors[-half:].mean()))
+    noise = math.sqrt(4.0 * variance * phasors.size / half)
+    size = float(abs(phasors.mean()))
+    share = 100.0 * change / max(size, 1e-300)
+    if change > _DRIFT * size + 4.0 * noise:
+        raise NotScored(
+            f"not settled: the {label} response changes by {share:.0f} % "
+            "from the older to the newer half of its periods"
+        )
+
+
+def _period_phasors(
+    time: FloatArray, data: FloatArray, stop: float, count: int, frequency: float
+) -> ComplexArray:
+    """Return the fundamental of each of the last `count` periods, the last one first."""
+    found = np.zeros(count, dtype=np.complex128)
+    slack = 1e-6 / frequency
+    for number in range(count):
+        bounds = [stop - (number + 1) / frequency - slack, stop - number / frequency - slack]
+        first, last = np.searchsorted(time, bounds)
+        angle = 2.0 * np.pi * frequency * (time[first:last] - stop)
+        design = np.column_stack([np.ones(angle.size), np.cos(angle), np.sin(angle)])
+        _, a, b = np.linalg.lstsq(design, data[first:last], rcond=None)[0]
+        found[number] = complex(a, -b)
+    return found

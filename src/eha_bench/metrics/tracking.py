@@ -1,0 +1,169 @@
+"""Tracking error: reference minus measurement over the scored time."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.metric import MetricSpec
+from eha_bench.core.recording import Recording
+from eha_bench.core.score import Measure
+from eha_bench.core.trial import Trial
+from eha_bench.metrics.memo import remembered
+from eha_bench.metrics.metric import Metric, NotScored, spec_of
+from eha_bench.metrics.step_response import require_finite
+from eha_bench.metrics.window import timeline
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TrackingError:
+    """Reference minus measurement, over the scored time.
+
+    Attributes:
+        error: (n,) in units of `scale`.
+        reference: (n,) in units of `scale`.
+        scale: SI value of one.
+        noise: standard deviation of the error's white part, in units of `scale`.
+        how: where the reference comes from, for the reason of a score.
+    """
+
+    error: FloatArray
+    reference: FloatArray
+    scale: float
+    noise: float
+    how: str
+
+
+def tracking_error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
+    """Return the error of the channel that should follow the reference.
+
+    Raises:
+        NotScored: another channel, no sample in the scored time, or samples without a value.
+        MissingChannelError: no such channel.
+    """
+    return remembered(
+        recording, trial, ("tracking", channel), lambda: _error(recording, trial, channel)
+    )
+
+
+def _error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
+    values = recording[channel]
+    if channel != trial.channel:
+        raise NotScored(f"{channel} is not what the reference asks for ({trial.channel} is)")
+    line = timeline(recording, trial)
+    window = line.between(0.0, trial.duration)
+    count = window.stop - window.start
+    if count < 2:
+        raise NotScored("fewer than two samples in the scored time")
+    end = float(line.time[-1]) + line.period
+    if end < 0.5 * trial.duration:
+        raise NotScored(f"the recording ends at {end:.4g} s of {trial.duration:.4g} s to score")
+    require_finite(line, values, window)
+    require_finite(line, line.reference, window)
+    largest = max(
+        float(np.max(np.abs(values[window]))), float(np.max(np.abs(line.reference[window])))
+    )
+    scale = largest or 1.0
+    reference = line.reference[window] / scale
+    error = reference - values[window] / scale
+    how = line.how if line.recorded else "reference as the trial defines it"
+    if end < trial.duration - 0.5 * line.period:
+        how = "; ".join(part for part in (how, f"recording ends at {end:.4g} s") if part)
+    return TrackingError(error, reference, scale, white_noise(error), how)
+
+
+def white_noise(values: FloatArray) -> float:
+    """Return the standard deviation of the white part of (n,) samples, from third differences.
+
+    The median absolute difference is blind to jumps; differencing is blind to what is smooth.
+    """
+    if values.size < 8:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, 3)))) / (0.6744897501960817 * math.sqrt(20.0))
+
+
+class TrackingMetric(Metric):
+    """Scores every trial that has a reference to follow."""
+
+    def applies(self, trial: Trial) -> bool:
+        """Whether the signal lasts at all."""
+        return trial.duration > 0.0
+
+    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
+        """Return the value from the error over the scored time."""
+        error = tracking_error(recording, trial, channel)
+        found = self.of(error)
+        reason = "; ".join(part for part in (found.reason, error.how) if part)
+        return Measure(found.value, found.low, found.high, reason)
+
+    @abstractmethod
+    def of(self, error: TrackingError) -> Measure:
+        """Return the value from the error."""
+
+
+def root_mean_square(error: TrackingError) -> Measure:
+    """Return the RMS with the spread that white sensor noise gives it."""
+    values = error.error
+    power = float(values @ values) / values.size
+    clean = max(power - error.noise**2, 0.0)
+    spread = math.sqrt((4.0 * clean * error.noise**2 + 2.0 * error.noise**4) / values.size)
+    low, high = max(power - 1.96 * spread, 0.0), power + 1.96 * spread
+    value, low, high = (math.sqrt(part) * error.scale for part in (power, low, high))
+    return Measure(value, low, high, "measured error, sensor noise included")
+
+
+class TrackingRms(TrackingMetric):
+    """Root mean square of reference minus measurement, in the channel's unit."""
+
+    spec = spec_of("tracking_rms")
+
+    def of(self, error: TrackingError) -> Measure:
+        """Return the RMS."""
+        return root_mean_square(error)
+
+
+class TrackingMax(TrackingMetric):
+    """Largest magnitude of reference minus measurement, in the channel's unit."""
+
+    spec = spec_of("tracking_max")
+
+    def of(self, error: TrackingError) -> Measure:
+        """Return the largest magnitude; the interval reaches as far as its sample's noise."""
+        value = float(np.max(np.abs(error.error)))
+        largest = error.noise * math.sqrt(2.0 * math.log(max(error.error.size, 2)))
+        low, high = max(value - largest, 0.0), value + 1.96 * error.noise
+        value, low, high = (part * error.scale for part in (value, low, high))
+        return Measure(value, low, high, "measured error, sensor noise included")
+
+
+class TrackingNrmse(TrackingMetric):
+    """RMS error over the span of the reference."""
+
+    spec = spec_of("tracking_nrmse")
+
+    def of(self, error: TrackingError) -> Measure:
+        """Return RMS / (max - min of the reference)."""
+        span = float(np.ptp(error.reference)) * error.scale
+        if not span > 1e-12 * error.scale:
+            raise NotScored("the reference is constant: it has no span to normalise by")
+        rms = root_mean_square(error)
+        reason = "RMS over the span (max - min) of the reference"
+        return Measure(rms.value / span, rms.low / span, rms.high / span, reason)
+
+
+class TrackingPercentile95(TrackingMetric):
+    """The error's magnitude that 95 % of the samples keep, in the channel's unit."""
+
+    spec = MetricSpec("tracking_p95", "95th percentile of |reference - measurement|", None)
+    by_default = False
+
+    def of(self, error: TrackingError) -> Measure:
+        """Return the percentile."""
+        value = float(np.percentile(np.abs(error.error), 95.0)) * error.scale
+        return Measure(value, reason="95 % of the samples are within it")
