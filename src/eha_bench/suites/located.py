@@ -44,11 +44,17 @@ class Located:
 
     def place(self, keys: Sequence[Key] = ()) -> Place:
         """Return where `keys` were written; what is not there is placed at what should hold it."""
-        known = tuple(keys)
-        while known and known not in self.places:
-            known = known[:-1]
+        known: Keys = ()
+        value = self.value
+        absent = ""
+        for key in keys:
+            if (*known, key) in self.places:
+                known = (*known, key)
+                value = _item(value, key)
+                absent = ""
+            elif isinstance(value, dict):  # otherwise it names an alternative of a union
+                absent = str(key)
         found = self.places.get(known, Place())
-        absent = str(keys[len(known)]) if len(known) < len(keys) else ""
         if not absent or "[" in absent:
             return found
         return replace(found, key=f"{found.key}.{absent}" if found.key else absent)
@@ -57,11 +63,7 @@ class Located:
         """Return the part that `keys` lead to; None in place of what is not there."""
         value = self.value
         for key in keys:
-            try:
-                value = value[key]
-            except (KeyError, IndexError, TypeError):
-                value = None
-                break
+            value = _item(value, key)
         size = len(keys)
         places = {path[size:]: at for path, at in self.places.items() if path[:size] == keys}
         places.setdefault((), self.place(keys))
@@ -153,6 +155,13 @@ def _walk(content: Any, file: str, keys: Keys, places: dict[Keys, Place]) -> Any
             for index, item in enumerate(content)
         ]
     return plain(content)
+
+
+def _item(value: Any, key: Key) -> Any:
+    try:
+        return value[key]
+    except (KeyError, IndexError, TypeError):
+        return None
 
 
 def _line(position: Any, method: str, key: Any, otherwise: int) -> int:

@@ -7,7 +7,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    ValidationInfo,
+)
 from pydantic_core import CoreSchema, core_schema
 
 from eha_bench.core.errors import UnitError
@@ -106,9 +113,20 @@ Angle = Annotated[float, Unit("rad")]
 """A phase in rad."""
 
 
-def reached(time: FloatArray, moment: float) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Return where `time` (s) is at or after `moment`, to within a nanosecond, (n,) -> (n,)."""
-    return np.asarray(time) >= moment - TICK
+def _count(value: object) -> str:
+    return "each" if isinstance(value, (list, tuple)) else "one"
+
+
+OneOrEachLevel = Annotated[
+    Annotated[Level, Tag("one")] | Annotated[tuple[Level, ...], Tag("each")], Discriminator(_count)
+]
+"""One level for all, or a list with one for each."""
+
+OneOrEachTime = Annotated[
+    Annotated[Seconds, Tag("one")] | Annotated[tuple[Seconds, ...], Tag("each")],
+    Discriminator(_count),
+]
+"""One length of time for all, or a list with one for each."""
 
 
 def within(time: FloatArray, start: float, stop: float) -> FloatArray:

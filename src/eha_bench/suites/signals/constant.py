@@ -1,0 +1,27 @@
+"""A constant reference."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from eha_bench.core.signal import FloatArray
+from eha_bench.suites.signals.signal_model import Level, SignalModel
+
+
+class Constant(SignalModel):
+    """`value` all the time; has no end of its own."""
+
+    kind: Literal["constant"]
+    value: Level
+
+    @property
+    def duration(self) -> float:
+        """Infinite."""
+        return math.inf
+
+    def __call__(self, time: FloatArray) -> FloatArray:
+        """Return the reference at `time` in s, shape (n,) -> (n,)."""
+        return np.full(np.shape(time), self.value)
