@@ -1,6 +1,6 @@
 """Puts a plant's kernel together from its equations and all registered effects, compiled once.
 
-The kernel module of a plant imports its hooks (places where effects act) from a module in which
+The kernel modules of a plant import its hooks (places where effects act) from a module in which
 they do nothing. Here a module is written in which each hook is the chain of the effects that use
 it, followed by the kernel's own source; Numba compiles it and caches the result on disk. Every
 effect's parameters live in the one parameter vector `P`, so trying another candidate is another
@@ -9,12 +9,14 @@ vector, never another compilation. An effect is skipped by a branch where its st
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib.util
 import inspect
+import logging
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -29,6 +31,7 @@ from eha_bench.plants.effect import Effect
 from eha_bench.plants.parameter import Parameter
 
 _VECTORS = ("P", "S")
+_LOG = logging.getLogger("eha_bench")
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,13 @@ class Layout:
         plant: plant id.
         parameters: the plant's own, first in `P`.
         effects: registered effects that apply to the plant, in the order of their ids.
+        signals: measured signals that effects may look at by name, first in `S`.
     """
 
     plant: str
     parameters: tuple[Parameter, ...]
     effects: tuple[Effect, ...]
+    signals: tuple[str, ...] = ()
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -72,7 +77,13 @@ class Layout:
     def states(self) -> dict[str, int]:
         """Place of each effect's state in `S`, as `effect.state`."""
         names = [f"{effect.id}.{state}" for effect in self.effects for state in effect.states]
-        return {name: position for position, name in enumerate(names)}
+        first = len(self.signals)
+        return {name: position for position, name in enumerate(names, first)}
+
+    @property
+    def memory(self) -> int:
+        """Length of `S`: signals and effects' states, never empty."""
+        return max(1, len(self.signals) + len(self.states))
 
     @property
     def size(self) -> int:
@@ -102,16 +113,22 @@ class Layout:
         raise PluginError(f"unknown effect '{name}' for {self.plant}", hint=f"known: {known}")
 
 
-def assemble(layout: Layout, kernel: ModuleType, hooks: ModuleType) -> ModuleType:
-    """Return the kernel module with the layout's effects in its hooks.
+def assemble(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType) -> ModuleType:
+    """Return the kernel with the layout's effects in its hooks.
+
+    Args:
+        layout: where parameters and states live.
+        modules: the kernel's own modules, each importing only from the ones before it; the last
+            one holds the entry points.
+        hooks: the module of the places where effects act.
 
     Raises:
         PluginError: an effect names a hook or a quantity that the plant does not have.
     """
-    text = _compose(layout, kernel, hooks)
+    text = _compose(layout, modules, hooks)
     digest = hashlib.sha256(text.encode())
     digest.update(f"{numba.__version__} {np.__version__}".encode())
-    for module in sorted({_module_of(function) for function in _functions(layout)}):
+    for module in sorted(_modules(_functions(layout))):
         digest.update(inspect.getsource(sys.modules[module]).encode())
     name = f"eha_bench_kernel_{layout.plant}_{digest.hexdigest()[:16]}"
     if name in sys.modules:
@@ -120,10 +137,12 @@ def assemble(layout: Layout, kernel: ModuleType, hooks: ModuleType) -> ModuleTyp
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise PluginError(f"the kernel of {layout.plant} cannot be loaded from {path}")
-    module_object = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module_object
-    spec.loader.exec_module(module_object)
-    return module_object
+    kernel = importlib.util.module_from_spec(spec)
+    sys.modules[name] = kernel
+    spec.loader.exec_module(kernel)
+    if not any(Path(kernel.simulate.stats.cache_path).glob(f"{name}.simulate-*.nbi")):
+        _LOG.info("compiling the kernel of %s (once per machine)", layout.plant)
+    return kernel
 
 
 def kernel_folder() -> Path:
@@ -149,6 +168,21 @@ def _module_of(function: Callable[..., object]) -> str:
     return str(function.__module__)
 
 
+def _modules(functions: Iterable[Callable[..., object]]) -> set[str]:
+    """Names of the modules whose source decides what the functions compile to."""
+    found: set[str] = set()
+    waiting = list(functions)
+    while waiting:
+        function = waiting.pop()
+        found.add(_module_of(function))
+        namespace = function.__globals__
+        for name in function.__code__.co_names:
+            helper = getattr(namespace.get(name), "py_func", None)
+            if helper is not None and _module_of(helper) not in found:
+                waiting.append(helper)
+    return found
+
+
 def _functions(layout: Layout) -> list[Callable[..., object]]:
     found: list[Callable[..., object]] = []
     for effect in layout.effects:
@@ -157,53 +191,67 @@ def _functions(layout: Layout) -> list[Callable[..., object]]:
     return found
 
 
-def _compose(layout: Layout, kernel: ModuleType, hooks: ModuleType) -> str:
-    lines = ['"""Generated: the kernel with all registered effects in its hooks."""', ""]
-    lines += ["from numba import njit", ""]
+def _uses(
+    layout: Layout, effect: Effect, signatures: Mapping[str, list[str]]
+) -> Iterable[tuple[str, str, Callable[..., object]]]:
+    """Yield (hook, quantity that is changed, function) for all that an effect does."""
+    for hook, function in effect.action(layout.plant).hooks.items():
+        if hook not in signatures:
+            raise PluginError(
+                f"effect '{effect.id}' uses the hook '{hook}' that {layout.plant} does not have",
+                hint=f"it has: {', '.join(signatures)}",
+            )
+        yield hook, signatures[hook][0], function
+    for hook, functions in (("start_states", effect.start), ("advance_states", effect.advance)):
+        for state, function in functions.items():
+            yield hook, f"S[{layout.states[f'{effect.id}.{state}']}]", function
+
+
+def _compose(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType) -> str:
+    """Return the kernel's source: the hooks filled with the effects, then its own modules."""
     signatures = {
         name: list(inspect.signature(item.py_func).parameters)
         for name, item in vars(hooks).items()
         if hasattr(item, "py_func")
     }
+    lines = ['"""Generated: the kernel with all registered effects in its hooks."""', ""]
+    lines += ["import math", "import numpy as np", "from numba import njit"]
+    lines += ["from numpy.typing import NDArray", ""]
     bodies: dict[str, list[str]] = {name: [] for name in signatures}
-    for number, effect in enumerate(layout.effects):
+    for number, effect in enumerate(sorted(layout.effects, key=lambda e: (e.order, e.id))):
         strength = layout.index[f"{effect.id}.{effect.strength.name}"]
         guard = f"    if P[{strength}] != {effect.neutral!r}:"
-        action = effect.action(layout.plant)
-        uses: list[tuple[str, str, Callable[..., object]]] = []
-        for hook, function in action.hooks.items():
-            if hook not in signatures:
-                raise PluginError(
-                    f"effect '{effect.id}' uses the hook '{hook}' that {layout.plant} does not have"
-                )
-            uses.append((hook, signatures[hook][0], function))
-        for state, function in effect.start.items():
-            uses.append(("start_states", f"S[{layout.states[f'{effect.id}.{state}']}]", function))
-        for state, function in effect.advance.items():
-            uses.append(("advance_states", f"S[{layout.states[f'{effect.id}.{state}']}]", function))
-        for serial, (hook, changed, function) in enumerate(uses):
+        for serial, (hook, changed, function) in enumerate(_uses(layout, effect, signatures)):
             alias = f"_e{number}_{serial}"
             lines.append(f"from {_module_of(function)} import {function.__name__} as {alias}_py")
             lines.append(f"{alias} = njit({alias}_py)")
             arguments = _arguments(layout, effect, function, signatures[hook])
             bodies[hook] += [guard, f"        {changed} = {alias}({arguments})"]
     for name, body in bodies.items():
-        arguments = signatures[name]
-        returns = [] if name.endswith("_states") else [f"    return {arguments[0]}"]
-        lines += ["", "", "@njit", f"def {name}({', '.join(arguments)}):"]
+        names = signatures[name]
+        returns = [] if name.endswith("_states") else [f"    return {names[0]}"]
+        lines += ["", "", "@njit", f"def {name}({', '.join(names)}):"]
         lines += (body + returns) or ["    pass"]
-    source = inspect.getsource(kernel)
-    before, marker, after = source.partition(f"from {hooks.__name__} import (")
-    if not marker:
-        raise PluginError(f"the kernel {kernel.__name__} does not import its hooks")
-    rest = after[after.index(")") + 1 :]
-    preamble = before[before.index("import math") :]
-    return "\n".join([*lines, "", "", preamble, rest])
+    replaced = {"__future__", hooks.__name__, *(module.__name__ for module in modules)}
+    own = [_without_imports(module, replaced) for module in modules]
+    return "\n".join([*lines, "", "", *own])
+
+
+def _without_imports(module: ModuleType, replaced: set[str]) -> str:
+    """Return a module's source without what it imports from the replaced modules."""
+    source = inspect.getsource(module)
+    lines = source.splitlines()
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.ImportFrom) and node.module in replaced:
+            for number in range(node.lineno - 1, node.end_lineno or node.lineno):
+                lines[number] = ""
+    return "\n".join(lines)
 
 
 def _arguments(
     layout: Layout, effect: Effect, function: Callable[..., object], have: list[str]
 ) -> str:
+    """Return the arguments that bind a function's names to what they stand for."""
     parts = []
     own = {parameter.name: parameter for parameter in effect.parameters}
     for name in inspect.signature(function).parameters:
@@ -216,12 +264,14 @@ def _arguments(
             parts.append(f"P[{at}]" if size == 1 else f"P[{at}:{at + size}]")
         elif name in have and name not in _VECTORS:
             parts.append(name)
+        elif name in layout.signals:
+            parts.append(f"S[{layout.signals.index(name)}]")
         elif name in layout.index:
             parts.append(f"P[{layout.index[name]}]")
         else:
             raise PluginError(
                 f"effect '{effect.id}' asks for '{name}' in {function.__name__}",
                 hint=f"there: {', '.join(n for n in have if n not in _VECTORS)}, "
-                "parameters of the plant, its own parameters and states",
+                f"{', '.join(layout.signals)}, the plant's parameters, its own, its states",
             )
     return ", ".join(parts)

@@ -29,10 +29,21 @@ class Equation(StrEnum):
 
 @dataclass(frozen=True)
 class Action:
-    """How an effect acts in one plant: the equation, and a function for each hook it uses."""
+    """How an effect acts in one plant: the equation, and a function for each hook it uses.
+
+    Attributes:
+        equation: the balance it acts in, with every choice at its default.
+        hooks: hook -> function that returns the hook's first quantity, changed.
+        chosen_by: the choice parameter that decides the equation, where one does.
+        equations: word of that choice -> equation; the rest act in `equation`.
+        choices: parameter -> the words that make sense in this plant, where not all do.
+    """
 
     equation: Equation
     hooks: Mapping[str, Callable[..., object]]
+    chosen_by: str = ""
+    equations: Mapping[str, Equation] = field(default_factory=dict)
+    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -51,7 +62,12 @@ class Effect:
         start: state name -> function returning the state at the first sample.
         source: literature.
         separate: the experiment that tells this effect from its look-alikes.
-        starts: further starting points of a search, as {parameter: value}.
+        starts: further starting points of a search, as {parameter: value}; a choice is given by
+            its place among the words, as in the parameter vector. The rest keep their defaults.
+        order: place in a hook's chain where several effects meet; what scales or filters the
+            others' sum comes later.
+        same_as: plant id -> the plant's own parameter that says the same. Where that parameter
+            is not 0 the effect would only repeat it, and is no candidate.
     """
 
     id: str
@@ -65,11 +81,25 @@ class Effect:
     start: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     separate: str = ""
     starts: tuple[Mapping[str, float], ...] = ()
+    order: int = 0
+    same_as: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def strength(self) -> Parameter:
         """The parameter that turns the effect off at its neutral value."""
         return self.parameters[0]
+
+    def parameter(self, name: str) -> Parameter:
+        """Return one of the effect's parameters.
+
+        Raises:
+            PluginError: it has none of that name.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        known = ", ".join(parameter.name for parameter in self.parameters)
+        raise PluginError(f"effect '{self.id}' has no parameter '{name}'", hint=f"it has: {known}")
 
     def action(self, plant: str) -> Action:
         """Return how the effect acts in a plant.
@@ -83,3 +113,17 @@ class Effect:
                 hint=f"it applies to: {', '.join(self.actions)}",
             )
         return self.actions[plant]
+
+    def equation(self, plant: str, values: Mapping[str, object] | None = None) -> Equation:
+        """Return the balance it acts in, given its parameters' values (words or places).
+
+        Raises:
+            PluginError: the effect does not apply to that plant.
+        """
+        action = self.action(plant)
+        if not action.chosen_by:
+            return action.equation
+        parameter = self.parameter(action.chosen_by)
+        value = (values or {}).get(parameter.name, parameter.default)
+        word = value if isinstance(value, str) else parameter.decode(float(str(value)))
+        return action.equations.get(str(word), action.equation)

@@ -7,7 +7,7 @@ is read again by `run --target`, `predict` and the next `diagnose`.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import StringIO
 from pathlib import Path
@@ -19,6 +19,7 @@ from pydantic import Field
 
 from eha_bench.core import units, yaml_file
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
+from eha_bench.core.near_miss import suggest
 from eha_bench.core.result import write_text
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.assembly import Layout
@@ -33,17 +34,16 @@ class ModelFile(StrictModel):
     """model.yaml: a plant, what differs from its defaults, and its declared effects."""
 
     model: Annotated[str, Field(description="plant: eha_knee, linear_drive, or a plug-in's")]
-    parameters: Annotated[
-        dict[str, float | str],
-        Field(description="what differs from the plant's defaults, SI or with a unit"),
-    ] = {}
-    calibrate: Annotated[
-        list[str], Field(description="parameters that calibration may estimate")
-    ] = []
-    effects: Annotated[
-        list[dict[str, float | str | list[float]]],
-        Field(description="declared effects, in the order they were added"),
-    ] = []
+    parameters: dict[str, float | str] = Field(
+        default_factory=dict,
+        description="what differs from the plant's defaults, SI or with a unit",
+    )
+    calibrate: list[str] = Field(
+        default_factory=list, description="parameters that calibration may estimate"
+    )
+    effects: list[dict[str, float | str | list[float]]] = Field(
+        default_factory=list, description="declared effects, in the order they were added"
+    )
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,9 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
     return Model(file.model, parameters, tuple(file.calibrate), effects)
 
 
-def _parse_effect(layout: Layout, raw: Mapping[str, Any], number: int, place: Any) -> DeclaredEffect:
+def _parse_effect(
+    layout: Layout, raw: Mapping[str, Any], number: int, place: Callable[..., Place]
+) -> DeclaredEffect:
     if "effect" not in raw:
         raise InputError("key 'effect' is missing", where=place("effects", number))
     try:
@@ -180,37 +182,36 @@ def _parse_effect(layout: Layout, raw: Mapping[str, Any], number: int, place: An
         where = place("effects", number, "effect")
         raise InputError(error.what, where=where, hint=error.hint) from error
     own = {parameter.name: parameter for parameter in effect.parameters}
-    values = {
-        key: _checked(
-            _known(own, key, place("effects", number, key)), value, place("effects", number, key)
-        )
-        for key, value in raw.items()
-        if key != "effect"
-    }
+    here = effect.action(layout.plant).choices
+    values = {}
+    for key, value in raw.items():
+        if key != "effect":
+            where = place("effects", number, key)
+            values[key] = _checked(_known(own, key, where), value, where, here.get(key))
     return DeclaredEffect(effect.id, values)
 
 
 def _known(own: Mapping[str, Parameter], key: str, where: Place) -> Parameter:
     if key not in own:
-        import difflib
-
-        near = difflib.get_close_matches(key, own, 1)
-        hint = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(own)}"
-        raise InputError(f"unknown parameter '{key}'", where=where, hint=hint)
+        raise InputError(f"unknown parameter '{key}'", where=where, hint=suggest(key, own))
     return own[key]
 
 
-def _checked(parameter: Parameter, raw: Any, where: Place) -> Any:
-    """Return a value in SI after checking unit, bounds and form."""
+def _checked(
+    parameter: Parameter, raw: Any, where: Place, words: tuple[str, ...] | None = None
+) -> Any:
+    """Return a value in SI after checking unit, bounds and form; `words` narrows the choices."""
     if parameter.choices:
-        if raw not in parameter.choices:
+        allowed = words or parameter.choices
+        if raw not in allowed:
             raise InputError(
-                f"'{raw}' is not a choice", where=where, hint=f"one of {', '.join(parameter.choices)}"
+                f"'{raw}' is not a choice", where=where, hint=suggest(str(raw), allowed)
             )
         return raw
     if parameter.size > 1 or isinstance(raw, list):
         if not isinstance(raw, list) or len(raw) != parameter.size:
-            raise InputError(f"expected a list of {parameter.size} numbers", where=where)
+            wanted = "one number" if parameter.size == 1 else f"a list of {parameter.size} numbers"
+            raise InputError(f"expected {wanted}", where=where)
         return [float(_checked(replace(parameter, size=1), item, where)) for item in raw]
     try:
         value = units.parse(raw, parameter.unit)
@@ -225,6 +226,4 @@ def _checked(parameter: Parameter, raw: Any, where: Place) -> Any:
 
 
 def _encoded(parameter: Parameter, value: Value) -> float | list[float]:
-    if parameter.choices:
-        return float(parameter.choices.index(str(value))) if isinstance(value, str) else float(0)
-    return value if isinstance(value, list) else float(value)
+    return value if isinstance(value, list) else parameter.encode(value)

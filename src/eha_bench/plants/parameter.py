@@ -13,13 +13,15 @@ class Parameter:
     Attributes:
         name: public name, as in model.yaml.
         unit: SI unit.
-        default: value where the model file says nothing.
+        default: value where the model file says nothing; for a choice the place of the word.
         low, high: physical bounds, used by calibration.
         symbol: symbol in the source.
         source: where the default comes from.
         assumed: True where the source does not give the value; `source` then says why this one.
         size: how many numbers it holds (1: a scalar; more: a list, as the knots of a curve).
         choices: where the value is one of these words (stored as its place in the list).
+        searched: False where a search leaves it alone, because data hardly ever determine it (a
+            reference pressure, a regularisation width, the mass of the rod alone).
     """
 
     name: str
@@ -32,8 +34,33 @@ class Parameter:
     assumed: bool = False
     size: int = 1
     choices: tuple[str, ...] = ()
+    searched: bool = True
 
     def __post_init__(self) -> None:
         """Refuse a default outside its bounds: a typing error in a plug-in."""
         if not (self.low <= self.default <= self.high) or math.isnan(self.default):
             raise ValueError(f"parameter {self.name}: {self.default} outside its bounds")
+        if self.choices and not 0 <= self.default < len(self.choices):
+            raise ValueError(f"parameter {self.name}: {self.default} is the place of no choice")
+
+    def encode(self, value: float | str) -> float:
+        """Return the number that stands for a value in the parameter vector.
+
+        Raises:
+            ValueError: a word that is not among the choices.
+        """
+        return float(self.choices.index(value)) if isinstance(value, str) else float(value)
+
+    def decode(self, number: float) -> float | str:
+        """Return the value as model.yaml says it: the word of a choice, or the number."""
+        return self.choices[round(number)] if self.choices else float(number)
+
+
+def choice(
+    name: str, words: tuple[str, ...], source: str = "", *, default: str | None = None
+) -> Parameter:
+    """Return a parameter that is one of several words; the first is the default."""
+    place = 0 if default is None else words.index(default)
+    return Parameter(
+        name, "", float(place), 0.0, float(len(words) - 1), source=source, choices=words
+    )

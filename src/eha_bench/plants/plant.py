@@ -26,8 +26,8 @@ class Drive:
         time: (n,) s, increasing.
         inputs: channel -> (n,) SI; commands are held between samples, measured states that
             stand here are imposed (their own equation drops out), linear between samples.
-        initial: channel -> value of the state at the first sample, SI; the rest starts at 0
-            or at what the plant takes as rest.
+        initial: channel -> what its sensor reads at the first sample, SI (the plant finds the
+            state behind it); the rest starts at 0 or at what the plant takes as rest.
         locked, bypass_open: setup of the rig.
         first: tick at which the simulation starts; what is before it is history of the inputs
             (a delayed command looks back), and its rows of the result are NaN.

@@ -10,8 +10,6 @@ Source: Merritt, Hydraulic Control Systems (1967), section 7; the paper, section
 
 from __future__ import annotations
 
-import math
-
 from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.parameter import Parameter
 

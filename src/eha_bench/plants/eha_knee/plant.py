@@ -11,21 +11,29 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import InputError
 from eha_bench.plants.assembly import Layout, assemble
-from eha_bench.plants.eha_knee import hooks, kernel
-from eha_bench.plants.eha_knee.parameters import PARAMETERS
+from eha_bench.plants.eha_knee import equations, hooks, kernel
+from eha_bench.plants.eha_knee.parameters import PARAMETERS, SIGNALS
 from eha_bench.plants.plant import Drive, Plant, effects_of
 
 FloatArray = NDArray[np.float64]
 
-IMPOSED = ("motor_speed", "pressure_a", "pressure_b", "piston_position", "piston_velocity")
+IMPOSED = (
+    "motor_speed",
+    "pressure_a",
+    "pressure_b",
+    "piston_position",
+    "piston_velocity",
+    "current",
+)
+_MEASURED = ("force", "oil_temperature")
 _STATE = {
-    "motor_speed": kernel.OMEGA,
-    "pressure_a": kernel.PRESSURE_A,
-    "pressure_b": kernel.PRESSURE_B,
-    "piston_position": kernel.POSITION,
-    "piston_velocity": kernel.VELOCITY,
-    "current": kernel.CURRENT,
-    "shaft_angle": kernel.THETA,
+    "motor_speed": equations.OMEGA,
+    "pressure_a": equations.PRESSURE_A,
+    "pressure_b": equations.PRESSURE_B,
+    "piston_position": equations.POSITION,
+    "piston_velocity": equations.VELOCITY,
+    "current": equations.CURRENT,
+    "shaft_angle": equations.THETA,
 }
 
 
@@ -43,47 +51,63 @@ class EhaKnee(Plant):
     )
 
     def __init__(self) -> None:
-        self.layout = Layout(self.id, PARAMETERS, effects_of(self.id))
+        self.layout = Layout(self.id, PARAMETERS, effects_of(self.id), SIGNALS)
 
     @cached_property
     def compiled(self) -> ModuleType:
         """The kernel with all effects, compiled on first use."""
-        return assemble(self.layout, kernel, hooks)
+        return assemble(self.layout, (equations, kernel), hooks)
 
     def start_state(self, vector: FloatArray, initial: Mapping[str, float]) -> FloatArray:
-        """Return the state vector for first values by channel; pressures rest at the parameter's.
+        """Return the state vector behind what the sensors read first; the rest is at rest.
 
         Raises:
             InputError: a channel that is no state of this plant.
         """
         state = np.zeros(7)
         rest = vector[self.layout.index["initial_pressure"]]
-        state[kernel.PRESSURE_A] = state[kernel.PRESSURE_B] = rest
+        state[equations.PRESSURE_A] = state[equations.PRESSURE_B] = rest
         for name, value in initial.items():
             if name not in _STATE:
-                raise InputError(f"'{name}' is not a state of {self.id}")
+                raise InputError(
+                    f"'{name}' is not a state of {self.id}", hint=f"it has: {', '.join(_STATE)}"
+                )
             state[_STATE[name]] = value
+        read = np.array([name in initial for name in IMPOSED])
+        self.compiled.settle(read, vector, np.zeros(self.layout.memory), state)
         return state
 
     def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
-        """Return what the sensors would read: (n, 6) in the order of `outputs`, SI."""
+        """Return what the sensors would read: (n, 6) in the order of `outputs`, SI.
+
+        Raises:
+            InputError: an input or a first value that this plant does not have.
+        """
         n = drive.time.size
         imposed = np.zeros((n, len(IMPOSED)))
         is_imposed = np.zeros(len(IMPOSED), dtype=np.bool_)
-        zeros = np.zeros(n)
+        commands = np.zeros(n)
+        signals = _signals(n)
         for name, values in drive.inputs.items():
             if name in IMPOSED:
                 imposed[:, IMPOSED.index(name)] = values
                 is_imposed[IMPOSED.index(name)] = True
-            elif name not in ("current_command", "force"):
-                raise InputError(f"'{name}' cannot be an input of {self.id}")
+            elif name in _MEASURED:
+                signals[:, _MEASURED.index(name)] = values
+            elif name == "current_command":
+                commands[:] = values
+            else:
+                known = ", ".join(("current_command", *_MEASURED, *IMPOSED))
+                raise InputError(
+                    f"'{name}' cannot be an input of {self.id}", hint=f"inputs may be: {known}"
+                )
         out = np.full((n, len(self.outputs)), np.nan)
         self.compiled.simulate(
             drive.first,
             n - 1,
             np.ascontiguousarray(drive.time, dtype=np.float64),
-            np.ascontiguousarray(drive.inputs.get("current_command", zeros), dtype=np.float64),
-            np.ascontiguousarray(drive.inputs.get("force", zeros), dtype=np.float64),
+            commands,
+            signals,
             imposed,
             is_imposed,
             drive.locked,
@@ -91,7 +115,7 @@ class EhaKnee(Plant):
             step,
             True,
             vector,
-            np.zeros(max(1, len(self.layout.states))),
+            np.zeros(self.layout.memory),
             self.start_state(vector, drive.initial),
             out,
         )
@@ -111,6 +135,13 @@ class EhaKnee(Plant):
         return Session(self, vector, time, initial, locked, bypass_open, step)
 
 
+def _signals(n: int) -> FloatArray:
+    """Return measured signals (n, 2) where none is logged: no force, an unknown temperature."""
+    signals = np.zeros((n, len(_MEASURED)))
+    signals[:, _MEASURED.index("oil_temperature")] = np.nan
+    return signals
+
+
 class Session:
     """A simulation in progress: read the sensors, give a command, advance by one tick."""
 
@@ -128,14 +159,14 @@ class Session:
         self._run = plant.compiled.simulate
         self._time = np.ascontiguousarray(time, dtype=np.float64)
         self._commands = np.zeros(n)
-        self._forces = np.zeros(n)
+        self._signals = _signals(n)
         self._imposed = np.zeros((n, len(IMPOSED)))
         self._is_imposed = np.zeros(len(IMPOSED), dtype=np.bool_)
         self._locked = locked
         self._bypass = bypass_open
         self._step = step
         self._vector = vector
-        self._effects = np.zeros(max(1, len(plant.layout.states)))
+        self._effects = np.zeros(plant.layout.memory)
         self._state = plant.start_state(vector, initial)
         self._tick = 0
         self.outputs = np.full((n, len(plant.outputs)), np.nan)
@@ -143,7 +174,7 @@ class Session:
 
     def _advance(self, first: int, last: int, *, fresh: bool) -> None:
         self._run(
-            first, last, self._time, self._commands, self._forces, self._imposed, self._is_imposed,
+            first, last, self._time, self._commands, self._signals, self._imposed, self._is_imposed,
             self._locked, self._bypass, self._step, fresh, self._vector, self._effects,
             self._state, self.outputs,
         )  # fmt: skip

@@ -1,0 +1,216 @@
+"""Compiled equations of the knee EHA: time derivatives of its state, and what its sensors read.
+
+State: shaft speed and angle, both chamber pressures, rod position and velocity (Eq. (2), (4)-(6)
+with the corrections of the paper notes: friction opposes motion and sticks, J_pm in every torque
+balance)::
+
+    J dw/dt   = K_T i - T_f(w) - D (p_a - p_b)
+    T_f       = sign(w) [T_c + (T_s - T_c) exp(-(w/w_s)^2)] + B w ;  at rest any value up to T_s
+    dp_a/dt   = beta / (V_10 + A_a x) [ D w - A_a v - L (p_a - p_b) - G (p_a - p_b) ]
+    dp_b/dt   = beta / (V_20 - A_b x) [-D w + A_b v + L (p_a - p_b) + G (p_a - p_b) ]
+    M dv/dt   = A_a p_a - A_b p_b - B_a v - f_a sign(v) - F_e
+
+with G the bypass conductance while the bypass is open. Places where effects act are the functions
+of `hooks`. Where a creep speed v_0 is given, sign(v) is tanh(v / v_0) and nothing sticks: friction
+that creeps at rest, as seals do (and the usual regularisation: Quinn, ASME J. Comput. Nonlinear
+Dyn. 3 (2008) 031002).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+# assembly: this import is replaced by the composed hooks
+from eha_bench.plants.eha_knee.hooks import (
+    bulk_modulus,
+    chamber_flow_a,
+    chamber_flow_b,
+    external_load,
+    leakage,
+    measured_current,
+    measured_position,
+    measured_pressure_a,
+    measured_pressure_b,
+    measured_speed,
+    measured_velocity,
+    motor_torque,
+    moving_mass,
+    pump_dry,
+    pump_flow,
+    pump_viscous,
+    rod_dry,
+    rod_force,
+    rod_sticks,
+    rod_viscous,
+    shaft_torque,
+)
+
+Vector = NDArray[np.float64]
+
+# places in the parameter vector, in the order of parameters.PARAMETERS
+(K_T, J, B_PM, T_CF, T_SF, W_S, L_IN, D_P, BETA, V_A, V_B, A_A, A_B, M, B_ROD, F_ROD, F_EXT, I_MAX,
+ G_BYPASS, LINK_A, LINK_B, LINK_C0, P_INITIAL, CREEP_ROD, CREEP_PUMP) = range(25)  # fmt: skip
+
+# places in the state vector; CURRENT is what flows, held between ticks
+OMEGA, THETA, PRESSURE_A, PRESSURE_B, POSITION, VELOCITY, CURRENT = range(7)
+
+# measured signals at the start of the vector S, in the order of parameters.SIGNALS
+FORCE, TEMPERATURE, DEMAND = range(3)
+
+# the volume that is left at the end of the stroke, as a share of the volume at mid-stroke
+DEAD_VOLUME = 0.02
+
+
+@njit()
+def shaft_net(
+    i: float,
+    omega: float,
+    theta: float,
+    p_a: float,
+    p_b: float,
+    x: float,
+    v: float,
+    t: float,
+    P: Vector,
+    S: Vector,
+) -> float:
+    """All torque on the shaft except dry friction, N*m."""
+    torque = motor_torque(P[K_T] * i, i, omega, theta, p_a, p_b, x, v, t, P, S)
+    torque -= P[D_P] * (p_a - p_b) + pump_viscous(P[B_PM], omega, t, P, S) * omega
+    return shaft_torque(torque, i, omega, theta, p_a, p_b, x, v, t, P, S)
+
+
+@njit()
+def pump_level(
+    direction: float,
+    i: float,
+    omega: float,
+    theta: float,
+    p_a: float,
+    p_b: float,
+    x: float,
+    v: float,
+    t: float,
+    P: Vector,
+    S: Vector,
+) -> float:
+    """Dry friction of the pump in a direction (Stribeck, Eq. (3)), N*m."""
+    ratio = omega / P[W_S]
+    level = P[T_CF] + (P[T_SF] - P[T_CF]) * math.exp(-ratio * ratio)
+    return pump_dry(level, direction, i, omega, theta, p_a, p_b, x, v, t, P, S)
+
+
+@njit()
+def rod_net(
+    level: float,
+    i: float,
+    omega: float,
+    theta: float,
+    p_a: float,
+    p_b: float,
+    x: float,
+    v: float,
+    t: float,
+    area: float,
+    P: Vector,
+    S: Vector,
+) -> float:
+    """All force on the rod except what sticks of its dry friction, N."""
+    total = P[A_A] * p_a - area * p_b - external_load(P[F_EXT] + S[FORCE], x, v, P, S)
+    total -= rod_viscous(P[B_ROD], v, t, P, S) * v
+    return rod_force(total, level, i, omega, theta, p_a, p_b, x, v, t, P, S)
+
+
+@njit()
+def _volumes(x: float, area: float, P: Vector) -> tuple[float, float]:
+    """Volumes of both chambers, m^3, never below the dead volume."""
+    v_a = max(P[V_A] + P[A_A] * x, DEAD_VOLUME * P[V_A])
+    v_b = max(P[V_B] - area * x, DEAD_VOLUME * P[V_B])
+    return v_a, v_b
+
+
+@njit()
+def _creep(
+    level: float, inertia: float, speed: float, rate: float, width: float, h: float
+) -> tuple[float, float]:
+    """Friction that creeps, level * tanh(speed / width), and its implicit slope per inertia, 1/s.
+
+    The slope is the steepest that the step may meet: that at the slower of both its ends.
+    """
+    later = speed + h * rate
+    slowest = 0.0 if speed * later <= 0.0 else min(abs(speed), abs(later))
+    shape = math.tanh(slowest / width)
+    return level * math.tanh(speed / width), level / (width * inertia) * (1.0 - shape * shape)
+
+
+@njit()
+def rates(
+    h: float,
+    i: float,
+    omega: float,
+    theta: float,
+    p_a: float,
+    p_b: float,
+    x: float,
+    v: float,
+    t: float,
+    dir_m: float,
+    dir_r: float,
+    bypass: float,
+    area: float,
+    P: Vector,
+    S: Vector,
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Time derivatives; a direction of 0 means at rest and held.
+
+    Returns:
+        dw/dt, dp_a/dt, dp_b/dt, dv/dt, stiffness of both chambers (Pa/m^3), and the slopes of
+        creeping friction of shaft and rod (1/s).
+    """
+    d_omega, s_omega = 0.0, 0.0
+    if dir_m != 0.0:
+        net = shaft_net(i, omega, theta, p_a, p_b, x, v, t, P, S)
+        level = pump_level(dir_m, i, omega, theta, p_a, p_b, x, v, t, P, S)
+        if P[CREEP_PUMP] > 0.0:
+            friction, s_omega = _creep(level, P[J], omega, net / P[J], P[CREEP_PUMP], h)
+        else:
+            friction = dir_m * level
+        d_omega = (net - friction) / P[J]
+    difference = p_a - p_b
+    q_ab = (leakage(P[L_IN], t, P, S) + bypass) * difference
+    q_pump = pump_flow(P[D_P] * omega, omega, theta, t, P, S)
+    v_a, v_b = _volumes(x, area, P)
+    c_a = bulk_modulus(P[BETA], p_a, P, S) / v_a
+    c_b = bulk_modulus(P[BETA], p_b, P, S) / v_b
+    q_a = q_pump - P[A_A] * v - q_ab
+    q_b = area * v - q_pump + q_ab
+    d_a = c_a * chamber_flow_a(q_a, i, omega, theta, p_a, p_b, x, v, t, P, S)
+    d_b = c_b * chamber_flow_b(q_b, i, omega, theta, p_a, p_b, x, v, t, P, S)
+    d_v, s_v = 0.0, 0.0
+    if dir_r != 0.0:
+        mass = moving_mass(P[M], P, S)
+        level = rod_dry(P[F_ROD], dir_r, i, omega, theta, p_a, p_b, x, v, t, P, S)
+        net = rod_net(level, i, omega, theta, p_a, p_b, x, v, t, area, P, S)
+        level = rod_sticks(level, P, S)
+        if P[CREEP_ROD] > 0.0:
+            friction, s_v = _creep(level, mass, v, net / mass, P[CREEP_ROD], h)
+        else:
+            friction = dir_r * level
+        d_v = (net - friction) / mass
+    return d_omega, d_a, d_b, d_v, c_a, c_b, s_omega, s_v
+
+
+@njit()
+def measure(t: float, P: Vector, S: Vector, Y: Vector, out: Vector) -> None:
+    """Write what the sensors read (without noise) into a row: i, w, p_a, p_b, x, v."""
+    omega, theta, p_a, p_b, x, v, i = Y[0], Y[1], Y[2], Y[3], Y[4], Y[5], Y[6]
+    out[0] = measured_current(i, i, omega, theta, p_a, p_b, x, v, t, P, S)
+    out[1] = measured_speed(omega, i, omega, theta, p_a, p_b, x, v, t, P, S)
+    out[2] = measured_pressure_a(p_a, i, omega, theta, p_a, p_b, x, v, t, P, S)
+    out[3] = measured_pressure_b(p_b, i, omega, theta, p_a, p_b, x, v, t, P, S)
+    out[4] = measured_position(x, i, omega, theta, p_a, p_b, x, v, t, P, S)
+    out[5] = measured_velocity(v, i, omega, theta, p_a, p_b, x, v, t, P, S)
