@@ -1,0 +1,192 @@
+"""dataset.yaml: the recordings a model is held against (contract, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from eha_bench.core import yaml_file
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.recording import Recording
+from eha_bench.core.yaml_file import StrictModel
+from eha_bench.plants.model import Model, load_model
+
+
+class Piston(StrEnum):
+    """Whether the rod is held at its first position."""
+
+    FREE = "free"
+    LOCKED = "locked"
+
+
+class Bypass(StrEnum):
+    """Whether the two ports are connected."""
+
+    CLOSED = "closed"
+    OPEN = "open"
+
+
+class Use(StrEnum):
+    """What a run is for: `holdout` runs are only scored, when everything is decided."""
+
+    TRAIN = "train"
+    HOLDOUT = "holdout"
+
+
+class RunEntry(StrictModel):
+    """One recording with the setup it was made in."""
+
+    log: Annotated[str, Field(min_length=1, description="path, relative to this file")]
+    channels: Annotated[
+        str | None, Field(description="its own channels.yaml instead of the dataset's")
+    ] = None
+    piston: Piston = Piston.FREE
+    bypass: Bypass = Bypass.CLOSED
+    use: Use = Use.TRAIN
+
+
+class DatasetFile(StrictModel):
+    """dataset.yaml: a model, and the recordings it is held against."""
+
+    model: Annotated[str, Field(description="model.yaml, relative to this file")]
+    channels: Annotated[
+        str | None, Field(description="channels.yaml of all runs; none for our own recordings")
+    ] = None
+    inputs: Annotated[
+        list[str],
+        Field(min_length=1, description="measured signals that drive the model; also states"),
+    ] = ["current_command"]
+    runs: Annotated[list[RunEntry], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording of a dataset, read when it is asked for.
+
+    Attributes:
+        name: file name without its ending; unique in the dataset.
+        log, channels: paths; `channels` may be None.
+        locked, bypass_open: setup.
+        use: train or holdout.
+        reader: returns the recording; a holdout run's is first called to score.
+    """
+
+    name: str
+    log: Path
+    channels: Path | None
+    locked: bool
+    bypass_open: bool
+    use: Use
+    reader: Callable[[], Recording]
+
+    def read(self) -> Recording:
+        """Read the recording.
+
+        Raises:
+            RecordingError: it cannot be read, or has fewer than ten samples.
+        """
+        return self.reader()
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A model and the runs it is held against.
+
+    Attributes:
+        model: declared model.
+        inputs: channels that drive the model.
+        runs: all runs, in the order of the file.
+        source: the file, for messages.
+    """
+
+    model: Model
+    inputs: tuple[str, ...]
+    runs: tuple[Run, ...]
+    source: str = ""
+
+    @property
+    def training(self) -> tuple[Run, ...]:
+        """Runs that may be fitted."""
+        return tuple(run for run in self.runs if run.use is Use.TRAIN)
+
+    @property
+    def holdout(self) -> tuple[Run, ...]:
+        """Runs that are only scored."""
+        return tuple(run for run in self.runs if run.use is Use.HOLDOUT)
+
+    def with_model(self, model: Model) -> Dataset:
+        """Return the same runs held against another model.
+
+        Raises:
+            InputError: an input that the model's plant does not take.
+        """
+        return replace(self, model=model)
+
+
+def load_dataset(path: Path) -> Dataset:
+    """Read a dataset.yaml; recordings are read later, one by one.
+
+    Raises:
+        InputError: a wrong key or value, a missing file, with file, line and key.
+    """
+    content = yaml_file.load(path)
+    file = yaml_file.validate(DatasetFile, content, str(path))
+    folder = path.parent
+
+    def place(*keys: int | str) -> Place:
+        line = yaml_file.line_of(content, keys)
+        return Place(file=str(path), line=line, key=".".join(str(key) for key in keys))
+
+    def existing(name: str, *keys: int | str) -> Path:
+        target = folder / name
+        if not target.exists():
+            raise InputError(f"'{name}' is not there", where=place(*keys))
+        return target
+
+    model = load_model(existing(file.model, "model"))
+    shared = existing(file.channels, "channels") if file.channels else None
+    runs: list[Run] = []
+    seen: dict[str, int] = {}
+    for number, entry in enumerate(file.runs):
+        log = existing(entry.log, "runs", number, "log")
+        own = entry.channels
+        channels = existing(own, "runs", number, "channels") if own else shared
+        stem = log.stem or log.name
+        seen[stem] = seen.get(stem, 0) + 1
+        runs.append(
+            Run(
+                stem if seen[stem] == 1 else f"{stem}-{seen[stem]}",
+                log,
+                channels,
+                entry.piston is Piston.LOCKED,
+                entry.bypass is Bypass.OPEN,
+                entry.use,
+                _reader(log, channels),
+            )
+        )
+    if not any(run.use is Use.TRAIN for run in runs):
+        raise InputError(
+            "no run is for training", where=place("runs"), hint="give at least one `use: train`"
+        )
+    return Dataset(model, tuple(file.inputs), tuple(runs), str(path))
+
+
+def _reader(log: Path, channels: Path | None) -> Callable[[], Recording]:
+    def read() -> Recording:
+        # imported here: reading formats pulls in large libraries that a schema check needs not
+        from eha_bench.recordings import read as read_recording
+
+        recording = read_recording(log, channels=channels)
+        if len(recording) < 10:
+            raise InputError(
+                f"only {len(recording)} samples, too few to hold a model against",
+                where=Place(file=str(log)),
+            )
+        return recording
+
+    return read

@@ -1,0 +1,251 @@
+"""The simulation error of a parameter vector over all windows, whitened for the start states.
+
+The weighted residual of a window is r = (measured - simulated) / noise. Its start state comes from
+noisy measurements, so r carries the part U z, z ~ N(0, 1), with U the sensitivity to the start
+state times its spread; with C = I + U U' the whitened residual is C^(-1/2) r, and an error that a
+start state could have made no longer counts. U comes from a few perturbed simulations a window and
+is kept until `prepare` is called again (the approach of error-in-start-state multiple shooting; see
+Ljung 1999, section 5.3).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.windows import Window
+from eha_bench.plants.plant import Drive, Plant
+
+FloatArray = NDArray[np.float64]
+
+WORKERS = max(1, min(4, os.cpu_count() or 1))
+_SOFT = 5.0
+_BAD = 1e6
+
+
+@dataclass
+class _Prepared:
+    """One window ready to be simulated."""
+
+    window: Window
+    drive: Drive
+    columns: NDArray[np.intp]
+    pick: NDArray[np.intp]
+    target: FloatArray
+    scale: FloatArray
+    basis: FloatArray
+    shrink: FloatArray
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Which part of the stacked residual belongs to which window and channel."""
+
+    window: int
+    rows: slice
+    ticks: NDArray[np.intp]
+    channels: NDArray[np.intp]
+
+
+class Problem:
+    """Residuals of one plant over windows, for any parameter vector.
+
+    Args:
+        plant: the plant.
+        windows: stretches to simulate.
+        noise: channel -> standard deviation; channels without are not compared.
+        step: largest integration step, s.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        windows: Sequence[Window],
+        noise: Mapping[str, float],
+        step: float,
+    ) -> None:
+        self.plant = plant
+        self.windows = tuple(windows)
+        self.noise = dict(noise)
+        self.step = step
+        self._outputs = {name: at for at, name in enumerate(plant.outputs)}
+        self._parts = [self._ready(window) for window in windows]
+        offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
+        self._rows = [slice(int(a), int(b)) for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+        self.size = int(offsets[-1])
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Layout of the stacked residual."""
+        found = []
+        for number, (part, rows) in enumerate(zip(self._parts, self._rows, strict=True)):
+            width = part.columns.size
+            found.append(Piece(number, rows, part.pick // width, part.columns[part.pick % width]))
+        return tuple(found)
+
+    def subset(self, keep: Sequence[int]) -> Problem:
+        """Return the problem over some of the windows; start-state bases are shared."""
+        other = object.__new__(Problem)
+        other.plant, other.noise, other.step = self.plant, self.noise, self.step
+        other._outputs = self._outputs
+        other.windows = tuple(self.windows[k] for k in keep)
+        other._parts = [self._parts[k] for k in keep]
+        offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in other._parts])])
+        other._rows = [
+            slice(int(a), int(b)) for a, b in zip(offsets[:-1], offsets[1:], strict=True)
+        ]
+        other.size = int(offsets[-1])
+        return other
+
+    def rows_of(self, keep: Sequence[int]) -> NDArray[np.intp]:
+        """Return the places in the stacked residual of some windows."""
+        return np.concatenate([np.arange(self._rows[k].start, self._rows[k].stop) for k in keep])
+
+    def prepare(self, vector: FloatArray) -> None:
+        """Linearise the windows' start states about a parameter vector."""
+
+        def one(part: _Prepared) -> None:
+            base = self._weighted(part, vector, {})
+            columns = []
+            for name, spread in part.window.spread.items():
+                if not np.isfinite(spread) or spread <= 0:
+                    continue
+                # half a spread: a compromise between noise of stick events and curvature
+                moved = self._weighted(part, vector, {name: 0.2 * spread})
+                columns.append((moved - base) / 0.2)
+            if not columns:
+                part.basis = np.zeros((base.size, 0))
+                part.shrink = np.zeros(0)
+                return
+            q, s, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
+            part.basis = q
+            part.shrink = 1.0 - 1.0 / np.sqrt(1.0 + s * s)
+
+        self._each(one)
+
+    def raw(self, vector: FloatArray) -> FloatArray:
+        """Return the weighted residual without whitening, (size,)."""
+        return np.concatenate(self._each(lambda part: self._weighted(part, vector, {})))
+
+    def residual(self, vector: FloatArray) -> FloatArray:
+        """Return the whitened weighted residual, (size,): white with variance 1 where all is said."""
+
+        def one(part: _Prepared) -> FloatArray:
+            return self._white(part, self._weighted(part, vector, {}))
+
+        return np.concatenate(self._each(one))
+
+    def fitted(self, vector: FloatArray) -> list[FloatArray]:
+        """Return each window's simulated outputs with the start state's best correction, SI.
+
+        Each is (ticks, outputs of the plant).
+        """
+        return self._each(lambda part: self._simulated(part, vector, {}))
+
+    def _each(self, function):  # type: ignore[no-untyped-def]
+        if len(self._parts) < 2 or WORKERS == 1:
+            return [function(part) for part in self._parts]
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return list(pool.map(function, self._parts))
+
+    def _white(self, part: _Prepared, residual: FloatArray) -> FloatArray:
+        if part.shrink.size == 0:
+            return residual
+        return residual - part.basis @ (part.shrink * (part.basis.T @ residual))
+
+    def _ready(self, window: Window) -> _Prepared:
+        measured = window.measured
+        use = [
+            at
+            for at, name in enumerate(measured.outputs)
+            if name in self.noise and self.noise[name] > 0 and name in self._outputs
+        ]
+        span = slice(window.first, window.last)
+        lead = max(0, window.first - 100)
+        drive = Drive(
+            np.ascontiguousarray(measured.time[lead : window.last]),
+            {
+                name: np.ascontiguousarray(values[lead : window.last])
+                for name, values in measured.inputs.items()
+            },
+            {},
+            measured.run.locked,
+            measured.run.bypass_open,
+            window.first - lead,
+        )
+        valid = measured.valid[span][:, use]
+        scale = np.array([self.noise[measured.outputs[at]] for at in use])
+        pick = np.flatnonzero(valid.ravel())
+        return _Prepared(
+            window,
+            drive,
+            np.array([self._outputs[measured.outputs[at]] for at in use], dtype=np.intp),
+            pick,
+            (measured.values[span][:, use] / scale).ravel()[pick],
+            scale,
+            np.zeros((pick.size, 0)),
+            np.zeros(0),
+        )
+
+    def _simulated(
+        self, part: _Prepared, vector: FloatArray, shift: Mapping[str, float]
+    ) -> FloatArray:
+        drive = part.drive
+        initial = start_of(self.plant, vector, drive, part.window.initial)
+        for name, change in shift.items():
+            initial[name] = initial.get(name, 0.0) + change
+        full = Drive(
+            drive.time, drive.inputs, initial, drive.locked, drive.bypass_open, drive.first
+        )
+        out = self.plant.simulate(vector, full, self.step)
+        return out[drive.first :]
+
+    def _weighted(
+        self, part: _Prepared, vector: FloatArray, shift: Mapping[str, float]
+    ) -> FloatArray:
+        out = self._simulated(part, vector, shift)[:, part.columns] / part.scale
+        difference = part.target - out.ravel()[part.pick]
+        return np.clip(np.nan_to_num(difference, nan=_BAD, posinf=_BAD, neginf=-_BAD), -_BAD, _BAD)
+
+
+def start_of(
+    plant: Plant, vector: FloatArray, drive: Drive, measured: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the start state at which the plant's sensors would read what was measured.
+
+    A sensor with an offset reads another value than the state has: one tick is simulated, and the
+    state is moved by what the sensor adds.
+    """
+    initial = dict(measured)
+    first = drive.first
+    tick = Drive(
+        drive.time[: first + 1],
+        {name: values[: first + 1] for name, values in drive.inputs.items()},
+        initial,
+        drive.locked,
+        drive.bypass_open,
+        first,
+    )
+    reads = plant.simulate(vector, tick, 1.0)[first]
+    for at, name in enumerate(plant.outputs):
+        if name in initial and name != "current" and np.isfinite(reads[at]):
+            initial[name] += measured[name] - reads[at]
+    return initial
+
+
+def soften(residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and row weights under soft-L1 at 5 sigma.
+
+    rho(r) = 2 c^2 (sqrt(1 + (r / c)^2) - 1); rows of a Jacobian are to be multiplied by the weights.
+    """
+    ratio = residual / _SOFT
+    root = np.sqrt(1.0 + ratio * ratio)
+    soft = np.sign(residual) * np.sqrt(2.0 * _SOFT**2 * (root - 1.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weight = np.where(np.abs(residual) > 1e-6, residual / (root * soft), 1.0)
+    return soft, np.where(np.isfinite(weight), weight, 1.0)
