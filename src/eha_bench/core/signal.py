@@ -13,6 +13,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.errors import InputError
+
 FloatArray = NDArray[np.float64]
 
 
@@ -113,3 +115,26 @@ class Signal(ABC):
     def sweeps(self) -> tuple[Sweep, ...]:
         """Chirps, in order of time."""
         return ()
+
+
+class FromRecording(Signal):
+    """A reference that is only known from a recording: scored by what its `reference` channel did.
+
+    It cannot be run; the metrics put in its place what they find in the recording.
+    """
+
+    @property
+    def duration(self) -> float:
+        """A day: as long as the recording, which is no longer than that."""
+        return 86_400.0
+
+    def __call__(self, time: FloatArray) -> FloatArray:
+        """Refuse to be a reference.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(
+            "the signal 'recorded' has no reference of its own",
+            hint="it scores recordings made elsewhere (eha-bench score) and cannot be run",
+        )

@@ -16,6 +16,7 @@ from eha_bench.core.score import Measure, Score
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.acceptance import judge
 from eha_bench.metrics.metric import Metric, NotScored
+from eha_bench.metrics.recorded import bind
 
 
 @cache
@@ -54,6 +55,7 @@ def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
     Raises:
         PluginError: a metric that is asked for does not exist or cannot be loaded.
     """
+    recording, trial = bind(recording, trial)
     wanted: list[tuple[str, str, AcceptanceLimit | None]] = [
         (limit.metric, _channel(limit.metric, limit.channel, trial), limit)
         for limit in trial.limits
