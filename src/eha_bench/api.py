@@ -12,8 +12,8 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, TrialResult, write_text
 from eha_bench.core.trial import Trial
 from eha_bench.recordings import read
-from eha_bench.report import markdown_summary, write_junit, write_report
-from eha_bench.suites import load_suite
+from eha_bench.report import append_step_summary, markdown_summary, write_junit, write_report
+from eha_bench.suites import Suite, load_suite
 from eha_bench.targets.resolve import open_target
 
 Loader = Callable[[], Recording]
@@ -40,14 +40,24 @@ def run(
         EhaBenchError: bad input, or the folder cannot be used.
     """
     loaded = load_suite(Path(suite))
-    chosen = target or loaded.target or "simulator"
-    opened = open_target(chosen, model=loaded.model, controller=loaded.controller)
+    opened = open_target(
+        target or _beside(loaded, loaded.target) or "simulator",
+        model=_beside(loaded, loaded.model),
+        controller=_beside(loaded, loaded.controller),
+    )
     folder = Path(out) if out else Path("reports") / loaded.name
     result = run_suite(loaded, opened, folder, resume=resume, progress=progress)
     trials = {trial.id: trial for trial in loaded.trials}
     by_repeat = {(item.id, item.repeat): trials[item.id] for item in result.trials}
     write_reports(folder, result, by_repeat, folder)
     return result
+
+
+def _beside(suite: Suite, name: str) -> Path | None:
+    """Return a file that a suite names, relative to the suite; None where it names none."""
+    if not name or name == "simulator":
+        return None
+    return suite.path.parent / name
 
 
 def score_files(
@@ -93,7 +103,9 @@ def write_reports(
         if item.recording
     }
     write_junit(folder / "junit.xml", result)
-    write_text(folder / "summary.md", markdown_summary(result))
+    summary = markdown_summary(result)
+    write_text(folder / "summary.md", summary)
+    append_step_summary(summary)
     by_id = {trial_id: trial for (trial_id, _), trial in trials.items()}
     return write_report(folder, result, loaders, by_id)
 

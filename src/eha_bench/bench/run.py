@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
 from eha_bench.bench.scoring import judge
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
+from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
@@ -69,13 +72,15 @@ def run_suite(
         EhaBenchError: the suite cannot run on this target, or `out` cannot be used.
     """
     for trial in suite.trials:
+        if isinstance(trial.signal, FromRecording):
+            trial.signal(np.zeros(1))  # says why it cannot be run
         target.check(trial)
     folder = ResultFolder(out)
     folder.prepare()
     digests = {"suite_sha256": suite.sha256, **target.identity.digests}
     kept = _kept(folder, digests) if resume else {}
     folder.result.unlink(missing_ok=True)
-    provenance = {**environment(suite.folder), "started": now(), **digests}
+    provenance = {**environment(suite.path.parent), "started": now(), **digests}
     run = _Run(suite, target, folder, provenance)
     jobs = [(trial, repeat) for trial in suite.trials for repeat in range(trial.repeats)]
     run.save(complete=False)

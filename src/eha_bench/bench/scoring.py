@@ -85,7 +85,7 @@ def score_recordings(
             )
         )
     trials = tuple(done)
-    folder = suite.folder if suite else Path.cwd()
+    folder = suite.path.parent if suite else Path.cwd()
     provenance = {**environment(folder), "started": now()}
     if suite:
         provenance["suite_sha256"] = suite.sha256
