@@ -17,7 +17,7 @@ PIP  := $(BIN)/python -m pip --disable-pip-version-check --no-input
 .DELETE_ON_ERROR:
 $(V).SILENT:
 
-.PHONY: help setup bench test test-slow lint types imports check benchmarks lock clean distclean
+.PHONY: help setup bench test test-slow lint types imports check benchmarks schemas lock clean distclean
 
 help: ## show this list
 	awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -48,6 +48,11 @@ imports: setup
 
 benchmarks: setup ## print every benchmark's ratio beside its target
 	$(BIN)/python -m benchmarks
+
+schemas: setup ## write anew the JSON Schemas that editors complete YAML files from
+	for kind in $$($(BIN)/python -c "from eha_bench.core import plugins; print(*plugins.names('file_kinds'))"); do \
+	  $(BIN)/eha-bench schema $$kind > docs/schemas/.part && mv docs/schemas/.part docs/schemas/$$kind.json || exit 1; \
+	done
 
 COMPILE = $(BIN)/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 \
 	--fork-strategy fewest --generate-hashes --no-emit-index-url \
