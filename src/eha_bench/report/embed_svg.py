@@ -1,0 +1,121 @@
+"""Make matplotlib's SVG fit to stand inside a page: small, in the page's colours, with own ids.
+
+A strict content security policy forbids `style` attributes and foreign `<style>` elements, so
+styles become presentation attributes, and the colours of `SHADES` become the page's variables:
+the same drawing serves light, dark and paper.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from markupsafe import Markup, escape
+
+SHADES: Final = {
+    "text": "#010101",
+    "muted": "#010102",
+    "axis": "#010103",
+    "grid": "#010104",
+    "paper": "#010105",
+    "good": "#010106",
+    "limit": "#010107",
+    "safety": "#010108",
+    "reference": "#010109",
+    "blue": "#01010a",
+    "vermilion": "#01010b",
+    "green": "#01010c",
+    "purple": "#01010d",
+    "sky": "#01010e",
+    "orange": "#01010f",
+}
+"""Colours to draw with, by name; in the page each becomes the variable `--<name>`."""
+
+_VARIABLES: Final = {colour: f"var(--{name})" for name, colour in SHADES.items()}
+_SHADE: Final = re.compile("|".join(_VARIABLES))
+_STYLE: Final = re.compile(r' style="([^"]*)"')
+_FONT: Final = re.compile(r"^(?:(?:italic|normal) )?(?:(bold|\d+) )?([\d.]+)px .*$")
+_NUMBER: Final = re.compile(r"-?\d+\.\d+")
+_PATH: Final = re.compile(r'( d=")([^"]*)(")')
+_STEP: Final = re.compile(r"([ML]) (-?[\d.]+) (-?[\d.]+) ?")
+_PLAIN_PATH: Final = re.compile(r"(?:[ML] -?[\d.]+ -?[\d.]+ ?)+$")
+_DEFAULTS: Final = {
+    ("stroke-linejoin", "round"),
+    ("stroke-linecap", "butt"),
+    ("stroke-width", "1"),
+    ("text-anchor", "start"),
+    ("stroke-linejoin", "miter"),
+    ("stroke-linecap", "square"),
+}
+
+
+def embed_svg(svg: str, key: str, *, title: str) -> Markup:
+    """Return an SVG document of matplotlib as an element for an HTML page."""
+    body = svg[svg.index("<svg") :]
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
+    body = re.sub(r"<!--.*?-->", "", body, flags=re.DOTALL)
+    body = _STYLE.sub(_attributes, body)
+    body = _PATH.sub(_compact_path, body)
+    body = _own_ids(body, key)
+    body = _SHADE.sub(lambda match: _VARIABLES[match[0]], body)
+    body = re.sub(r">\s+<", "><", body)
+    body = re.sub(r"\s*\n\s*", " ", body)
+    box = re.search(r'viewBox="([^"]*)"', body)
+    opening = (
+        f'<svg viewBox="{box[1] if box else "0 0 1 1"}" role="img" aria-labelledby="{key}-title">'
+        f'<title id="{key}-title">{escape(title)}</title>'
+    )
+    return Markup(opening + body[body.index(">") + 1 :].strip())
+
+
+def _attributes(match: re.Match[str]) -> str:
+    found = []
+    for declaration in match[1].split(";"):
+        name, _, value = (part.strip() for part in declaration.partition(":"))
+        if not value or (name, value) in _DEFAULTS:
+            continue
+        if name == "font":
+            font = _FONT.match(value)
+            if font:
+                found.append(f' font-size="{font[2]}"')
+                found += [f' font-weight="{font[1]}"'] if font[1] else []
+        elif name not in ("font-family", "white-space"):
+            found.append(f' {name}="{value}"')
+    return "".join(found)
+
+
+def _compact_path(match: re.Match[str]) -> str:
+    path = " ".join(match[2].split())
+    if not _PLAIN_PATH.match(path):
+        return match[1] + _NUMBER.sub(lambda n: f"{float(n[0]):.2f}", path) + match[3]
+    # Whole tenths of a point, each relative to the last: shorter, and no rounding adds up.
+    parts: list[str] = []
+    x = y = 0
+    for command, raw_x, raw_y in _STEP.findall(path):
+        new_x, new_y = round(float(raw_x) * 10), round(float(raw_y) * 10)
+        if command == "M":
+            parts.append(f"M{_tenths(new_x)} {_tenths(new_y)}")
+        elif (new_x, new_y) != (x, y):
+            step_y = _tenths(new_y - y)
+            between = "" if step_y.startswith("-") else " "
+            parts.append(f"l{_tenths(new_x - x)}{between}{step_y}")
+        x, y = new_x, new_y
+    return match[1] + "".join(parts) + match[3]
+
+
+def _tenths(value: int) -> str:
+    whole, tenth = divmod(abs(value), 10)
+    text = f"{whole or ''}.{tenth}" if tenth else f"{whole}"
+    return f"-{text}" if value < 0 else text
+
+
+def _own_ids(body: str, key: str) -> str:
+    used = set(re.findall(r'(?:url\(#|href="#)([^")]+)', body))
+
+    def rename(match: re.Match[str]) -> str:
+        return f' id="{key}-{match[1]}"' if match[1] in used else ""
+
+    body = re.sub(r' id="([^"]*)"', rename, body)
+    body = re.sub(r'(url\(#|xlink:href="#)', lambda match: f"{match[1]}{key}-", body)
+    return body.replace("xlink:href", "href")

@@ -1,0 +1,320 @@
+"""Plots that show without JavaScript: matplotlib's SVG, made small, themed and safe to embed."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Final
+
+import matplotlib as mpl
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from eha_bench.core.recording import Recording
+from eha_bench.report.embed_svg import SHADES, embed_svg
+from eha_bench.report.engineering import DisplayUnit
+from eha_bench.report.envelope import envelope_indices
+from eha_bench.report.labels import Box, LabelPlacer
+from eha_bench.report.marks import (
+    LevelLine,
+    Mark,
+    Point,
+    Role,
+    TimeBand,
+    TimeLine,
+    ValueBand,
+)
+from eha_bench.report.panels import Panel
+
+WIDTH: Final = 9.2
+LEFT: Final = 0.62
+RIGHT: Final = 0.12
+FIRST_HEIGHT: Final = 2.7
+OTHER_HEIGHT: Final = 1.2
+POINTS: Final = 2000
+LABEL_SIZE: Final = 7.5
+MILLISECONDS_BELOW: Final = 2.0
+
+_STYLE: Final[Any] = {
+    "svg.fonttype": "none",
+    "text.parse_math": False,
+    "axes.unicode_minus": True,
+    "axes.formatter.use_mathtext": False,
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlepad": 5.0,
+    "axes.edgecolor": SHADES["axis"],
+    "axes.labelcolor": SHADES["muted"],
+    "axes.titlecolor": SHADES["text"],
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": SHADES["grid"],
+    "grid.linewidth": 0.6,
+    "xtick.color": SHADES["axis"],
+    "ytick.color": SHADES["axis"],
+    "xtick.labelcolor": SHADES["muted"],
+    "ytick.labelcolor": SHADES["muted"],
+    "xtick.major.size": 3.0,
+    "ytick.major.size": 0.0,
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "legend.labelcolor": SHADES["muted"],
+    "path.simplify": False,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+}
+
+_ROLE_SHADE: Final = {
+    Role.LEVEL: "muted",
+    Role.BAND: "good",
+    Role.LIMIT: "limit",
+    Role.SAFETY: "safety",
+    Role.MEASURED: "text",
+    Role.UNSCORED: "muted",
+}
+_DASHES: Final[dict[Role, tuple[float, tuple[float, ...]]]] = {
+    Role.LEVEL: (0, (1, 2)),
+    Role.BAND: (0, (1, 2)),
+    Role.LIMIT: (0, (6, 2)),
+    Role.SAFETY: (0, (6, 2, 1, 2)),
+    Role.MEASURED: (0, (1, 2)),
+    Role.UNSCORED: (0, (1, 2)),
+}
+
+
+@dataclass(frozen=True)
+class TimeAxis:
+    """Start and stop of what is shown in s, and the unit it is shown in."""
+
+    start: float
+    stop: float
+
+    @property
+    def unit(self) -> DisplayUnit:
+        """Milliseconds for short stretches."""
+        short = self.stop - self.start <= MILLISECONDS_BELOW
+        return DisplayUnit("ms", 1e3) if short else DisplayUnit("s")
+
+
+@contextmanager
+def plot_style() -> Iterator[None]:
+    """Draw in the reports' style; text is taken as it is, never as mathematics."""
+    with mpl.rc_context(_STYLE), warnings.catch_warnings():
+        # The browser has the glyphs that matplotlib's font lacks.
+        warnings.filterwarnings("ignore", message=r"Glyph .* missing from font")
+        yield
+
+
+def render_svg(figure: Figure, key: str, *, title: str) -> Markup:
+    """Return a figure as an inline `<svg>`: its ids begin with `key`, equal input gives equal text.
+
+    Args:
+        figure: drawn within `plot_style`, in colours of `SHADES`.
+        key: unique on its page; letters, digits and dashes.
+        title: what a screen reader says.
+    """
+    FigureCanvasSVG(figure)
+    buffer = io.StringIO()
+    nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
+    with mpl.rc_context({"svg.hashsalt": key}):
+        figure.savefig(buffer, format="svg", metadata=nothing)
+    return embed_svg(buffer.getvalue(), key, title=title)
+
+
+def recording_svg(
+    recording: Recording,
+    panels: Sequence[Panel],
+    marks: Sequence[Mark],
+    *,
+    key: str,
+    title: str,
+    points: int = POINTS,
+) -> Markup:
+    """Draw a recording: one panel below the other over one time axis, with its marks.
+
+    Args:
+        recording: of which all samples lie within what is shown.
+        panels: from `panels_of`; at least one.
+        marks: from `marks_of`.
+        key: unique on its page.
+        title: what a screen reader says.
+        points: kept of each curve, about; see `envelope_indices`.
+    """
+    axis = TimeAxis(float(recording.time[0]), float(recording.time[-1]))
+    heights = [FIRST_HEIGHT] + [OTHER_HEIGHT] * (len(panels) - 1)
+    with plot_style():
+        gap, top, bottom = 0.36, 0.30, 0.44
+        height = sum(heights) + gap * (len(panels) - 1) + top + bottom
+        figure = Figure(figsize=(WIDTH, height))
+        lower = height - top
+        first: Axes | None = None
+        for panel, tall in zip(panels, heights, strict=True):
+            lower -= tall
+            place = (LEFT / WIDTH, lower / height, 1.0 - (LEFT + RIGHT) / WIDTH, tall / height)
+            axes = figure.add_axes(place, sharex=first, label=panel.heading)
+            lower -= gap
+            _draw_panel(axes, recording, panel, axis, points)
+            _draw_marks(axes, panel, marks, axis)
+            axes.tick_params(labelbottom=panel is panels[-1])
+            axes.set_xlim(axis.unit.shown(axis.start), axis.unit.shown(axis.stop))
+            first = first or axes
+        for axes, panel in zip(figure.axes, panels, strict=True):
+            _draw_labels(axes, panel, marks, axis)
+        figure.axes[-1].set_xlabel(f"time / {axis.unit.symbol}")
+        return render_svg(figure, key, title=title)
+
+
+def _draw_panel(
+    axes: Axes, recording: Recording, panel: Panel, axis: TimeAxis, points: int
+) -> None:
+    unit = f" / {panel.unit.symbol}" if panel.unit.symbol else ""
+    axes.set_title(panel.heading + unit)
+    axes.locator_params(axis="y", nbins=5 if axes.get_position().height > 0.3 else 3)
+    axes.margins(y=0.08)
+    lines: list[Line2D] = []
+    for trace in panel.traces:
+        values = recording[trace.channel]
+        keep = envelope_indices(values, points)
+        lines += axes.plot(
+            axis.unit.shown(1.0) * recording.time[keep],
+            panel.unit.factor * values[keep] + panel.unit.offset,
+            color=SHADES[trace.colour],
+            linestyle=(0, (4, 2)) if trace.dashed else "-",
+            linewidth=1.1 if trace.dashed else 1.4,
+            label=trace.label,
+            zorder=3.0 if trace.dashed else 2.5,
+        )
+    if len(lines) > 1:
+        axes.legend(
+            handles=lines,
+            loc="lower right",
+            bbox_to_anchor=(1.0, 0.99),
+            ncols=len(lines),
+            borderaxespad=0.0,
+            borderpad=0.2,
+            handlelength=1.8,
+            columnspacing=1.4,
+        )
+
+
+def _draw_marks(axes: Axes, panel: Panel, marks: Sequence[Mark], axis: TimeAxis) -> None:
+    seconds, shown = axis.unit.shown(1.0), panel.unit.shown
+    own = [mark for mark in marks if isinstance(mark, TimeBand) or mark.channel in panel.channels]
+    low, high = axes.get_ylim()
+    for mark in own:
+        match mark:
+            case TimeBand():
+                span = (max(mark.start, axis.start) * seconds, mark.stop * seconds)
+                shade = SHADES[_ROLE_SHADE[mark.role]]
+                axes.axvspan(*span, color=shade, alpha=0.10, linewidth=0, zorder=0.5)
+            case ValueBand():
+                axes.fill_between(
+                    [mark.start * seconds, min(mark.stop, axis.stop) * seconds],
+                    shown(mark.low),
+                    shown(mark.high),
+                    color=SHADES[_ROLE_SHADE[mark.role]],
+                    alpha=0.16,
+                    linewidth=0,
+                    zorder=0.8,
+                )
+            case LevelLine():
+                # A safety limit far outside of what happened would flatten the curve.
+                if mark.role is not Role.SAFETY or low <= shown(mark.value) <= high:
+                    span = (
+                        max(mark.start, axis.start) * seconds,
+                        min(mark.stop, axis.stop) * seconds,
+                    )
+                    _line(axes, span, (shown(mark.value), shown(mark.value)), mark.role)
+            case TimeLine() if mark.time <= axis.stop:
+                axes.axvline(
+                    mark.time * seconds,
+                    color=SHADES[_ROLE_SHADE[mark.role]],
+                    linestyle=_DASHES[mark.role],
+                    linewidth=1.0,
+                    zorder=2,
+                )
+            case Point():
+                axes.plot(
+                    [mark.time * seconds],
+                    [shown(mark.value)],
+                    marker="o",
+                    markersize=5.0,
+                    color=SHADES["text"],
+                    markerfacecolor=SHADES["paper"],
+                    markeredgewidth=1.2,
+                    linestyle="none",
+                    zorder=4,
+                )
+            case _:
+                pass
+
+
+def _line(axes: Axes, x: tuple[float, float], y: tuple[float, float], role: Role) -> None:
+    axes.plot(
+        x, y, color=SHADES[_ROLE_SHADE[role]], linestyle=_DASHES[role], linewidth=1.0, zorder=2
+    )
+
+
+def _draw_labels(axes: Axes, panel: Panel, marks: Sequence[Mark], axis: TimeAxis) -> None:
+    """Label the marks once the axes' ranges are final."""
+    figure = axes.get_figure()
+    assert figure is not None
+    to_points = axes.transData.transform
+    points_a_pixel = 72.0 / figure.dpi
+    corners = axes.get_window_extent().get_points() * points_a_pixel
+    area = Box(corners[0, 0] + 2, corners[0, 1] + 2, corners[1, 0] - 2, corners[1, 1] + 2)
+    placer = LabelPlacer(area, LABEL_SIZE)
+    seconds, shown = axis.unit.shown(1.0), panel.unit.shown
+
+    def put(text: str, x: float, y: float, shade: str, align: str = "left") -> None:
+        left, bottom = placer.place(text, x, y, align=align)
+        axes.annotate(
+            text,
+            (left, bottom),
+            xycoords="figure points",
+            fontsize=LABEL_SIZE,
+            color=SHADES[shade],
+            va="bottom",
+            ha="left",
+            annotation_clip=False,
+        )
+
+    for mark in marks:
+        if isinstance(mark, TimeBand) or mark.channel not in panel.channels or not mark.label:
+            continue
+        match mark:
+            case Point():
+                x, y = to_points((mark.time * seconds, shown(mark.value))) * points_a_pixel
+                put(mark.label, x + 6, y - 12, "text")
+            case TimeLine() if mark.time <= axis.stop:
+                x, _ = to_points((mark.time * seconds, 0.0)) * points_a_pixel
+                put(mark.label, x + 3, area.bottom, _ROLE_SHADE[mark.role])
+            case LevelLine():
+                low, high = axes.get_ylim()
+                if low <= shown(mark.value) <= high:
+                    stop = min(mark.stop, axis.stop) * seconds
+                    x, y = to_points((stop, shown(mark.value))) * points_a_pixel
+                    put(mark.label, x - 2, y + 1, _ROLE_SHADE[mark.role], "right")
+            case _:
+                pass
+
+
+_SAFE_KEY: Final = re.compile(r"[^A-Za-z0-9]+")
+
+
+def safe_key(text: str) -> str:
+    """Return letters, digits and dashes of a text, to begin ids with."""
+    return _SAFE_KEY.sub("-", text).strip("-") or "figure"

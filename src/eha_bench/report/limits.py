@@ -1,0 +1,191 @@
+"""Rows of the tables of limits: value, limit and how far apart they are, in display units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+from urllib.parse import quote
+
+from eha_bench.core.limit import Bounds
+from eha_bench.core.result import Result, TrialResult
+from eha_bench.core.score import Score, ScoreStatus
+from eha_bench.core.trial import Trial
+from eha_bench.report.engineering import (
+    DisplayUnit,
+    channel_name,
+    decimals_for,
+    display_unit,
+    limit_text,
+    metric_name,
+    number,
+)
+
+_WORST_FIRST: Final = (
+    ScoreStatus.FAILED,
+    ScoreStatus.UNDECIDED,
+    ScoreStatus.NOT_SCORED,
+    ScoreStatus.WARNED,
+    ScoreStatus.PASSED,
+)
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """Where a value lies between its limits, in per cent of the gauge's width."""
+
+    low: float
+    high: float
+    value: float
+
+
+@dataclass(frozen=True)
+class ScoreRow:
+    """A score as a table shows it; all text is for people.
+
+    Attributes:
+        trial, repeat: whose it is; `anchor` links to its section.
+        of: how many repeats it stands for, being the worst of them.
+        value, unit, interval: measured value, its unit, half-width or bounds of its interval.
+        limit, margin: as written, and how much is left or missing (with its share of the limit).
+        severity: relative excess over the limit, for ordering; infinite where there is no value.
+    """
+
+    trial: str
+    repeat: int
+    of: int
+    anchor: str
+    metric: str
+    metric_id: str
+    channel: str
+    value: str
+    unit: str
+    interval: str
+    limit: str
+    margin: str
+    gauge: Gauge | None
+    status: ScoreStatus
+    reason: str
+    severity: float
+
+
+def anchor_of(trial: str, repeat: int | None = None) -> str:
+    """Return the fragment that opens a trial (and one of its repeats), without the `#`."""
+    fragment = f"trial={quote(trial, safe='')}"
+    return fragment if repeat is None else f"{fragment}&repeat={repeat}"
+
+
+def score_rows(run: TrialResult, trial: Trial | None) -> tuple[ScoreRow, ...]:
+    """Return a run's scores in their order; bounds come from the trial, if it is known."""
+    return tuple(_row(run, trial, score) for score in run.scores)
+
+
+def limit_rows(result: Result, trials: Mapping[str, Trial]) -> tuple[ScoreRow, ...]:
+    """Return every limit once, in the order of the result: of repeats the worst stands for all."""
+    grouped: dict[tuple[str, str, str, str], list[ScoreRow]] = {}
+    for run in result.trials:
+        for row in score_rows(run, trials.get(run.id)):
+            if row.limit:
+                grouped.setdefault((row.trial, row.metric_id, row.channel, row.limit), []).append(
+                    row
+                )
+    return tuple(replace(min(rows, key=_badness), of=len(rows)) for rows in grouped.values())
+
+
+def worst_first(rows: Iterable[ScoreRow]) -> tuple[ScoreRow, ...]:
+    """Return the rows that a gate rejects: by verdict, then by relative excess."""
+    return tuple(sorted((row for row in rows if row.status.rejects), key=_badness))
+
+
+def _badness(row: ScoreRow) -> tuple[int, float]:
+    return _WORST_FIRST.index(row.status), -row.severity
+
+
+def bounds_of(score: Score, trial: Trial | None) -> Bounds | None:
+    """Return the bounds (SI) behind a score's limit, or None where the trial does not tell."""
+    if trial is None or not score.limit:
+        return None
+    for limit in trial.limits:
+        same = (limit.metric, limit.channel, limit.text)
+        if same == (score.metric, score.channel, score.limit):
+            return limit.bounds
+    return None
+
+
+def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
+    measure = score.measure
+    bounds = bounds_of(score, trial)
+    near = [score.value, *((bounds.low, bounds.high) if bounds else ())]
+    unit = display_unit(score.unit, near, metric=score.metric, written=score.limit)
+    half_width = (measure.high - measure.low) / 2.0
+    shown = unit.shown(score.value)
+    decimals = decimals_for(shown, unit.difference(half_width))
+    margin, severity = _margin(score.value, bounds, unit, decimals)
+    return ScoreRow(
+        trial=run.id,
+        repeat=run.repeat,
+        of=1,
+        anchor=anchor_of(run.id, run.repeat or None),
+        metric=metric_name(score.metric),
+        metric_id=score.metric,
+        channel=channel_name(score.channel),
+        value=number(shown, decimals),
+        unit=unit.symbol if math.isfinite(shown) else "",
+        interval=_interval(measure.low, measure.high, score.value, unit, decimals),
+        limit=limit_text(score.limit),
+        margin=margin,
+        gauge=_gauge(score.value, bounds),
+        status=score.status,
+        reason=measure.reason,
+        severity=severity,
+    )
+
+
+def _interval(low: float, high: float, value: float, unit: DisplayUnit, decimals: int) -> str:
+    if not (math.isfinite(low) and math.isfinite(high) and math.isfinite(value)):
+        return ""
+    below, above = unit.difference(value - low), unit.difference(high - value)
+    if abs(below - above) <= 0.05 * abs(below + above):
+        return f"± {number((below + above) / 2.0, decimals)}"
+    return f"{number(unit.shown(low), decimals)} … {number(unit.shown(high), decimals)}"
+
+
+def _margin(
+    value: float, bounds: Bounds | None, unit: DisplayUnit, decimals: int
+) -> tuple[str, float]:
+    if bounds is None or not math.isfinite(value):
+        return "", math.inf if not math.isfinite(value) else 0.0
+    left_low, left_high = value - bounds.low, bounds.high - value
+    left = min(left_low, left_high)
+    if math.isinf(left):
+        return "", 0.0
+    limit = bounds.low if left_low < left_high else bounds.high
+    share = abs(left) / abs(limit) if limit else math.inf
+    text = number(abs(unit.difference(left)), decimals)
+    if unit.symbol:
+        text += f"\N{NO-BREAK SPACE}{unit.symbol}"
+    word = "left" if left >= 0.0 else ("too low" if limit == bounds.low else "too high")
+    # Of a limit in per cent, a share in per cent would only confuse.
+    if math.isfinite(share) and unit.symbol != "%":
+        text += f" ({number(100.0 * share, 1 if share < 0.1 else 0)}\N{NO-BREAK SPACE}%)"
+    excess = -left / abs(limit) if limit else -left * math.inf if left else 0.0
+    return f"{text} {word}", excess
+
+
+def _gauge(value: float, bounds: Bounds | None) -> Gauge | None:
+    if bounds is None or not math.isfinite(value):
+        return None
+    finite = [side for side in (bounds.low, bounds.high) if math.isfinite(side)]
+    if not finite:
+        return None
+    if len(finite) == 1:
+        finite.append(0.0)
+    least, most = min(*finite, value), max(*finite, value)
+    pad = 0.12 * (most - least) or 1.0
+    least, most = least - pad, most + pad
+
+    def place(at: float) -> float:
+        return round(100.0 * min(1.0, max(0.0, (at - least) / (most - least))), 1)
+
+    return Gauge(place(bounds.low), place(bounds.high), place(value))

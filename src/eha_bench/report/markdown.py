@@ -1,0 +1,131 @@
+"""A run in Markdown, short enough for a pull request and for GitHub's step summary."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Final
+
+from eha_bench.core.result import Result, Status
+from eha_bench.core.trial import Trial
+from eha_bench.report.limits import ScoreRow, limit_rows, worst_first
+from eha_bench.report.run_report import headline
+
+STEP_SUMMARY_BYTES: Final = 1024 * 1024
+"""What GitHub takes of all summaries of a step together."""
+_MOST_ROWS: Final = 200
+_LONGEST_TEXT: Final = 300
+
+_SIGNS: Final = {
+    Status.PASSED: "✅",
+    Status.FAILED: "❌",
+    Status.INCOMPLETE: "⚠️",
+    Status.FAULT: "⛔",
+}
+_SPECIAL: Final = re.compile(r"([\\`*_{}\[\]<>()#+!|~&$@:-])")
+
+
+def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) -> str:
+    """Return the verdict, the limits that were not kept (worst first) and a line a trial.
+
+    Args:
+        result: what to tell.
+        trials: by id; where they are there, the table says by how much a limit was missed.
+    """
+    rows = limit_rows(result, trials or {})
+    parts = [
+        f"## {_SIGNS[result.status]} {_text(result.suite)} on {_text(result.target)}: "
+        f"{result.status.value}",
+        _text(headline(result)),
+    ]
+    stopped = [run for run in result.trials if run.reason]
+    if stopped:
+        parts.append(
+            "\n".join(
+                f"- {_text(run.id)} ({run.status.value}): {_text(run.reason)}"
+                for run in stopped[:_MOST_ROWS]
+            )
+        )
+    missed = worst_first(rows)
+    if missed:
+        parts.append(_table(("Not kept", "Metric", "Measured", "Limit", "Margin"), _rows(missed)))
+    kept: dict[str, list[bool]] = {}
+    for run in result.trials:
+        kept.setdefault(run.id, []).extend(
+            not score.status.rejects for score in run.scores if score.limit
+        )
+    worst: dict[str, Status] = {}
+    gravity = list(_SIGNS)
+    for run in result.trials:
+        worst[run.id] = max(worst.get(run.id, run.status), run.status, key=gravity.index)
+    parts.append(
+        _table(
+            ("Trial", "Verdict", "Limits kept"),
+            (
+                (
+                    _text(trial),
+                    f"{_SIGNS[status]} {status.value}",
+                    f"{sum(kept[trial])} of {len(kept[trial])}" if kept[trial] else "",
+                )
+                for trial, status in worst.items()
+            ),
+        )
+    )
+    return "\n\n".join(parts) + "\n"
+
+
+def append_step_summary(text: str, environment: Mapping[str, str] | None = None) -> bool:
+    """Append Markdown to the file that `GITHUB_STEP_SUMMARY` names; return whether it is named.
+
+    Stays below the 1 MiB that GitHub takes, cutting at the end of a line.
+    """
+    named = (os.environ if environment is None else environment).get("GITHUB_STEP_SUMMARY", "")
+    if not named:
+        return False
+    path = Path(named)
+    used = path.stat().st_size if path.exists() else 0
+    with path.open("a", encoding="utf-8") as file:
+        file.write(_fitting(text, STEP_SUMMARY_BYTES - 1 - used))
+    return True
+
+
+def _fitting(text: str, room: int) -> str:
+    if len(text.encode()) <= room:
+        return text
+    note = "\n… shortened: see the report.\n"
+    head = text.encode()[: max(0, room - len(note.encode()))].decode(errors="ignore")
+    cut = head.rpartition("\n")[0]
+    return cut + note if room > len(note.encode()) else ""
+
+
+def _rows(missed: Iterable[ScoreRow]) -> Iterable[tuple[str, ...]]:
+    for row in missed:
+        worst = f" (worst of {row.of})" if row.of > 1 else ""
+        value = " ".join(part for part in (row.value, row.unit, row.interval) if part)
+        margin = row.margin or row.status.value.replace("_", " ")
+        yield (
+            _text(row.trial) + worst,
+            _text(f"{row.metric}, {row.channel}"),
+            value if not row.reason else f"{value} ({_text(row.reason)})",
+            _text(row.limit),
+            margin,
+        )
+
+
+def _table(heading: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    listed = list(rows)
+    lines = [f"| {' | '.join(heading)} |", f"|{'---|' * len(heading)}"]
+    lines += [f"| {' | '.join(cells)} |" for cells in listed[:_MOST_ROWS]]
+    if len(listed) > _MOST_ROWS:
+        lines.append(f"\n… and {len(listed) - _MOST_ROWS} more: see the report.")
+    return "\n".join(lines)
+
+
+def _text(text: str) -> str:
+    """Text that Markdown shows as it is, on one line."""
+    line = " ".join(text.split())
+    if len(line) > _LONGEST_TEXT:
+        line = line[: _LONGEST_TEXT - 1] + "…"
+    return _SPECIAL.sub(r"\\\1", line)

@@ -1,0 +1,130 @@
+"""Which channels are drawn together, in which order, unit and colour."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from eha_bench.core.recording import Recording
+from eha_bench.report.engineering import DisplayUnit, channel_name, display_unit
+
+# Panels of an actuator's log from top to bottom; the followed channel's panel comes first.
+_TOGETHER: Final = (
+    ("current_command", "current"),
+    ("motor_speed",),
+    ("pressure_a", "pressure_b"),
+    ("pressure_difference",),
+    ("joint_angle",),
+    ("piston_position",),
+    ("piston_velocity",),
+    ("force",),
+    ("oil_temperature",),
+)
+_HEADINGS: Final = {
+    "current_command": "Motor current",
+    "pressure_a": "Chamber pressures",
+}
+_LABELS: Final = {
+    "current_command": "command",
+    "current": "measured",
+    "pressure_a": "A",
+    "pressure_b": "B",
+}
+
+# A channel has the same colour on every page; the hues are Okabe and Ito's, which people with
+# any colour vision tell apart. Their light and dark shades are in report.css.
+_COLOURS: Final = {
+    "reference": "reference",
+    "current_command": "reference",
+    "current": "orange",
+    "motor_speed": "green",
+    "pressure_a": "vermilion",
+    "pressure_b": "sky",
+    "pressure_difference": "blue",
+    "joint_angle": "blue",
+    "piston_position": "blue",
+    "piston_velocity": "green",
+    "force": "purple",
+    "oil_temperature": "vermilion",
+}
+_OTHER_COLOURS: Final = ("blue", "vermilion", "green", "purple", "sky", "orange")
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A channel in a panel; `colour` names a shade of the page's style sheet."""
+
+    channel: str
+    label: str
+    colour: str
+    dashed: bool
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Channels that share a pair of axes, with the unit they are shown in."""
+
+    heading: str
+    si_unit: str
+    unit: DisplayUnit
+    traces: tuple[Trace, ...]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The names of the channels drawn here."""
+        return tuple(trace.channel for trace in self.traces)
+
+
+def panels_of(recording: Recording, followed: str = "") -> tuple[Panel, ...]:
+    """Return the panels of a recording: what follows the reference first, unknown channels last.
+
+    Args:
+        recording: what was measured.
+        followed: the channel that should follow `reference`; "" where nobody knows.
+    """
+    left = [name for name in recording if np.isfinite(recording[name]).any()]
+    panels: list[Panel] = []
+
+    def take(names: Iterable[str], heading: str = "") -> None:
+        there = [name for name in names if name in left]
+        if there:
+            panels.append(_panel(recording, there, heading or channel_name(there[0])))
+            for name in there:
+                left.remove(name)
+
+    if followed in left:
+        first = ["reference", followed] if followed != "current" else ["reference", "current"]
+        take(first, _HEADINGS.get(followed, channel_name(followed)))
+    for names in _TOGETHER:
+        take(names, _HEADINGS.get(names[0], "") if len(names) > 1 else "")
+    for name in tuple(left):
+        take([name])
+    return tuple(panels)
+
+
+def _panel(recording: Recording, names: list[str], heading: str) -> Panel:
+    # The reference carries the unit of what follows it.
+    si = recording.unit(names[-1])
+    values = [v for name in names for v in _range(recording, name)]
+    unit = display_unit(si, values)
+    known = [name for name in names if name != "reference"]
+    traces = tuple(
+        Trace(
+            channel=name,
+            label="reference"
+            if name == "reference"
+            else (_LABELS.get(name, channel_name(name)) if len(names) > 1 else heading),
+            colour=_COLOURS.get(name) or _OTHER_COLOURS[known.index(name) % len(_OTHER_COLOURS)],
+            dashed=name in ("reference", "current_command"),
+        )
+        for name in names
+    )
+    return Panel(heading, si, unit, traces)
+
+
+def _range(recording: Recording, name: str) -> tuple[float, float]:
+    values = recording[name]
+    return float(np.nanmin(values)), float(np.nanmax(values))

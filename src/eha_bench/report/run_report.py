@@ -1,0 +1,276 @@
+"""The page of a run: verdict, what failed by how much, every limit, every trial with its plots."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from markupsafe import Markup
+
+from eha_bench.core.errors import EhaBenchError
+from eha_bench.core.recording import Recording
+from eha_bench.core.result import Result, Status, TrialResult
+from eha_bench.core.score import ScoreStatus
+from eha_bench.core.trial import Trial
+from eha_bench.report.describe import describe
+from eha_bench.report.figures import POINTS, recording_svg
+from eha_bench.report.limits import ScoreRow, anchor_of, limit_rows, score_rows, worst_first
+from eha_bench.report.marks import marks_of
+from eha_bench.report.page import Fact, write_page
+from eha_bench.report.panels import panels_of
+
+REPORT_NAME: Final = "report.html"
+Loader = Callable[[], Recording]
+
+# All static curves of a page together: keeps a page of many trials light.
+_POINTS_A_PAGE: Final = 150_000
+_FEWEST_POINTS: Final = 300
+# Of a long settling phase only its end is drawn: this share of the scored length.
+_LEAD: Final = 0.1
+
+_GRAVITY: Final = {Status.FAULT: 0, Status.INCOMPLETE: 1, Status.FAILED: 2, Status.PASSED: 3}
+_VERDICTS: Final = {
+    Status.PASSED: "Passed",
+    Status.FAILED: "Failed",
+    Status.INCOMPLETE: "Incomplete",
+    Status.FAULT: "Fault",
+}
+_FACT_NAMES: Final = {
+    "version": "eha-bench",
+    "model_sha256": "Model, SHA-256",
+    "controller_sha256": "Controller, SHA-256",
+    "suite_sha256": "Suite, SHA-256",
+}
+
+
+@dataclass(frozen=True)
+class RunView:
+    """One run of a trial as the page shows it."""
+
+    trial: str
+    anchor: str
+    repeat: int
+    status: Status
+    reason: str
+    notes: tuple[str, ...]
+    rows: tuple[ScoreRow, ...]
+    figure: Markup
+    missing: str
+    recording: str
+    href: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class TrialView:
+    """All runs of a trial: the one to look at first, and the others."""
+
+    id: str
+    anchor: str
+    status: Status
+    summary: tuple[str, ...]
+    limits: int
+    kept: int
+    first: RunView
+    others: tuple[RunView, ...]
+
+
+def write_report(
+    folder: Path,
+    result: Result,
+    recordings: Mapping[tuple[str, int], Loader],
+    trials: Mapping[str, Trial],
+) -> Path:
+    """Write `report.html` into a folder and return its path.
+
+    Args:
+        folder: where `result.json` and the recordings that it names lie; must exist.
+        result: what to show.
+        recordings: (trial id, repeat) -> a function that reads the recording, called once; a
+            recording that is not there or cannot be read is said on the page.
+        trials: by id; a trial that is not there is shown without its levels and limits.
+    """
+    limits = limit_rows(result, trials)
+    views = _trial_views(folder, result, recordings, trials)
+    content = {
+        "result": result,
+        "verdict_word": _VERDICTS[result.status],
+        "headline": headline(result),
+        "faults": [
+            view
+            for trial in views
+            for view in (trial.first, *trial.others)
+            if view.status in (Status.FAULT, Status.INCOMPLETE)
+        ],
+        "missed": worst_first(limits),
+        "limits": limits,
+        "trials": views,
+        "facts": facts(result),
+    }
+    title = f"{_VERDICTS[result.status]}: {result.suite} on {result.target}"
+    return write_page(folder / REPORT_NAME, "run.html.j2", content, title=title)
+
+
+def headline(result: Result) -> str:
+    """Return the verdict's reason as a sentence: `Of 14 limits 2 missed, in 1 of 5 trials`."""
+    scores = [score for run in result.trials for score in run.scores if score.limit]
+    found = Counter(score.status for score in scores)
+    trials = {run.id for run in result.trials}
+    rejecting = {
+        run.id for run in result.trials if any(s.limit and s.status.rejects for s in run.scores)
+    }
+    parts = []
+    faults = sum(run.status is Status.FAULT for run in result.trials)
+    if faults:
+        parts.append(f"{_count(faults, 'run')} stopped by a fault or a safety limit")
+    unfinished = sum(run.status is Status.INCOMPLETE for run in result.trials)
+    if unfinished or (result.status is Status.INCOMPLETE and not unfinished):
+        parts.append(f"{_count(unfinished, 'run')} unfinished" if unfinished else "not all was run")
+    words = {
+        ScoreStatus.FAILED: "missed",
+        ScoreStatus.UNDECIDED: "undecided",
+        ScoreStatus.NOT_SCORED: "not scored",
+    }
+    unmet = [f"{found[status]} {word}" for status, word in words.items() if found[status]]
+    if unmet:
+        parts.append(
+            f"of {_count(len(scores), 'limit')} {', '.join(unmet)}, "
+            f"in {len(rejecting)} of {_count(len(trials), 'trial')}"
+        )
+    elif scores:
+        parts.append(
+            f"{'all ' if len(scores) > 1 else ''}{_count(len(scores), 'limit')} kept "
+            f"in {_count(len(trials), 'trial')}"
+        )
+    else:
+        parts.append(f"no limits in {_count(len(trials), 'trial')}")
+    text = "; ".join(parts) + "."
+    return text[0].upper() + text[1:]
+
+
+def facts(result: Result) -> tuple[Fact, ...]:
+    """Return the provenance as the foot of the page lists it."""
+    found = [Fact("Suite", result.suite), Fact("Target", result.target)]
+    for key, value in result.provenance.items():
+        name = _FACT_NAMES.get(key) or key.replace("_", " ").capitalize()
+        found.append(Fact(name, value, code="sha256" in key or key == "revision"))
+    return tuple(found)
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+
+
+def _trial_views(
+    folder: Path,
+    result: Result,
+    recordings: Mapping[tuple[str, int], Loader],
+    trials: Mapping[str, Trial],
+) -> tuple[TrialView, ...]:
+    grouped: dict[str, list[TrialResult]] = {}
+    for run in result.trials:
+        grouped.setdefault(run.id, []).append(run)
+    views = []
+    for place, (trial_id, runs) in enumerate(grouped.items()):
+        trial = trials.get(trial_id)
+        ordered = sorted(runs, key=lambda run: (_GRAVITY[run.status], run.repeat))
+        shown = [
+            _run_view(
+                folder,
+                run,
+                trial,
+                recordings.get((run.id, run.repeat)),
+                key=f"t{place}-r{number}",
+                share=len(result.trials) * (1 if number == 0 else 2),
+                repeats=len(runs),
+            )
+            for number, run in enumerate(ordered)
+        ]
+        limited = [score for run in runs for score in run.scores if score.limit]
+        views.append(
+            TrialView(
+                id=trial_id,
+                anchor=anchor_of(trial_id),
+                status=ordered[0].status,
+                summary=describe(trial) if trial else (),
+                limits=len(limited),
+                kept=sum(not score.status.rejects for score in limited),
+                first=shown[0],
+                others=tuple(sorted(shown[1:], key=lambda view: view.repeat)),
+            )
+        )
+    return tuple(views)
+
+
+def _run_view(
+    folder: Path,
+    run: TrialResult,
+    trial: Trial | None,
+    load: Loader | None,
+    *,
+    key: str,
+    share: int,
+    repeats: int,
+) -> RunView:
+    figure, missing, notes = Markup(""), "", run.notes
+    try:
+        if load is None:
+            missing = "No plot: the recording is not there."
+        else:
+            recording = _scored_part(load(), trial)
+            figure, missing = _figure(recording, run, trial, key, share)
+            notes = (*notes, *(note for note in recording.notes if note not in notes))
+    except EhaBenchError as error:
+        missing = f"No plot: {error}."
+    return RunView(
+        trial=run.id,
+        anchor=anchor_of(run.id, run.repeat) if repeats > 1 else anchor_of(run.id),
+        repeat=run.repeat,
+        status=run.status,
+        reason=run.reason,
+        notes=notes,
+        rows=score_rows(run, trial),
+        figure=figure,
+        missing=missing,
+        recording=run.recording,
+        href=recording_href(folder, run.recording),
+        sha256=run.sha256,
+    )
+
+
+def recording_href(folder: Path, recording: str) -> str:
+    """Return a link to a recording that lies below the report's folder; "" for any other path."""
+    if not recording or Path(recording).is_absolute() or ".." in Path(recording).parts:
+        return ""
+    # Quoted, a name is a path and never a scheme such as `javascript:`.
+    return quote(recording, safe="/") if (folder / recording).exists() else ""
+
+
+def _scored_part(recording: Recording, trial: Trial | None) -> Recording:
+    if trial is None or trial.settle <= _LEAD * trial.duration:
+        return recording
+    return recording.between(-_LEAD * trial.duration, math.inf)
+
+
+def _figure(
+    recording: Recording, run: TrialResult, trial: Trial | None, key: str, share: int
+) -> tuple[Markup, str]:
+    panels = panels_of(recording, trial.channel if trial else "") if len(recording) > 1 else ()
+    if not panels:
+        return Markup(""), "No plot: the recording holds no samples."
+    curves = sum(len(panel.traces) for panel in panels)
+    points = min(POINTS, max(_FEWEST_POINTS, _POINTS_A_PAGE // (share * curves)))
+    svg = recording_svg(
+        recording,
+        panels,
+        marks_of(trial, run) if trial else (),
+        key=key,
+        title=f"{run.id}, repeat {run.repeat}: {', '.join(panel.heading for panel in panels)}",
+        points=points,
+    )
+    return svg, ""
