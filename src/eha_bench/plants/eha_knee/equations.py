@@ -182,7 +182,7 @@ def rates(
         d_omega = (net - friction) / P[J]
     difference = p_a - p_b
     q_ab = (leakage(P[L_IN], t, P, S) + bypass) * difference
-    q_pump = pump_flow(P[D_P] * omega, omega, theta, t, P, S)
+    q_pump = pump_flow(P[D_P] * omega, i, omega, theta, p_a, p_b, x, v, t, P, S)
     v_a, v_b = _volumes(x, area, P)
     c_a = bulk_modulus(P[BETA], p_a, P, S) / v_a
     c_b = bulk_modulus(P[BETA], p_b, P, S) / v_b

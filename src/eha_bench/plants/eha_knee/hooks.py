@@ -66,7 +66,8 @@ def pump_viscous(coefficient: float, omega: float, t: float, P: Vector, S: Vecto
 
 
 @njit()
-def pump_flow(flow: float, omega: float, theta: float, t: float, P: Vector, S: Vector) -> float:
+def pump_flow(flow: float, current: float, omega: float, theta: float, p_a: float, p_b: float,
+        x: float, v: float, t: float, P: Vector, S: Vector) -> float:
     """Flow that the pump moves from B to A, m^3/s."""
     return flow
 

@@ -1,0 +1,66 @@
+"""The command reaches the drive late, by a constant transport delay.
+
+    i(t) = i_command(t - T)
+
+The command is held between its samples, so the delayed command is a staircase. What the kernel
+gets is the mean of that staircase over each of its steps: the result is then a continuous
+function of the delay, which a search needs. What was commanded before the recording is taken to be
+the current that flows at its first sample.
+
+Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, section 2.3
+(sampling a system with a time delay).
+"""
+
+from __future__ import annotations
+
+from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effects._types import Vector
+from eha_bench.plants.parameter import Parameter
+
+
+def delayed(
+    value: float,
+    k: int,
+    t: float,
+    h: float,
+    times: Vector,
+    commands: Vector,
+    delay: float,
+    before: float,
+) -> float:
+    """Return the mean of the delayed command over [t, t + h], A; t lies in [times[k], ...]."""
+    first = t - delay
+    last = first + h
+    # the newest command that has arrived at the end of the step
+    j = k
+    while j >= 0 and times[j] >= last:
+        j -= 1
+    total = 0.0
+    upper = last
+    while upper > first:
+        lower = first if j < 0 else max(first, times[j])
+        total += (upper - lower) * (before if j < 0 else commands[j])
+        upper = lower
+        j -= 1
+    return total / h
+
+
+def at_first(current: float) -> float:
+    """Return what is taken to have been commanded before the recording, A."""
+    return current
+
+
+EFFECT = Effect(
+    id="command_delay",
+    summary="The command takes effect after a constant delay.",
+    parameters=(Parameter("delay", "s", 2e-3, 0.0, 0.5, "T"),),
+    actions={
+        "eha_knee": Action(Equation.ACTUATION, {"command": delayed}),
+        "linear_drive": Action(Equation.ACTUATION, {"command": delayed}),
+    },
+    states=("before",),
+    start={"before": at_first},
+    source="Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., 1997, section 2.3",
+    separate="log the motor current during steps: a delay shifts it, a lag bends it",
+    starts=({"delay": 0.5e-3}, {"delay": 5e-3}),
+)

@@ -1,0 +1,65 @@
+"""Air bubbles in the oil make it soft at low pressure.
+
+With the volume fraction phi of air at the reference pressure p_0, compressed with polytropic
+index n while the oil is compressed with beta, the effective bulk modulus at pressure p is::
+
+    s = phi / (1 - phi) * (p_0 / p)^(1/n)         volume of air per volume of oil
+    beta_e = beta (1 + s) / (1 + s beta / (n p))
+
+Towards high pressure beta_e goes to beta, towards none to that of the air, n p. Pressures are taken
+absolute, as logged; where the sensors read gauge pressure, `ambient` adds the atmosphere. Below a
+tenth of p_0 the value there is held: oil that has lost all its pressure is vapour, not gas.
+
+Source: Murrenhoff, Grundlagen der Fluidtechnik, Shaker, section 2 (IFAS mixture law); Kim,
+Murrenhoff, J. Fluids Eng. 134 (2012) 021201, doi:10.1115/1.4005672.
+"""
+
+from __future__ import annotations
+
+from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.parameter import Parameter
+
+
+def softened(
+    modulus: float,
+    pressure: float,
+    air_fraction: float,
+    polytropic_index: float,
+    reference_pressure: float,
+    ambient: float,
+) -> float:
+    """Return the bulk modulus of oil with bubbles at a chamber pressure, Pa."""
+    p = max(pressure + ambient, 0.1 * reference_pressure)
+    ratio = reference_pressure / p
+    if polytropic_index != 1.0:
+        ratio = ratio ** (1.0 / polytropic_index)
+    air = air_fraction / (1.0 - air_fraction) * ratio
+    return modulus * (1.0 + air) / (1.0 + air * modulus / (polytropic_index * p))
+
+
+EFFECT = Effect(
+    id="entrained_air",
+    summary="Air bubbles in the oil make it soft at low pressure.",
+    parameters=(
+        Parameter("air_fraction", "", 0.01, 0.0, 0.5, "phi"),
+        Parameter(
+            "polytropic_index", "", 1.0, 1.0, 1.67, "n",
+            "isothermal: the bubbles are small and exchange their heat with the oil",
+            searched=False,
+        ),
+        Parameter(
+            "reference_pressure", "Pa", 1.0e5, 1e3, 1e7, "p_0",
+            "the pressure at which the fraction is meant", searched=False,
+        ),
+        Parameter(
+            "ambient", "Pa", 0.0, 0.0, 2e5, "p_atm",
+            "added to the chamber pressures where they are gauge", searched=False,
+        ),
+    ),
+    actions={"eha_knee": Action(Equation.FLOW, {"bulk_modulus": softened})},
+    source="Kim, Murrenhoff, J. Fluids Eng. 134 (2012) 021201, doi:10.1115/1.4005672",
+    separate=(
+        "steps with the piston locked from low and from high pressure: air softens only the low "
+        "ones; external leakage drains also the high ones"
+    ),
+)  # fmt: skip

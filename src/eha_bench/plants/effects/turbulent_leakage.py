@@ -1,0 +1,70 @@
+"""Oil leaks between the chambers through an orifice: turbulent, with the root of the pressure.
+
+    q = k sign(dp) sqrt(|dp|),   dp = p_a - p_b
+
+regularised near dp = 0, where every flow is laminar:  q = k dp / (dp^2 + p_t^2)^(1/4).
+
+Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifices); Borutzky, Barnard,
+Thoma, Simulation Modelling Practice and Theory 10 (2002) 141, doi:10.1016/S1569-190X(02)00092-8
+(transition).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.parameter import Parameter
+
+
+@njit()
+def _orifice(difference: float, coefficient: float, transition: float) -> float:
+    """Return the flow through the orifice, m^3/s."""
+    size = math.sqrt(math.sqrt(difference * difference + transition * transition))
+    return coefficient * difference / size
+
+
+def into_a(
+    flow: float, p_a: float, p_b: float, orifice_coefficient: float, transition_pressure: float
+) -> float:
+    """Return the flow into chamber A less what leaks to B, m^3/s."""
+    return flow - _orifice(p_a - p_b, orifice_coefficient, transition_pressure)
+
+
+def into_b(
+    flow: float, p_a: float, p_b: float, orifice_coefficient: float, transition_pressure: float
+) -> float:
+    """Return the flow into chamber B with what leaks from A, m^3/s."""
+    return flow + _orifice(p_a - p_b, orifice_coefficient, transition_pressure)
+
+
+def slope(
+    value: float, p_a: float, p_b: float, orifice_coefficient: float, transition_pressure: float
+) -> float:
+    """Return the conductance between the chambers, never less than the true slope."""
+    d = p_a - p_b
+    size = math.sqrt(math.sqrt(d * d + transition_pressure * transition_pressure))
+    return value + orifice_coefficient / size
+
+
+EFFECT = Effect(
+    id="turbulent_leakage",
+    summary="Oil leaks between the chambers with the root of the pressure difference.",
+    parameters=(
+        Parameter("orifice_coefficient", "m^3/(s*Pa^0.5)", 2e-10, 0.0, 1e-5, "k"),
+        Parameter(
+            "transition_pressure", "Pa", 1e4, 1.0, 1e7, "p_t",
+            "small beside every pressure that matters", searched=False,
+        ),
+    ),
+    actions={
+        "eha_knee": Action(
+            Equation.FLOW,
+            {"chamber_flow_a": into_a, "chamber_flow_b": into_b, "conductance_ab": slope},
+        )
+    },
+    source="Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3",
+    separate="decay of several pressures with the piston locked: laminar decays by the same factor",
+)  # fmt: skip
