@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 
 from eha_bench.core.signal import FloatArray, Lines
 from eha_bench.suites.signals.signal_model import (
+    TICK,
     Hertz,
     Level,
     Moment,
@@ -112,7 +113,7 @@ class Multisine(SignalModel):
     def __call__(self, time: FloatArray) -> FloatArray:
         """Return the reference at `time` in s, shape (n,) -> (n,)."""
         held = within(time, self.at, self.duration) - self.at
-        index = np.minimum(held // self._length, self.realisations - 1).astype(int)
+        index = np.minimum((held + TICK) // self._length, self.realisations - 1).astype(int)
         values = np.empty_like(held)
         for realisation in np.unique(index):
             chosen = index == realisation

@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.signal import max_len_seq
 
 from eha_bench.core.signal import Edge, FloatArray, Lines
 from eha_bench.suites.signals.signal_model import Level, Moment, Seconds, SignalModel
@@ -54,6 +53,8 @@ class Prbs(SignalModel):
 
     @cached_property
     def _staircase(self) -> Staircase:
+        from scipy.signal import max_len_seq  # slow to import, and few suites need it
+
         length = 2**self.order - 1
         shift = self.seed % length
         bits = np.roll(max_len_seq(self.order)[0], -shift)

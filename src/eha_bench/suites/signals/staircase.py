@@ -43,7 +43,7 @@ class Staircase:
             )
             if before != after
         ]
-        ends = [time for time, _, _ in jumps[1:]] + [self.end]
+        ends = [*(time for time, _, _ in jumps), self.end][1:]
         return tuple(
             Edge(time, before, after, until)
             for (time, before, after), until in zip(jumps, ends, strict=True)
