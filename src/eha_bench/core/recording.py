@@ -19,7 +19,18 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 
+def _is_frozen(array: Any) -> bool:
+    """Whether nobody can write to an array, nor to the arrays that it is a view of."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return False
+        array = array.base
+    return array is None
+
+
 def _frozen(array: Any) -> FloatArray:
+    if isinstance(array, np.ndarray) and array.dtype == np.float64 and _is_frozen(array):
+        return array  # a long recording needs no second copy
     copy = np.array(array, dtype=np.float64)
     copy.setflags(write=False)
     return copy
@@ -55,10 +66,11 @@ class Recording:
         time = _frozen(self.time)
         if time.ndim != 1:
             raise RecordingError("time is not a one-dimensional array", where=where)
-        if not np.all(np.isfinite(time)):
-            raise RecordingError("time holds a value that is not finite", where=where)
-        if time.size > 1 and not np.all(np.diff(time) > 0):
-            index = int(np.argmin(np.diff(time) > 0))
+        increases = time[1:] > time[:-1]
+        if not (increases.all() and np.isfinite(time[:1]).all() and np.isfinite(time[-1:]).all()):
+            if not np.isfinite(time).all():
+                raise RecordingError("time holds a value that is not finite", where=where)
+            index = int(np.argmin(increases))
             raise RecordingError(
                 "time does not increase", where=replace(where, time=float(time[index]))
             )

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.channel_map import ChannelMap, Gaps, Method, Range
-from eha_bench.recordings.series import BRIDGED, gap_note, gaps, ordered, seconds
+from eha_bench.recordings.series import (
+    BRIDGED,
+    gap_note,
+    gaps,
+    irregularity,
+    ordered,
+    seconds,
+    typical_step,
+)
 from eha_bench.recordings.track import Column, Stamps, Track
 
 _SAME_TICK = 0.05
@@ -64,7 +72,7 @@ def align(
     columns: dict[str, Column] = {}
     for topic, track in clean.items():
         names = [name for name, (owner, _) in keys.items() if owner == topic]
-        if topic == base or np.array_equal(track.stamps, stamps):
+        if topic == base or track.stamps is stamps or np.array_equal(track.stamps, stamps):
             rows = _rows(track.stamps, stamps)
             for name in names:
                 column = track.columns[keys[name][1]]
@@ -94,9 +102,7 @@ def _base(
     def rank(topic: str) -> tuple[bool, int, int, float]:
         names = [name for name, (owner, _) in keys.items() if owner == topic]
         measured = any(mapping.method(name) is Method.LINEAR for name in names)
-        steps = np.diff(tracks[topic].stamps)
-        spread = float(np.std(steps) / np.mean(steps)) if steps.size else np.inf
-        return measured, len(names), len(tracks[topic]), -spread
+        return measured, len(names), len(tracks[topic]), -irregularity(tracks[topic].stamps)
 
     return max(tracks, key=rank)
 
@@ -113,7 +119,7 @@ def _clock(
     if mapping.range is Range.ALL:
         return stamps, []
     begin, end = int(stamps[0]), int(stamps[-1])
-    period = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
+    period = typical_step(stamps) if stamps.size > 1 else 0.0
     first, last = base, base
     for topic, track in tracks.items():
         names = [name for name, (owner, _) in keys.items() if owner == topic]
@@ -124,7 +130,9 @@ def _clock(
         # a command holds after its last message; a measurement does not
         if not held and track.stamps[-1] < end:
             end, last = int(track.stamps[-1]), topic
-    kept = stamps[(stamps >= begin) & (stamps <= end)]
+    # a slice, not a mask: the whole clock stays the same array
+    kept = stamps[np.searchsorted(stamps, begin) : np.searchsorted(stamps, end, side="right")]
+    kept = stamps if kept.size == stamps.size else kept
     if not kept.size:
         raise RecordingError(
             f"topics '{first}' and '{last}' have no time in common",
@@ -156,7 +164,7 @@ def _method_notes(
     mapping: ChannelMap, topic: str, track: Track, names: list[str], base: str
 ) -> list[str]:
     how = {Method.LINEAR: "interpolated linearly", Method.HOLD: "held until the next message"}
-    step = float(np.median(np.diff(track.stamps))) / 1e9 if len(track) > 1 else float("nan")
+    step = typical_step(track.stamps) / 1e9
     notes = []
     for method, text in how.items():
         affected = [name for name in names if mapping.method(name) is method]
@@ -191,7 +199,7 @@ def _linear(own: Stamps, values: Column, stamps: Stamps, policy: Gaps) -> Column
 def _hold(own: Stamps, values: Column, stamps: Stamps, policy: Gaps) -> Column:
     """Keep each command until the next one; NaN before the first."""
     del policy
-    period = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
+    period = typical_step(stamps) if stamps.size > 1 else 0.0
     late = stamps + np.int64(_SAME_TICK * period)
     place = np.searchsorted(own, late, side="right") - 1
     result: NDArray[np.float64] = np.where(place >= 0, values[np.maximum(place, 0)], np.nan)

@@ -16,7 +16,7 @@ from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.decoder import Encoded
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
 from eha_bench.recordings.mcap_file import map_file
-from eha_bench.recordings.source import Source, Topic, Wanted
+from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Track
 
 _MAGIC = b"#ROSBAG V2.0\n"
@@ -62,12 +62,13 @@ class Bag1Source(Source):
             found.setdefault(connection.topic, Topic(connection.topic, connection.encoded))
         return tuple(found.values())
 
-    def tracks(self, wanted: Mapping[str, Wanted]) -> dict[str, Track]:
+    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
         """Return the samples of the wanted topics, in order of their chunks' times.
 
         Raises:
             RecordingError: a topic cannot be decoded, or another clock than log is asked for.
         """
+        del span  # all of it has to be decoded anyway
         for topic, what in wanted.items():
             if what.clock is Clock.PUBLISH:
                 raise RecordingError(

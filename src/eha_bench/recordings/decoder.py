@@ -16,6 +16,9 @@ from eha_bench.recordings.payloads import Payloads
 Column = NDArray[np.float64]
 
 
+READ_ENCODINGS = ("cdr", "ros1", "json", "protobuf")
+
+
 class UnreadableTopic(Exception):
     """A topic that cannot be decoded; says why, without the topic's name."""
 
@@ -77,7 +80,7 @@ def make_decoder(encoded: Encoded, paths: tuple[FieldPath, ...]) -> Decoder:
         case other:
             raise UnreadableTopic(
                 f"its messages are serialized as '{other}'; "
-                "only cdr, ros1, json and protobuf are read"
+                f"only {', '.join(READ_ENCODINGS)} are read"
             )
 
 

@@ -2,28 +2,33 @@
 
 Rigs write the same topics in the same order every tick. So records are walked one by one only
 until their sizes and channels repeat; then the whole run of repetitions is checked and taken as
-one strided array.
+one strided array a topic. The cycle that was found is tried first in the next chunk.
 """
 
 from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eha_bench.recordings.payloads import Bytes, Payloads
 
 MESSAGE = 5
-_RECORD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<BQH")
 RECORD_HEAD = 9
 MESSAGE_HEAD = 22
 PAYLOAD = RECORD_HEAD + MESSAGE_HEAD
 LOG_TIME = -16
 PUBLISH_TIME = -8
+_RECORD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<BQH")
 _LONGEST_PERIOD = 256
-_FIRST_LOOK = 2
+_FEWEST_CYCLES = 4
+
+Cycle = tuple[tuple[int, int], ...]
+"""(length, channel) of records that follow each other again and again."""
 
 
 @dataclass
@@ -43,120 +48,141 @@ class Split:
     end: int = 0
 
 
-def split(buffer: Bytes, start: int, stop: int, *, only_messages: bool = False) -> Split:
-    """Return the records of buffer[start:stop]; ends early at one that does not fit.
+class Splitter:
+    """Splits one stretch after the other; remembers the cycle of the one before."""
 
-    With `only_messages` it also ends at the first record that is not a message.
-    """
-    found = Split(buffer, end=start)
-    data = buffer.data
-    position = start
-    walked: list[tuple[int, int, int]] = []  # (size, channel, start) since the last repetition
-    look = _FIRST_LOOK
-    while position + RECORD_HEAD <= stop:
-        opcode, length = _RECORD.unpack_from(data, position)
-        following = position + RECORD_HEAD + length
-        if following > stop or opcode == 0:
-            break
-        if opcode != MESSAGE:
-            if only_messages:
+    def __init__(self) -> None:
+        self._cycle: Cycle = ()
+
+    def split(self, buffer: Bytes, start: int, stop: int) -> Split:
+        """Return the records of buffer[start:stop]; ends early at one that does not fit."""
+        found = Split(buffer, end=start)
+        data = buffer.data
+        position = start
+        walked: list[tuple[int, int, int]] = []  # (length, channel, start), without a break
+        look = 2
+        while position + RECORD_HEAD <= stop:
+            if not walked and self._cycle:
+                position += _take(found, buffer, self._cycle, position, stop)
+                if position + RECORD_HEAD > stop:
+                    break
+            opcode, length = _RECORD.unpack_from(data, position)
+            following = position + RECORD_HEAD + length
+            if following > stop or opcode == 0 or (opcode == MESSAGE and length < MESSAGE_HEAD):
                 break
-            found.others.append((opcode, position + RECORD_HEAD, length))
+            if opcode != MESSAGE:
+                found.others.append((opcode, position + RECORD_HEAD, length))
+                position = following
+                _flush(found, walked)
+                look = 2
+                continue
+            walked.append((length, _MESSAGE.unpack_from(data, position)[2], position))
             position = following
-            _flush(found, buffer, walked)
-            look = _FIRST_LOOK
-            continue
-        if length < MESSAGE_HEAD:
-            break
-        channel = _MESSAGE.unpack_from(data, position)[2]
-        walked.append((length, channel, position))
-        position = following
-        if len(walked) == look:
-            period = _period(walked)
-            repeated = _repeat(found, buffer, walked, period, position, stop) if period else 0
-            if repeated:
-                position += repeated
-                look = _FIRST_LOOK
-            else:
-                look = min(look * 2, look + 2 * _LONGEST_PERIOD)
-    _flush(found, buffer, walked)
-    found.end = position
-    return found
+            if len(walked) == look:
+                taken = self._repeat(found, walked, stop)
+                position = taken or position
+                look = 2 if taken else min(look * 2, look + 2 * _LONGEST_PERIOD)
+        _flush(found, walked)
+        found.end = position
+        return found
+
+    def _repeat(self, found: Split, walked: list[tuple[int, int, int]], stop: int) -> int:
+        """Take the repetitions that the last walked records began; return where they end, or 0."""
+        kinds = [(length, channel) for length, channel, _ in walked]
+        period = _period(kinds)
+        if not period:
+            return 0
+        first = len(kinds) - 2 * period
+        while first and kinds[first - 1] == kinds[first - 1 + period]:
+            first -= 1
+        cycle = tuple(kinds[first : first + period])
+        start = walked[first][2]
+        before = walked[:first]
+        fresh = Split(found.buffer)
+        taken = _take(fresh, found.buffer, cycle, start, stop)
+        step = sum(length + RECORD_HEAD for length, _ in cycle)
+        if taken < _FEWEST_CYCLES * step or start + taken < walked[-1][2]:
+            return 0
+        _flush(found, before)
+        walked.clear()
+        found.messages += fresh.messages
+        self._cycle = cycle
+        return start + taken
 
 
-def _period(walked: list[tuple[int, int, int]]) -> int:
+def _period(kinds: list[tuple[int, int]]) -> int:
     """Return the shortest number of records after which the last ones repeat, or 0."""
-    kinds = [(size, channel) for size, channel, _ in walked[-2 * _LONGEST_PERIOD :]]
-    for period in range(1, len(kinds) // 2 + 1):
+    for period in range(1, min(len(kinds) // 2, _LONGEST_PERIOD) + 1):
         if kinds[-1] == kinds[-1 - period] and kinds[-period:] == kinds[-2 * period : -period]:
             return period
     return 0
 
 
-def _repeat(
-    found: Split,
-    buffer: Bytes,
-    walked: list[tuple[int, int, int]],
-    period: int,
-    position: int,
-    stop: int,
-) -> int:
-    """Take the repetitions of the last `period` records that follow; return their bytes."""
-    cycle = [(size, channel) for size, channel, _ in walked[-period:]]
-    step = sum(size + RECORD_HEAD for size, _ in cycle)
-    most = (stop - position) // step
+def _take(found: Split, buffer: Bytes, cycle: Cycle, start: int, stop: int) -> int:
+    """Take all repetitions of a cycle from `start` on; return their bytes."""
+    step = sum(length + RECORD_HEAD for length, _ in cycle)
+    most = (stop - start) // step
     count = 0
-    block = 64
+    block = 16
     while count < most:
         tried = min(block, most - count)
-        same = _same(buffer, position + count * step, step, cycle, tried)
+        same = _same(buffer, start + count * step, step, cycle, tried)
         count += same
         if same < tried:
             break
-        block *= 16
-    if count * period < 4:
+        block = most
+    if not count:
         return 0
-    # what was walked before comes first; its last cycle joins the repetitions
-    before = walked[-period][2]
-    del walked[-period:]
-    _flush(found, buffer, walked)
-    offset = before
-    for size, channel in cycle:
-        found.messages.append(
-            (
-                channel,
-                Payloads(buffer, count + 1, size - MESSAGE_HEAD, offset + PAYLOAD, step),
-            )
-        )
-        offset += size + RECORD_HEAD
+    offset = start + PAYLOAD
+    for length, channel in cycle:
+        payloads = Payloads(buffer, count, length - MESSAGE_HEAD, offset, step)
+        found.messages.append((channel, payloads))
+        offset += length + RECORD_HEAD
     return count * step
 
 
-def _same(buffer: Bytes, start: int, step: int, cycle: list[tuple[int, int]], count: int) -> int:
-    """Return how many cycles from `start` have the expected opcodes, sizes and channels."""
-    good = count
+def _same(buffer: Bytes, start: int, step: int, cycle: Cycle, count: int) -> int:
+    """Return how many cycles from `start` have the expected opcodes, lengths and channels."""
+    lengths = {length for length, _ in cycle}
+    if len(lengths) == 1 and len(cycle) > 1:
+        # records of one length: look at all of them at once
+        stride = step // len(cycle)
+        head = np.ndarray((count * len(cycle),), "<u8", buffer.data, start, (stride,))
+        equal = head == (MESSAGE | lengths.pop() << 8)
+        channels = np.ndarray(equal.shape, "<u4", buffer.data, start + 7, (stride,))
+        equal &= channels == _pattern(cycle, count)
+        if np.count_nonzero(equal) != equal.size:
+            count = int(np.argmin(equal)) // len(cycle)
+        return count
+    heads = [_MESSAGE.pack(MESSAGE, length, channel) for length, channel in cycle]
     offset = start
-    for size, channel in cycle:
-        head = _MESSAGE.pack(MESSAGE, size, channel)
+    for (length, _), wanted in zip(cycle, heads, strict=True):
         for delta, code in ((0, "<u8"), (7, "<u4")):
-            column = np.ndarray((good,), code, buffer.data, offset + delta, (step,))
-            equal = column == np.frombuffer(head, code, 1, delta)[0]
-            if not equal.all():
-                good = int(np.argmin(equal))
-                if not good:
+            column = np.ndarray((count,), code, buffer.data, offset + delta, (step,))
+            equal = column == np.frombuffer(wanted, code, 1, delta)[0]
+            if np.count_nonzero(equal) != count:
+                count = int(np.argmin(equal))
+                if not count:
                     return 0
-        offset += size + RECORD_HEAD
-    return good
+        offset += length + RECORD_HEAD
+    return count
 
 
-def _flush(found: Split, buffer: Bytes, walked: list[tuple[int, int, int]]) -> None:
-    """Turn records that did not repeat into groups of one channel and size."""
+@lru_cache(maxsize=8)
+def _pattern(cycle: Cycle, count: int) -> NDArray[np.uint32]:
+    """Return the upper two bytes of the length, and the channel, of `count` cycles of records."""
+    heads = b"".join(_MESSAGE.pack(MESSAGE, length, channel)[7:] for length, channel in cycle)
+    return np.tile(np.frombuffer(heads, "<u4"), count)
+
+
+def _flush(found: Split, walked: list[tuple[int, int, int]]) -> None:
+    """Turn records that did not repeat into groups of one channel and length."""
     groups: dict[tuple[int, int], list[int]] = {}
-    for size, channel, start in walked:
-        groups.setdefault((channel, size), []).append(start + PAYLOAD)
-    for (channel, size), starts in groups.items():
+    for length, channel, start in walked:
+        groups.setdefault((channel, length), []).append(start + PAYLOAD)
+    for (channel, length), starts in groups.items():
         where = np.array(starts, dtype=np.int64)
         found.messages.append(
-            (channel, Payloads(buffer, len(starts), size - MESSAGE_HEAD, starts=where))
+            (channel, Payloads(found.buffer, len(starts), length - MESSAGE_HEAD, starts=where))
         )
     walked.clear()

@@ -27,7 +27,7 @@ _FRAME = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
 
 
-@dataclass
+@dataclass(slots=True)
 class Chunk:
     """A chunk's frame; `channels` counts messages by channel id, None if no index tells."""
 
@@ -62,6 +62,7 @@ class McapFile:
         data_ended: whether the data section was closed; a summary may follow.
         summary_channels: whether the summary repeated the channels, so that chunks can be skipped.
         attachments: (start of content, length).
+        shared: messages by channel id, of chunks that hold the same.
         tear: where the readable part ends, or None for a file that was closed in order.
         reason: what is wrong at the tear.
     """
@@ -76,6 +77,7 @@ class McapFile:
     data_ended: bool = False
     metadata: list[Metadata] = field(default_factory=list)
     attachments: list[tuple[int, int]] = field(default_factory=list)
+    shared: dict[tuple[tuple[int, int], ...], dict[int, int]] = field(default_factory=dict)
     tear: int | None = None
     reason: str = ""
 
@@ -143,12 +145,21 @@ def _scan(file: McapFile) -> None:
                 file.tear, file.reason = following, "the closing magic is missing"
             return
         if opcode == Opcode.CHUNK:
+            _intern(file)
             if not _add_chunk(file, position, start, following):
                 file.tear, file.reason = position, "a chunk's frame is damaged"
                 return
         else:
             _take(file, opcode, start, length)
         position = following
+
+
+def _intern(file: McapFile) -> None:
+    """Let chunks that hold the same share their list of channels: a long log has many chunks."""
+    last = file.parts[-1] if file.parts else None
+    if isinstance(last, Chunk) and last.channels is not None:
+        key = tuple(last.channels.items())
+        last.channels = file.shared.setdefault(key, last.channels)
 
 
 def _take(file: McapFile, opcode: int, start: int, length: int) -> None:

@@ -1,27 +1,26 @@
-"""An MCAP file as a source of tracks: chunk by chunk, only those that hold a wanted topic."""
+"""An MCAP file as a source of tracks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from itertools import pairwise
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from eha_bench.recordings.channel_map import Clock
+from eha_bench.recordings.chunk_reader import ChunkReader
 from eha_bench.recordings.decoder import Encoded, UnreadableTopic
-from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
-from eha_bench.recordings.demux import LOG_TIME, PUBLISH_TIME, Split, split
+from eha_bench.recordings.demux import LOG_TIME, PUBLISH_TIME, Split
 from eha_bench.recordings.mcap_file import (
     Chunk,
     McapFile,
-    Stretch,
     add_channel,
     add_schema,
     open_mcap,
 )
 from eha_bench.recordings.payloads import Payloads
-from eha_bench.recordings.source import Source, Topic, Wanted
+from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.topic_reader import Part, TopicReader, in_order
-from eha_bench.recordings.track import Track
+from eha_bench.recordings.track import StampColumn, Track
 
 _SCHEMA, _CHANNEL = 3, 4
 
@@ -31,7 +30,7 @@ class McapSource(Source):
 
     def __init__(self, path: Path) -> None:
         self._file = open_mcap(path)
-        self._notes: list[str] = []
+        self._reader = ChunkReader(self._file)
         if not self._file.summary_channels:
             self._collect_channels()
 
@@ -48,7 +47,7 @@ class McapSource(Source):
     @property
     def notes(self) -> tuple[str, ...]:
         """What was found so far: a tear, damaged chunks, chunks out of order."""
-        return tuple(dict.fromkeys((*_tear_note(self._file), *self._notes)))
+        return tuple(dict.fromkeys((*_tear_note(self._file), *self._reader.notes)))
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics of the file."""
@@ -61,26 +60,33 @@ class McapSource(Source):
             found.setdefault(channel.topic, Topic(channel.topic, encoded, None, skipped))
         return tuple(found.values())
 
-    def tracks(self, wanted: Mapping[str, Wanted]) -> dict[str, Track]:
+    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
         """Return the samples of the wanted topics, in file order.
 
         Raises:
             RecordingError: a topic cannot be decoded.
         """
-        ids = {c.id: c.topic for c in self._file.channels.values() if c.topic in wanted}
-        expected = self._expected(ids)
-        readers = {
-            topic: TopicReader(topic, what, expected.get(topic, 0))
-            for topic, what in wanted.items()
-        }
-        for part in self._splits(set(ids)):
-            groups: dict[str, list[tuple[int, Payloads]]] = {}
-            for channel, payloads in part.messages:
-                if channel in ids:
-                    groups.setdefault(ids[channel], []).append((channel, payloads))
-            for topic, members in groups.items():
-                self._extend(readers[topic], topic, members)
+        ids = self._ids(wanted)
+        readers = self._readers(wanted, {} if span else self._expected(ids))
+        for part in self._reader.splits(ids, span):
+            self._collect(part, ids, readers)
+            del part  # or there would be three chunks in memory
         return {topic: reader.finish() for topic, reader in readers.items()}
+
+    def first_stamp(self, wanted: Mapping[str, Wanted]) -> int | None:
+        """Return the log time in ns of the first wanted message, None if only a full scan tells."""
+        if not all(isinstance(part, Chunk) and part.channels for part in self._file.parts):
+            return None
+        ids = self._ids(wanted)
+        for part in self._reader.splits(ids):
+            stamps = [
+                int(payloads.column(LOG_TIME, "<i8").min())
+                for channel, payloads in part.messages
+                if channel in ids
+            ]
+            if stamps:
+                return min(stamps)
+        return None
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
         """Metadata by record name; later records of one name add to the earlier ones."""
@@ -98,6 +104,31 @@ class McapSource(Source):
                 found[attachment.name] = attachment.data
         return found
 
+    def _ids(self, wanted: Mapping[str, Wanted]) -> dict[int, str]:
+        return {c.id: c.topic for c in self._file.channels.values() if c.topic in wanted}
+
+    def _readers(
+        self, wanted: Mapping[str, Wanted], expected: Mapping[str, int]
+    ) -> dict[str, TopicReader]:
+        most = max(expected.values(), default=0)
+        leading: list[str] = []
+        readers: dict[str, TopicReader] = {}
+
+        def follow(topic: str, clock: Clock | None) -> StampColumn | None:
+            """Make the first of the busiest topics the one whose stamps others may share."""
+            if not leading:
+                if expected.get(topic, 0) == most:
+                    leading.append(topic)
+                return None
+            first = readers[leading[0]]
+            return first.stamps if first.clock is clock else None
+
+        for topic, what in wanted.items():
+            readers[topic] = TopicReader(
+                topic, what, expected.get(topic, 0), partial(follow, topic, what.clock)
+            )
+        return readers
+
     def _encoded(self, channel: int) -> Encoded:
         record = self._file.channels[channel]
         schema = self._file.schemas.get(record.schema_id)
@@ -107,6 +138,16 @@ class McapSource(Source):
             schema.encoding if schema else "",
             schema.data if schema else b"",
         )
+
+    def _collect(
+        self, part: Split, ids: Mapping[int, str], readers: Mapping[str, TopicReader]
+    ) -> None:
+        groups: dict[str, list[tuple[int, Payloads]]] = {}
+        for channel, payloads in part.messages:
+            if channel in ids:
+                groups.setdefault(ids[channel], []).append((channel, payloads))
+        for topic, members in groups.items():
+            self._extend(readers[topic], topic, members)
 
     def _extend(self, reader: TopicReader, topic: str, members: list[tuple[int, Payloads]]) -> None:
         delta = PUBLISH_TIME if reader.clock is Clock.PUBLISH else LOG_TIME
@@ -130,61 +171,14 @@ class McapSource(Source):
                         expected[ids[channel]] = expected.get(ids[channel], 0) + count
         return expected
 
-    def _splits(self, ids: set[int] | None) -> Iterator[Split]:
-        """Yield the records of every part that may hold a wanted channel."""
-        for part in self._in_order():
-            if not isinstance(part, Chunk):
-                yield split(self._file.buffer, part.start, part.stop)
-            elif ids is None or part.channels is None or not ids.isdisjoint(part.channels):
-                opened = self._open(part)
-                if opened is not None:
-                    yield opened
-
-    def _open(self, chunk: Chunk) -> Split | None:
-        data = self._file.buffer.data[chunk.data_start : chunk.data_start + chunk.data_size]
-        if chunk.torn:
-            buffer = decompress_torn(data, chunk.compression)
-            return split(buffer, 0, buffer.size)
-        try:
-            buffer = decompress(data, chunk.compression, chunk.uncompressed_size, chunk.crc)
-        except DamagedChunk as error:
-            self._notes.append(f"the chunk at byte {chunk.offset} is lost: {error}")
-            return None
-        found = split(buffer, 0, buffer.size)
-        if found.end < buffer.size:
-            self._notes.append(
-                f"the chunk at byte {chunk.offset} holds {buffer.size - found.end} bytes "
-                "that are no records"
-            )
-        return found
-
-    def _in_order(self) -> list[Chunk | Stretch]:
-        """Return the parts by time, if chunks were written out of order but do not overlap."""
-        parts = self._file.parts
-        chunks = [part for part in parts if isinstance(part, Chunk) and not part.torn]
-        if len(chunks) < 2 or len(chunks) != len(parts):
-            return list(parts)
-        ordered = sorted(chunks, key=lambda chunk: chunk.start_time)
-        apart = all(a.end_time <= b.start_time for a, b in pairwise(ordered))
-        if ordered == chunks or not apart:
-            return list(parts)
-        self._notes.append("its chunks are not in order of time; they were read in order")
-        return list(ordered)
-
     def _collect_channels(self) -> None:
         """Open every chunk for its schemas and channels, where no summary repeats them."""
-        for part in self._file.parts:
-            if isinstance(part, Chunk) and not (
-                part.channels and part.channels.keys() <= self._file.channels.keys()
-            ):
-                opened = self._open(part)
-                if opened is None:
-                    continue
-                for opcode, start, length in opened.others:
-                    if opcode == _SCHEMA:
-                        add_schema(self._file, start, length, opened.buffer)
-                    elif opcode == _CHANNEL:
-                        add_channel(self._file, start, length, opened.buffer)
+        for part in self._reader.splits(None):
+            for opcode, start, length in part.others:
+                if opcode == _SCHEMA:
+                    add_schema(self._file, start, length, part.buffer)
+                elif opcode == _CHANNEL:
+                    add_channel(self._file, start, length, part.buffer)
 
 
 def _tear_note(file: McapFile) -> tuple[str, ...]:

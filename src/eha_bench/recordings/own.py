@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
-from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.series import nan_note
-from eha_bench.recordings.source import Source, Wanted
+from eha_bench.recordings.source import Source, Span, Wanted
 
 
-def read_own(source: Source) -> Recording:
+def read_own(source: Source, span: Span) -> Recording:
     """Return a recording as it was written.
 
     Raises:
@@ -39,17 +40,26 @@ def read_own(source: Source) -> Recording:
             where=where,
             hint="run the trial again",
         )
-    track = source.tracks({sample.TOPIC: Wanted(paths, Clock.LOG)})[sample.TOPIC]
-    if not len(track):
+    needed = span.after(epoch_ns) if span.bounded and epoch_ns > 0 else None
+    track = source.tracks({sample.TOPIC: Wanted(paths, None)}, needed)[sample.TOPIC]
+    if not track.columns[sample.TIME].size:
         raise RecordingError(
             "the recording is empty: it has no samples", where=where, hint="run the trial again"
         )
     notes = records.get(sample.NOTES, {})
     time = track.columns.pop(sample.TIME)
     values = {name: track.columns.pop(field) for field, name in fields.items()}
+    if span.bounded:
+        kept = slice(*np.searchsorted(time, (span.start, span.stop)))
+        time = time[kept]
+        values = {name: column[kept] for name, column in values.items()}
+        if not time.size:
+            raise RecordingError(f"it has no samples from {span}", where=where)
     found = list(source.notes)
     for name, column in values.items():
         found += nan_note(name, column, time)
+        column.setflags(write=False)
+    time.setflags(write=False)
     earlier = tuple(notes[key] for key in sorted(notes, key=lambda key: (len(key), key)))
     return Recording(
         time,

@@ -129,21 +129,8 @@ def definitions_of(encoded: Encoded) -> Definitions:
 def _fitting(payloads: Payloads, layout: Layout) -> NDArray[np.bool_] | None:
     """Return which messages have the layout's guards; None if all have."""
     fits: NDArray[np.bool_] | None = None
-    for offset, raw in layout.guards:
-        for start, code in _words(len(raw)):
-            word = np.frombuffer(raw, dtype=code, count=1, offset=start)[0]
-            same = payloads.column(offset + start, code) == word
-            if not same.all():
-                fits = same if fits is None else fits & same
+    for offset, code, value in layout.words:
+        same = payloads.column(offset, code) == value
+        if np.count_nonzero(same) != payloads.count:
+            fits = same if fits is None else fits & same
     return fits
-
-
-def _words(size: int) -> list[tuple[int, str]]:
-    """Return how to compare `size` bytes: (offset, NumPy type) of each word."""
-    words = []
-    start = 0
-    while start < size:
-        width = next(width for width in (8, 4, 2, 1) if width <= size - start)
-        words.append((start, f"<u{width}"))
-        start += width
-    return words

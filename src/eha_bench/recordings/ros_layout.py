@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import cached_property
 
 from eha_bench.recordings.definitions import (
     Array,
@@ -55,6 +56,15 @@ class Layout:
 
     leaves: tuple[Leaf | None, ...]
     guards: tuple[tuple[int, bytes], ...]
+
+    @cached_property
+    def words(self) -> tuple[tuple[int, str, int], ...]:
+        """The guards as numbers to compare: (offset, NumPy type, value)."""
+        return tuple(
+            (offset + start, f"<u{width}", int.from_bytes(raw[start : start + width], "little"))
+            for offset, raw in self.guards
+            for start, width in _widths(len(raw))
+        )
 
 
 def resolve(definitions: Definitions, name: str) -> tuple[tuple[str, Type], ...]:
@@ -118,7 +128,22 @@ def layout_of(
     walker = _Walker(payload, definitions, ros1, len(paths))
     wanted = [(index, path.steps) for index, path in enumerate(paths)]
     walker.message(name, wanted, 0)
-    return Layout(tuple(walker.leaves), tuple(walker.guards))
+    leaves = tuple(walker.leaves)
+    # what stands behind the last wanted number does not matter, unless a number was not there
+    last = max((leaf.offset for leaf in leaves if leaf), default=0)
+    guards = tuple(g for g in walker.guards if g[0] < last or None in leaves)
+    return Layout(leaves, guards)
+
+
+def _widths(size: int) -> list[tuple[int, int]]:
+    """Return how to cut `size` bytes into words: (start, width)."""
+    words = []
+    start = 0
+    while start < size:
+        width = next(width for width in (8, 4, 2, 1) if width <= size - start)
+        words.append((start, width))
+        start += width
+    return words
 
 
 _Wanted = list[tuple[int, tuple[Step, ...]]]
@@ -150,7 +175,7 @@ class _Walker:
             )
         self.order = "<" if head[1] else ">"
         self.origin = 4
-        self.guards.append((0, head[:2]))
+        self.guards.append((0, head))
 
     def message(self, name: str, wanted: _Wanted, depth: int) -> None:
         """Walk the fields of a message."""

@@ -13,7 +13,7 @@ from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.yaml_file import load, plain
 from eha_bench.recordings.decompress import LARGEST
 from eha_bench.recordings.formats import open_file
-from eha_bench.recordings.source import Source, Topic, Wanted
+from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Track
 
 _FILES = ("*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
@@ -64,7 +64,7 @@ class Rosbag2Source(Source):
                 found.setdefault(topic.name, topic)
         return tuple(found.values())
 
-    def tracks(self, wanted: Mapping[str, Wanted]) -> dict[str, Track]:
+    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
         """Return the samples of the wanted topics, file after file.
 
         Raises:
@@ -74,7 +74,7 @@ class Rosbag2Source(Source):
         for part in self._parts:
             here = {topic.name for topic in part.topics()}
             inside = {topic: what for topic, what in wanted.items() if topic in here}
-            for topic, track in part.tracks(inside).items():
+            for topic, track in part.tracks(inside, span).items():
                 collected[topic].append(track)
         return {topic: _joined(topic, tracks) for topic, tracks in collected.items()}
 

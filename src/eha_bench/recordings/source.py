@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,10 +26,31 @@ class Topic:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is wanted of a topic."""
+    """What is wanted of a topic; without a clock its track has no stamps."""
 
     fields: tuple[FieldPath, ...]
-    clock: Clock
+    clock: Clock | None
+
+
+@dataclass(frozen=True)
+class Span:
+    """Part of a recording, start <= time < stop; in s on its clock, or in ns since 1970."""
+
+    start: float = -math.inf
+    stop: float = math.inf
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it is less than everything."""
+        return math.isfinite(self.start) or math.isfinite(self.stop)
+
+    def after(self, zero: int) -> Span:
+        """Return a span in s after `zero` (ns) as a span in ns, rounded outwards."""
+        return Span(zero + self.start * 1e9 - 1e3, zero + self.stop * 1e9 + 1e3)
+
+    def __str__(self) -> str:
+        """As a person writes it."""
+        return f"{self.start:.6g} s to {self.stop:.6g} s"
 
 
 class Source(ABC):
@@ -49,12 +71,22 @@ class Source(ABC):
         """The topics of the log."""
 
     @abstractmethod
-    def tracks(self, wanted: Mapping[str, Wanted]) -> dict[str, Track]:
+    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
         """Return the samples of the wanted topics, in file order.
+
+        Args:
+            wanted: fields and clock by topic.
+            span: what is needed, in ns of the log's clock. More may be returned; at least one
+                sample before and after it comes along where there is one, to interpolate from.
 
         Raises:
             RecordingError: a topic cannot be decoded.
         """
+
+    def first_stamp(self, wanted: Mapping[str, Wanted]) -> int | None:
+        """Return the log time in ns of the first wanted message, if it is cheap to know."""
+        del wanted
+        return None
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
         """Metadata by record name; later records of one name add to the earlier ones."""

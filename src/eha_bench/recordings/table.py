@@ -15,7 +15,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.units import factor_and_offset
 from eha_bench.recordings.channel_map import ChannelEntry, ChannelMap, ChannelMapFile, TimeColumn
-from eha_bench.recordings.source import Source, Topic, Wanted
+from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Column, Stamps, Track
 
 _DELIMITERS = ",;\t|"
@@ -54,9 +54,9 @@ class TableSource(Source):
         """The columns, each as a topic."""
         return tuple(Topic(name, None) for name in self.names())
 
-    def tracks(self, wanted: Mapping[str, Wanted]) -> dict[str, Track]:
+    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
         """Refuse: a table has no topics."""
-        del wanted
+        del wanted, span
         raise RecordingError("a table has no topics", where=Place(file=self.path))
 
     def own_map(self) -> ChannelMap:

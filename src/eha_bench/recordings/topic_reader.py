@@ -13,7 +13,7 @@ from eha_bench.recordings.decoder import Decoder, Encoded, UnreadableTopic, make
 from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.payloads import Payloads
 from eha_bench.recordings.source import Wanted
-from eha_bench.recordings.track import Growing, Stamps, Track
+from eha_bench.recordings.track import Growing, StampColumn, Stamps, Track
 
 _STAMPS = (
     ("header.stamp.sec", "header.stamp.nanosec"),
@@ -46,15 +46,25 @@ class Part:
 class TopicReader:
     """Grows a track from batches of messages of one topic."""
 
-    def __init__(self, topic: str, wanted: Wanted, expected: int = 0) -> None:
+    def __init__(
+        self,
+        topic: str,
+        wanted: Wanted,
+        expected: int = 0,
+        leader: Callable[[], StampColumn | None] = lambda: None,
+    ) -> None:
+        """Expect so many messages; `leader` tells whose stamps these may be the same as."""
         self._topic = topic
         self._wanted = wanted
         self._decoders: dict[int, Decoder] = {}
-        self._growing = Growing(len(wanted.fields), expected)
+        self._columns = [Growing(np.float64, expected) for _ in wanted.fields]
+        self._expected = expected
+        self._leader = leader
+        self._stamps: StampColumn | None = None
 
     @property
-    def clock(self) -> Clock:
-        """Which time stamps the samples."""
+    def clock(self) -> Clock | None:
+        """Which time stamps the samples; None if they carry their own time."""
         return self._wanted.clock
 
     def extend(self, batch: list[Part], encoded: Callable[[int], Encoded]) -> None:
@@ -67,7 +77,10 @@ class TopicReader:
         Raises:
             UnreadableTopic: a message does not fit, or there is no header stamp.
         """
-        place, columns = self._growing.extend(sum(part.payloads.count for part in batch))
+        total = sum(part.payloads.count for part in batch)
+        columns = [column.extend(total) for column in self._columns]
+        whole = len(batch) == 1 and batch[0].rows is None
+        place = None if whole or self.clock is None else np.empty(total, dtype=np.int64)
         for part in batch:
             decoder = self._decoders.get(part.channel)
             if decoder is None:
@@ -83,16 +96,27 @@ class TopicReader:
                 stamps = stamp[0].astype(np.int64) * 1_000_000_000 + stamp[1].astype(np.int64)
             elif targets:
                 decoder.decode(part.payloads, targets)
-            if part.rows is None:
-                place[:] = stamps
-                continue
-            place[part.rows] = stamps
-            for column, target in zip(columns, targets, strict=True):
-                column[part.rows] = target
+            if whole:
+                place = stamps
+            elif part.rows is not None:
+                if place is not None:
+                    place[part.rows] = stamps
+                for column, target in zip(columns, targets, strict=True):
+                    column[part.rows] = target
+        if place is not None and self.clock is not None:
+            self.stamps.extend(place)
+
+    @property
+    def stamps(self) -> StampColumn:
+        """The stamps so far."""
+        if self._stamps is None:
+            self._stamps = StampColumn(self._expected, self._leader())
+        return self._stamps
 
     def finish(self) -> Track:
         """Return the track."""
-        stamps, columns = self._growing.finish()
+        stamps = np.empty(0, np.int64) if self.clock is None else self.stamps.finish()
+        columns = [column.finish() for column in self._columns]
         names = [str(path) for path in self._wanted.fields]
         kinds = {
             names[index]: kind

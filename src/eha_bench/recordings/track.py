@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,26 +40,77 @@ class Track:
 
 
 class Growing:
-    """Arrays that grow together; memory is taken as it is needed and given back at the end."""
+    """An array that grows; memory is taken as it is needed, and given back at the end."""
 
-    def __init__(self, columns: int, expected: int = 0) -> None:
+    def __init__(self, kind: type[np.float64 | np.int64], expected: int = 0) -> None:
         self._count = 0
-        self._stamps = np.empty(max(expected, 256), dtype=np.int64)
-        self._columns = [np.empty(self._stamps.size) for _ in range(columns)]
+        self._array: NDArray[Any] = np.empty(max(expected, 256), dtype=kind)
 
-    def extend(self, count: int) -> tuple[Stamps, list[Column]]:
-        """Return the next `count` places of the stamps and of every column, to be written."""
+    def extend(self, count: int) -> NDArray[Any]:
+        """Return the next `count` places, to be written."""
         stop = self._count + count
-        if stop > self._stamps.size:
-            size = max(stop, self._stamps.size * 3 // 2)
-            for array in (self._stamps, *self._columns):
-                array.resize(size, refcheck=False)
-        place = slice(self._count, stop)
+        if stop > self._array.size:
+            self._array.resize(max(stop, self._array.size * 3 // 2), refcheck=False)
+        place = self._array[self._count : stop]
         self._count = stop
-        return self._stamps[place], [column[place] for column in self._columns]
+        return place
 
-    def finish(self) -> tuple[Stamps, list[Column]]:
-        """Return the arrays at their final length."""
-        for array in (self._stamps, *self._columns):
-            array.resize(self._count, refcheck=False)
-        return self._stamps, self._columns
+    def part(self, start: int, stop: int) -> NDArray[Any]:
+        """Return what was written at some places; gone with the next `extend`."""
+        return self._array[start:stop]
+
+    def __len__(self) -> int:
+        """Number of places handed out."""
+        return self._count
+
+    def finish(self) -> NDArray[Any]:
+        """Return the array at its final length."""
+        if self._count != self._array.size:
+            self._array.resize(self._count, refcheck=False)
+        return self._array
+
+
+class StampColumn:
+    """A topic's stamps; those of topics that tick together are kept in memory only once."""
+
+    def __init__(self, expected: int = 0, leader: StampColumn | None = None) -> None:
+        self._leader = leader
+        self._own = Growing(np.int64, expected) if leader is None else None
+        self._count = 0
+
+    def __len__(self) -> int:
+        """Number of stamps."""
+        return self._count
+
+    def extend(self, stamps: Stamps) -> None:
+        """Add stamps, shape (m,)."""
+        stop = self._count + stamps.size
+        if self._own is None:
+            leader = self._leader
+            if (
+                leader is not None
+                and len(leader) >= stop
+                and np.array_equal(leader.part(self._count, stop), stamps)
+            ):
+                self._count = stop
+                return
+            self._own = Growing(np.int64, stop)
+            if leader is not None and self._count:
+                self._own.extend(self._count)[:] = leader.part(0, self._count)
+        self._own.extend(stamps.size)[:] = stamps
+        self._count = stop
+
+    def part(self, start: int, stop: int) -> Stamps:
+        """Return some of the stamps; gone with the next `extend`."""
+        if self._own is None:
+            assert self._leader is not None
+            return self._leader.part(start, stop)
+        return self._own.part(start, stop)
+
+    def finish(self) -> Stamps:
+        """Return the stamps; the same array for topics that have the same."""
+        if self._own is not None:
+            return self._own.finish()
+        assert self._leader is not None
+        stamps = self._leader.finish()
+        return stamps if stamps.size == self._count else stamps[: self._count]

@@ -1,0 +1,119 @@
+"""Opens the chunks of an MCAP file one after the other, only those that are needed."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import pairwise
+
+from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
+from eha_bench.recordings.demux import Split, Splitter
+from eha_bench.recordings.mcap_file import Chunk, McapFile, Stretch
+from eha_bench.recordings.payloads import Bytes
+from eha_bench.recordings.source import Span
+
+Part = Chunk | Stretch
+
+
+class ChunkReader:
+    """Yields the records of a file's chunks; what is damaged is left out and noted."""
+
+    def __init__(self, file: McapFile) -> None:
+        self._file = file
+        self.notes: list[str] = []
+
+    def splits(self, ids: Collection[int] | None, span: Span | None = None) -> Iterator[Split]:
+        """Yield the records of every part that may hold one of the channels within the span."""
+        parts = self._needed(ids, span)
+        chunks = iter([part for part in parts if isinstance(part, Chunk)])
+        ahead: deque[tuple[Chunk, Future[Bytes]]] = deque()
+        splitter = Splitter()
+        # while one chunk is decoded the next is decompressed: both let go of the interpreter
+        with ThreadPoolExecutor(1) as pool:
+            for part in parts:
+                while len(ahead) < 2 and (chunk := next(chunks, None)) is not None:
+                    ahead.append((chunk, pool.submit(self._decompress, chunk)))
+                if not isinstance(part, Chunk):
+                    yield splitter.split(self._file.buffer, part.start, part.stop)
+                    continue
+                opened = self._opened(*ahead.popleft(), splitter)
+                if opened is not None:
+                    yield opened
+                    del opened  # or there would be three chunks in memory
+
+    def _decompress(self, chunk: Chunk) -> Bytes:
+        data = self._file.buffer.data[chunk.data_start : chunk.data_start + chunk.data_size]
+        if chunk.torn:
+            return decompress_torn(data, chunk.compression)
+        return decompress(data, chunk.compression, chunk.uncompressed_size, chunk.crc)
+
+    def _opened(self, chunk: Chunk, content: Future[Bytes], splitter: Splitter) -> Split | None:
+        try:
+            buffer = content.result()
+        except DamagedChunk as error:
+            self.notes.append(f"the chunk at byte {chunk.offset} is lost: {error}")
+            return None
+        found = splitter.split(buffer, 0, buffer.size)
+        if found.end < buffer.size and not chunk.torn:
+            self.notes.append(
+                f"the chunk at byte {chunk.offset} holds {buffer.size - found.end} bytes "
+                "that are no records"
+            )
+        return found
+
+    def _needed(self, ids: Collection[int] | None, span: Span | None) -> list[Part]:
+        """Return the parts to open, in order of time."""
+        known = self._file.channels.keys()
+        parts = [
+            part
+            for part in self._in_order()
+            if not isinstance(part, Chunk)
+            or part.channels is None
+            or not part.channels.keys() <= known
+            or ids is None
+            or not part.channels.keys().isdisjoint(ids)
+        ]
+        if span is None or ids is None:
+            return parts
+        return _within(parts, ids, span)
+
+    def _in_order(self) -> list[Part]:
+        """Return the parts by time, if chunks were written out of order but do not overlap."""
+        parts = self._file.parts
+        chunks = [part for part in parts if isinstance(part, Chunk) and not part.torn]
+        if len(chunks) < 2 or len(chunks) != len(parts):
+            return list(parts)
+        ordered = sorted(chunks, key=lambda chunk: chunk.start_time)
+        apart = all(a.end_time <= b.start_time for a, b in pairwise(ordered))
+        if ordered == chunks or not apart:
+            return list(parts)
+        self.notes.append("its chunks are not in order of time; they were read in order")
+        return list(ordered)
+
+
+def _within(parts: list[Part], ids: Collection[int], span: Span) -> list[Part]:
+    """Return the parts that overlap the span, and each channel's next ones on both sides."""
+    keep = set()
+    before = set(ids)
+    after = set(ids)
+    for number in range(len(parts) - 1, -1, -1):
+        part = parts[number]
+        if not isinstance(part, Chunk) or part.channels is None or part.torn:
+            keep.add(number)
+        elif part.end_time < span.start:
+            if before & part.channels.keys():
+                keep.add(number)
+                before -= part.channels.keys()
+        elif part.start_time <= span.stop:
+            keep.add(number)
+    for number, part in enumerate(parts):
+        if (
+            isinstance(part, Chunk)
+            and part.channels is not None
+            and part.start_time > span.stop
+            and after & part.channels.keys()
+        ):
+            keep.add(number)
+            after -= part.channels.keys()
+    return [parts[number] for number in sorted(keep)]

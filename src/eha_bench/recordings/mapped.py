@@ -1,0 +1,206 @@
+"""Reads somebody else's log as its channel map says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import MissingChannelError, Place, RecordingError
+from eha_bench.core.recording import Recording
+from eha_bench.recordings import sample
+from eha_bench.recordings.align import align
+from eha_bench.recordings.channel_map import ChannelMap, Clock
+from eha_bench.recordings.decoder import READ_ENCODINGS
+from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.series import nan_note, seconds, seconds_in_place, unwrapped
+from eha_bench.recordings.source import Source, Span, Topic, Wanted
+from eha_bench.recordings.table import TableSource
+from eha_bench.recordings.track import Column, Stamps, Track
+
+
+def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
+    """Return a source's channels as the map says.
+
+    Raises:
+        RecordingError: as `read`.
+        MissingChannelError: a mapped topic or column is not there.
+    """
+    where = Place(file=source.path)
+    if isinstance(source, TableSource) != mapping.is_table:
+        raise RecordingError(
+            "the channel map names columns, but the recording has topics"
+            if mapping.is_table
+            else "the channel map names topics, but the recording is a table with columns",
+            where=where,
+            hint="use topic and field for logs, column for CSV, Parquet and MAT",
+        )
+    keys, wanted = _wanted(source, mapping)
+    tracks, zero = _tracks(source, mapping, wanted, span)
+    aligned = align(mapping, tracks, keys, source.path)
+    epoch = int(aligned.stamps[0]) if zero is None else zero
+    if isinstance(source, TableSource) and epoch < 0:
+        epoch = 0  # a table's time that starts below zero has its zero at an event: keep it
+    time = _time(aligned.stamps, epoch)
+    notes = [*source.notes, *_skipped_notes(source), *aligned.notes]
+    values: dict[str, Column] = {}
+    for name, entry in mapping.channels.items():
+        topic, column = keys[name]
+        raw = aligned.columns.pop(name)
+        kind = tracks[topic].kinds.get(column, "")
+        raw, found = unwrapped(name, raw, kind, entry, time)
+        notes += found
+        if any(raw is other for other in aligned.columns.values()):
+            raw = raw.copy()
+        factor, offset = mapping.to_si(name)
+        values[name] = _affine(_affine(raw, entry.scale, entry.offset), factor, offset)
+        notes += nan_note(name, values[name], time)
+    if span.bounded:
+        kept = slice(*np.searchsorted(time, (span.start, span.stop)))
+        time = time[kept]
+        values = {name: array[kept] for name, array in values.items()}
+        if not time.size:
+            raise RecordingError(f"it has no samples from {span}", where=where)
+    for array in (time, *values.values()):
+        array.setflags(write=False)
+    return Recording(
+        time,
+        values,
+        {name: mapping.si_unit(name) for name in values},
+        epoch_ns=epoch,
+        metadata=_metadata(source),
+        attachments=source.attachments(),
+        notes=tuple(notes),
+        source=source.path,
+    )
+
+
+def _tracks(
+    source: Source, mapping: ChannelMap, wanted: Mapping[str, Wanted], span: Span
+) -> tuple[dict[str, Track], int | None]:
+    """Return the tracks, and the stamp of time zero where only a span is read."""
+    if isinstance(source, TableSource):
+        columns = tuple(entry.column or "" for entry in mapping.channels.values())
+        return source.table(mapping, columns), None
+    if not span.bounded:
+        return source.tracks(wanted), None
+    zero = None
+    if all(what.clock is Clock.LOG for what in wanted.values()):
+        zero = source.first_stamp(wanted)
+    tracks = source.tracks(wanted, span.after(zero) if zero is not None else None)
+    if zero is None:
+        firsts = [int(track.stamps[0]) for track in tracks.values() if len(track)]
+        zero = min(firsts, default=None)
+    return tracks, zero
+
+
+def _time(stamps: Stamps, epoch: int) -> NDArray[np.float64]:
+    """Return stamps in s; nobody needs them any more, so their memory is used again."""
+    if stamps.base is not None or not stamps.flags.writeable:
+        return seconds(stamps, epoch)
+    time = seconds_in_place(stamps, epoch)
+    stamps.setflags(write=False)
+    return time
+
+
+def _affine(values: Column, factor: float, offset: float) -> Column:
+    """Scale in place; a log of hours needs no second copy."""
+    if factor == 1.0 and offset == 0.0:
+        return values
+    if values.base is not None or not values.flags.writeable:
+        values = values.copy()
+    values *= factor
+    if offset:
+        values += offset
+    return values
+
+
+def _wanted(
+    source: Source, mapping: ChannelMap
+) -> tuple[dict[str, tuple[str, str]], dict[str, Wanted]]:
+    """Return channel -> (topic, column), and what to read of each topic."""
+    topics = {topic.name: topic for topic in source.topics()}
+    keys: dict[str, tuple[str, str]] = {}
+    fields: dict[str, dict[str, FieldPath]] = {}
+    clocks: dict[str, Clock] = {}
+    for name, entry in mapping.channels.items():
+        if entry.topic is None or entry.field is None:
+            keys[name] = (source.path, entry.column or "")
+            continue
+        topic = topics.get(entry.topic)
+        if topic is None or topic.skipped:
+            raise _missing_topic(source, name, entry.topic, topics)
+        path = FieldPath.parse(entry.field)
+        keys[name] = (entry.topic, str(path))
+        fields.setdefault(entry.topic, {})[str(path)] = path
+        clock = entry.clock or mapping.clock
+        if clocks.setdefault(entry.topic, clock) is not clock:
+            raise RecordingError(
+                f"channel '{name}' asks for clock {clock.value}, another channel of the same topic "
+                f"for {clocks[entry.topic].value}",
+                where=Place(file=source.path, topic=entry.topic),
+                hint="give a topic one clock",
+            )
+    return keys, {
+        topic: Wanted(tuple(paths.values()), clocks[topic]) for topic, paths in fields.items()
+    }
+
+
+def _missing_topic(
+    source: Source, channel: str, topic: str, topics: Mapping[str, Topic]
+) -> MissingChannelError | RecordingError:
+    found = topics.get(topic)
+    if found is not None:
+        return RecordingError(
+            f"channel '{channel}' cannot be read: {found.skipped}",
+            where=Place(file=source.path, topic=topic),
+            hint="map another topic in channels.yaml",
+        )
+    listed = ", ".join(topics) or "none"
+    return RecordingError(
+        f"the topic of channel '{channel}' is not in the recording",
+        where=Place(file=source.path, topic=topic),
+        hint=f"its topics are: {listed}",
+    )
+
+
+def _skipped_notes(source: Source) -> list[str]:
+    skipped = [topic.name for topic in source.topics() if topic.skipped]
+    return [f"skipped topics with service events: {', '.join(skipped)}"] if skipped else []
+
+
+def _metadata(source: Source) -> dict[str, str]:
+    """Metadata of somebody else's log; keys carry the record's name where there are several."""
+    records = source.metadata()
+    if sample.is_own(records):
+        return dict(records.get(sample.METADATA, {}))
+    return {
+        (f"{name}.{key}" if len(records) > 1 else key): value
+        for name, record in records.items()
+        for key, value in record.items()
+    }
+
+
+def unmapped(source: Source) -> RecordingError:
+    """Return the error for a log that nobody says how to read."""
+    topics = source.topics()
+    for topic in topics:
+        encoding = topic.encoded.encoding if topic.encoded else ""
+        if topic.encoded and encoding not in READ_ENCODINGS:
+            return RecordingError(
+                f"its messages are serialized as '{encoding}', which is not read",
+                where=Place(file=source.path, topic=topic.name),
+                hint=f"only {', '.join(READ_ENCODINGS)} are read",
+            )
+    if not topics:
+        return RecordingError(
+            "the recording is empty: it has no topics",
+            where=Place(file=source.path),
+            hint="record it again, or give another file",
+        )
+    return RecordingError(
+        "this recording was not written by eha-bench, and no channel map says what it holds",
+        where=Place(file=source.path),
+        hint=f"give a channels.yaml that maps its topics: {', '.join(t.name for t in topics)}",
+    )
