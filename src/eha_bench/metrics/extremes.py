@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eha_bench.core.score import Measure
-from eha_bench.metrics.local import Peak, peak
+from eha_bench.metrics.local import Peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge
 from eha_bench.metrics.step_response import StepResponse
@@ -44,9 +44,14 @@ def _extreme(
     smoothed: np.ndarray[tuple[int], np.dtype[np.float64]],
     values: np.ndarray[tuple[int], np.dtype[np.float64]],
 ) -> Extreme:
-    index = int(np.argmax(smoothed))
-    found = peak(step.time, values, index, step.noise, 4 * step.transit)
-    independent = max(values.size / (2 * step.smooth.half + 1), 2.0)
+    index = step.origin + int(np.argmax(smoothed[step.origin :]))
+    if step.exact or not step.noise.known:
+        # between the kink at the edge and its neighbours there is nothing to interpolate
+        at = float(step.time[index])
+        here = Peak(float(values[index]), at, 0.0, at, at)
+        return Extreme(here if index == step.origin else vertex(step.time, values, index), 0.0)
+    found = peak(step.time, values, index, step.noise, 2 * step.transit)
+    independent = max((values.size - step.origin) / (2 * step.smooth.half + 1), 2.0)
     return Extreme(found, step.smooth.sd * math.sqrt(2.0 * math.log(independent)))
 
 
@@ -95,10 +100,13 @@ class PeakValue(StepMetric):
 
     def of(self, step: StepResponse) -> Measure:
         """Return the value of the local polynomial's extreme."""
-        found = highest(step).peak
-        value = step.initial + step.step * found.value
-        reach = step.noise.quantile() * abs(step.step) * math.sqrt(found.variance)
-        return Measure(value, value - reach, value + reach, said(step, "extreme after the edge"))
+        found = highest(step)
+        reach = step.noise.quantile() * math.sqrt(found.peak.variance)
+        low, high = found.peak.value - reach, found.peak.value + reach
+        if found.peak.value - 1.0 <= found.threshold:
+            low = min(low, 1.0 - step.noise.quantile() * math.sqrt(step.final_variance))
+        value, *ends = (step.initial + step.step * part for part in (found.peak.value, low, high))
+        return Measure(value, min(ends), max(ends), said(step, "extreme after the edge"))
 
 
 class PeakTime(StepMetric):
@@ -111,5 +119,8 @@ class PeakTime(StepMetric):
         found = highest(step)
         if found.peak.value - 1.0 <= max(found.threshold, _LEAST):
             raise NotScored("no peak: the response does not overshoot beyond its noise")
-        measure = around(step, found.peak.time, found.peak.time_variance, "edge to the peak")
+        low, high = found.peak.earliest, found.peak.latest
+        if not step.noise.known:
+            low = high = math.nan
+        measure = Measure(found.peak.time, low, high, said(step, "edge to the peak"))
         return since_edge(step, measure)

@@ -10,6 +10,7 @@ doi:10.1080/01621459.2017.1285776).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -142,11 +143,36 @@ class Crossing:
         time: s.
         slope: of the response there, per s.
         variance: of the response's value there.
+        around: the polynomial it was found with; None for a straight line between two samples.
     """
 
     time: float
     slope: float
     variance: float
+    around: Fit | None = None
+
+    def interval(self, level_variance: float, noise: Noise) -> tuple[float, float]:
+        """Return where the response cannot be told from the level, at 95 % (s).
+
+        That is the interval by inversion (Fieller), which a curved approach to the level makes
+        lopsided; where the polynomial's window ends first, the straight line goes on.
+        """
+        reach = noise.quantile() * math.sqrt(self.variance + level_variance) / abs(self.slope)
+        low, high = self.time - reach, self.time + reach
+        if self.around is None or not math.isfinite(reach):
+            return low, high
+        local, target = self.around, self.around.value(self.time)
+
+        def near(time: float) -> bool:
+            spread = math.sqrt(noise.variance(local.weights(time)) + level_variance)
+            return abs(local.value(time) - target) <= noise.quantile() * spread
+
+        first, last = _reach(local, self.time, near)
+        inside = (local.origin - local.scale, local.origin + local.scale)
+        return (
+            first if first > inside[0] else min(low, first),
+            last if last < inside[1] else max(high, last),
+        )
 
 
 def interpolated(time: FloatArray, values: FloatArray, level: float, index: int) -> Crossing:
@@ -178,44 +204,85 @@ def refined(
         variance = noise.variance(local.weights(guess.time))
         return Crossing(guess.time, guess.slope, variance)
     place = local.origin + float(min(same, key=abs)) * local.scale
-    return Crossing(place, local.slope(place), noise.variance(local.weights(place)))
+    return Crossing(place, local.slope(place), noise.variance(local.weights(place)), local)
+
+
+def _reach(local: Fit, place: float, near: Callable[[float], bool]) -> tuple[float, float]:
+    """Return how far from a place, within the window, a condition holds without a break."""
+    ends = []
+    for side in (-1.0, 1.0):
+        stamps = np.linspace(place, local.origin + side * local.scale, 33).tolist()
+        end = place
+        for stamp in stamps[1:]:
+            if (stamp - place) * side <= 0.0:
+                break
+            if not near(stamp):
+                end = _between(end, stamp, near)
+                break
+            end = stamp
+        ends.append(end)
+    return ends[0], ends[1]
+
+
+def _between(yes: float, no: float, near: Callable[[float], bool]) -> float:
+    for _ in range(12):
+        middle = 0.5 * (yes + no)
+        yes, no = (middle, no) if near(middle) else (yes, middle)
+    return yes
 
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest value of a response, with the variances of its value and of its time."""
+    """The largest value of a response.
+
+    Attributes:
+        value: of the response.
+        time: s.
+        variance: of the value.
+        earliest, latest: 95 % interval of the time.
+    """
 
     value: float
     time: float
     variance: float
-    time_variance: float
+    earliest: float
+    latest: float
 
 
 def peak(time: FloatArray, values: FloatArray, index: int, noise: Noise, widest: int) -> Peak:
     """Return the maximum of a local polynomial around sample `index` of (n,) samples."""
     centre = float(time[index])
-    if noise.sd <= 1e-6 * float(np.ptp(values)):
-        return _parabola(time, values, index)
     half = half_width(time, values, centre, noise, widest) + 1
     for _ in range(3):  # the window follows the maximum that it finds
         local = fit(time, values, centre, half, 3)
         grid = np.linspace(-0.9, 0.9, 181)
         heights = np.polynomial.polynomial.polyval(grid, local.coefficients)
         best = float(grid[int(np.argmax(heights))])
-        moved = local.origin + best * local.scale
+        place = min(max(local.origin + best * local.scale, float(time[0])), float(time[-1]))
         if abs(best) < 0.2:
             break
-        centre = min(max(moved, float(time[0])), float(time[-1]))
-    place = min(max(moved, float(time[0])), float(time[-1]))
+        centre = place
     value = local.value(place)
     variance = noise.variance(local.weights(place))
     curvature = _curvature(local, place)
-    slope_variance = noise.variance(local.slope_weights(place))
     if curvature < 0.0:
         # the maximum of a noisy parabola lies above the true one by this much on average
-        value -= min(slope_variance / (-2.0 * curvature), math.sqrt(variance))
-        return Peak(value, place, variance, slope_variance / curvature**2)
-    return Peak(value, place, variance, math.nan)
+        excess = noise.variance(local.slope_weights(place)) / (-2.0 * curvature)
+        excess = min(excess, math.sqrt(variance))
+        value -= excess
+        variance += excess**2
+    earliest, latest = _flat(local, place, noise)
+    return Peak(value, place, variance, earliest, latest)
+
+
+def _flat(local: Fit, place: float, noise: Noise) -> tuple[float, float]:
+    """Return where around a place the slope cannot be told from zero (Fieller's interval)."""
+
+    def flat(time: float) -> bool:
+        spread = math.sqrt(noise.variance(local.slope_weights(time)))
+        return abs(local.slope(time)) <= noise.quantile() * spread
+
+    return _reach(local, place, flat)
 
 
 def _curvature(local: Fit, place: float) -> float:
@@ -226,9 +293,10 @@ def _curvature(local: Fit, place: float) -> float:
     return float(np.polynomial.polynomial.polyval(x, coefficients)) / local.scale**2
 
 
-def _parabola(time: FloatArray, values: FloatArray, index: int) -> Peak:
-    """Return the vertex of the parabola through three samples (noise-free data)."""
-    here = Peak(float(values[index]), float(time[index]), 0.0, 0.0)
+def vertex(time: FloatArray, values: FloatArray, index: int) -> Peak:
+    """Return the vertex of the parabola through the three samples around `index` (no noise)."""
+    at = float(time[index])
+    here = Peak(float(values[index]), at, 0.0, at, at)
     if not 0 < index < values.size - 1:
         return here
     left, right = float(time[index] - time[index - 1]), float(time[index + 1] - time[index])
@@ -241,4 +309,5 @@ def _parabola(time: FloatArray, values: FloatArray, index: int) -> Peak:
     shift = -slope / (2.0 * bend)
     if not -left <= shift <= right:
         return here
-    return Peak(here.value + slope * shift / 2.0, here.time + shift, 0.0, 0.0)
+    place = at + shift
+    return Peak(here.value + slope * shift / 2.0, place, 0.0, place, place)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eha_bench.core.score import Measure
 from eha_bench.metrics.local import Crossing, interpolated, refined, smooth
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, said, since_edge
 from eha_bench.metrics.step_response import StepResponse
+
+FloatArray = NDArray[np.float64]
 
 BAND = 0.02
 """Half-width of the band around the final level, as a share of the step."""
@@ -30,14 +33,15 @@ class SettlingTime(StepMetric):
 
     def of(self, step: StepResponse) -> Measure:
         """Return the last crossing of the band; its interval covers exits that noise may hide."""
-        track = smooth(step.rise, step.noise, BAND / 5.0, max(2, 3 * step.transit))
+        track = smooth(step.rise, step.noise, BAND / 15.0, max(2, step.transit))
         spread = math.sqrt(track.sd**2 + step.final_variance)
-        if spread > BAND / 3.0:
+        if spread > BAND / 5.0:
             raise NotScored(
                 f"the noise floor of {100 * spread:.2g} % of the step hides the 2 % band"
             )
         distance = track.values - 1.0
-        last = _last_outside(distance, BAND)
+        distance[: step.origin] = 1.0  # before the edge nothing has settled
+        last = _last_exit(distance, 1.5 * track.sd)
         hold = float(step.time[-1])
         if last + 1 >= step.time.size or step.time[last] > (1.0 - HOLD_SHARE) * hold:
             raise NotScored(
@@ -47,7 +51,7 @@ class SettlingTime(StepMetric):
         edge = 1.0 + math.copysign(BAND, float(distance[last]))
         place = interpolated(step.time, track.values, edge, last + 1)
         if not step.exact and step.noise.known:
-            place = refined(step.time, step.rise, edge, place, step.noise, 4 * step.transit)
+            place = refined(step.time, step.rise, edge, place, step.noise, max(step.transit, 3))
         low, high = self._interval(step, distance, place, spread)
         convention = f"2 % of the step for good, {LEVELS}"
         return since_edge(step, Measure(place.time, low, high, said(step, convention)))
@@ -55,27 +59,32 @@ class SettlingTime(StepMetric):
     @staticmethod
     def _interval(
         step: StepResponse,
-        distance: np.ndarray[tuple[int], np.dtype[np.float64]],
+        distance: FloatArray,
         place: Crossing,
         spread: float,
     ) -> tuple[float, float]:
         if not step.noise.known:
             return math.nan, math.nan
         reach = step.noise.quantile()
-        own = reach * math.sqrt(place.variance + step.final_variance) / abs(place.slope)
         surely = _last_outside(distance, BAND + reach * spread)
         perhaps = _last_outside(distance, BAND - reach * spread)
-        low, high = place.time - own, place.time + own
+        low, high = place.interval(step.final_variance, step.noise)
+        own = 0.5 * (high - low)
         if step.exact:
             return low, high
         # an oscillation that just clears the band, or just does not, moves the time by a period
         if step.time[perhaps] > high + 3.0 * own:
             high = float(step.time[perhaps])
-        if step.time[surely] < low - 3.0 * own:
-            low = min(low, float(step.time[surely]))
-        return low, high
+        return min(low, float(step.time[surely])), high
 
 
-def _last_outside(distance: np.ndarray[tuple[int], np.dtype[np.float64]], band: float) -> int:
+def _last_exit(distance: FloatArray, beyond: float) -> int:
+    """Return the last sample outside of the band in an excursion that is not only noise."""
+    sure = _last_outside(distance, BAND + beyond)
+    inside = np.flatnonzero(np.abs(distance[sure:]) <= BAND)
+    return sure + int(inside[0]) - 1 if inside.size and inside[0] > 0 else distance.size - 1
+
+
+def _last_outside(distance: FloatArray, band: float) -> int:
     outside = np.flatnonzero(np.abs(distance) > band)
     return int(outside[-1]) if outside.size else 0

@@ -15,7 +15,8 @@ from eha_bench.metrics.levels import Level, histogram_levels
 from eha_bench.metrics.local import Crossing, Smooth, interpolated, refined, smooth
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
-from eha_bench.metrics.noise import Noise, estimate
+from eha_bench.metrics.noise import Noise, estimate, white_noise
+from eha_bench.metrics.tail import asymptote
 from eha_bench.metrics.window import Timeline, commanded_edges, timeline
 
 FloatArray = NDArray[np.float64]
@@ -36,8 +37,9 @@ class StepResponse:
 
     Attributes:
         edge: as commanded; time in s of the signal, levels in SI.
-        time: (n,) s since the edge; the first sample is the last one not after it.
+        time: (n,) s since the edge, from the start of the initial window.
         rise: (n,) normalised response: 0 initial, 1 final level.
+        origin: index of the last sample not after the edge.
         initial: level before the edge, SI.
         step: final minus initial level, SI, signed.
         initial_variance, final_variance: of the normalised levels.
@@ -51,6 +53,7 @@ class StepResponse:
     edge: Edge
     time: FloatArray
     rise: FloatArray
+    origin: int
     initial: float
     step: float
     initial_variance: float
@@ -82,7 +85,7 @@ class StepResponse:
         deviations, so that noise around a level that it stays at does not.
         """
         key = f"{100 * share:g} %"
-        values = self.smooth.values
+        values = self.smooth.values[self.origin :]
         beyond = np.flatnonzero(values >= share + 2.0 * self.smooth.sd)
         if beyond.size == 0:
             beyond = np.flatnonzero(values >= share)
@@ -91,11 +94,19 @@ class StepResponse:
         below = np.flatnonzero(values[: int(beyond[0])] < share)
         if below.size == 0:
             raise NotScored(f"the response is beyond {key} of the step at the edge already")
-        index = int(below[-1]) + 1
-        guess = interpolated(self.time, values, share, index)
+        index = self.origin + int(below[-1]) + 1
+        guess = interpolated(self.time, self.smooth.values, share, index)
         if self.exact or not self.noise.known:
             return guess
-        return refined(self.time, self.rise, share, guess, self.noise, 4 * self.transit)
+        after = slice(self.origin, None)  # the edge may leave a kink, no polynomial follows one
+        return refined(
+            self.time[after],
+            self.rise[after],
+            share,
+            guess,
+            self.noise,
+            max(3 * self.transit // 4, 3),
+        )
 
 
 def step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[StepResponse, ...]:
@@ -120,7 +131,7 @@ def _step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[S
     for number, edge in enumerate(edges):
         start = edges[number - 1].time if number else float(line.time[0])
         asked = trial.signal.edges[number]
-        _require_hold(line, edge, asked)
+        _require_hold(line, edge, asked, trial.duration)
         response = _respond(line, values, edge, start)
         if channel == trial.channel and (response.step > 0) != (edge.after > edge.before):
             raise NotScored(
@@ -131,9 +142,9 @@ def _step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[S
     return tuple(responses)
 
 
-def _require_hold(line: Timeline, edge: Edge, asked: Edge) -> None:
+def _require_hold(line: Timeline, edge: Edge, asked: Edge, trial_end: float) -> None:
     end = float(line.time[-1]) + line.period
-    hold = asked.until - asked.time
+    hold = min(asked.until, trial_end) - asked.time
     if edge.until >= end - 0.5 * line.period and end - edge.time < 0.5 * hold:
         raise NotScored(
             f"the recording ends {end - edge.time:.4g} s after the edge, "
@@ -174,19 +185,21 @@ def level(values: FloatArray, noise: Noise) -> Level:
 def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> StepResponse:
     before = initial_window(line, edge, start)
     end = final_window(line, edge)
-    hold = slice(before.stop - 1, end.stop)
-    if hold.stop - hold.start < 4 or end.stop - end.start < 1:
-        raise NotScored(f"{hold.stop - hold.start} sample(s) in the hold after the edge")
-    require_finite(line, values, slice(before.start, end.stop))
-    scale = float(np.max(np.abs(values[before.start : end.stop])))
+    whole = slice(before.start, end.stop)
+    if end.stop - before.stop < 3 or end.stop - end.start < 1:
+        raise NotScored(f"{max(end.stop - before.stop, 0)} sample(s) in the hold after the edge")
+    require_finite(line, values, whole)
+    scale = float(np.max(np.abs(values[whole])))
     if scale == 0.0:
         raise NotScored("no step: the response is zero throughout")
-    data = values / scale  # so that differences of the largest numbers are finite
-    noise = estimate([data[before], data[end]])
-    if noise.known and noise.sd == 0.0:
-        noise = _quantised(data[hold], noise)
-    low, high = level(data[before], noise), level(data[end], noise)
-    step = high.value - low.value
+    data = values[whole] / scale  # so that differences of the largest numbers are finite
+    origin = before.stop - 1 - before.start
+    first, last = data[: origin + 1], data[end.start - before.start :]
+    tail = asymptote(last, white_noise(last))
+    noise = _noise(data, first, last, tail is not None)
+    low, high = level(first, noise), level(last, noise)
+    final = high.value if tail is None else tail
+    step = final - low.value
     floor = max(4.0 * math.sqrt(low.variance + high.variance), 2.0 * noise.sd, 1e-12)
     if not abs(step) > floor:
         raise NotScored(
@@ -198,14 +211,14 @@ def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> St
             f"not settled: the response still drifts by {100 * abs(high.drift / step):.1f} % "
             f"of the step in the last {100 * FINAL_SHARE:.0f} % of the hold"
         )
-    rise = (data[hold] - low.value) / step
-    time = line.time[hold] - edge.time
+    rise = (data - low.value) / step
     unit = Noise(noise.autocovariance / step**2, noise.freedom)
-    transit = _transit(rise, unit)
+    transit = _transit(rise[origin:], unit)
     return StepResponse(
         edge=edge,
-        time=time,
+        time=line.time[whole] - edge.time,
         rise=rise,
+        origin=origin,
         initial=low.value * scale,
         step=step * scale,
         initial_variance=low.variance / step**2,
@@ -214,8 +227,18 @@ def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> St
         smooth=smooth(rise, unit, _SMOOTHED, max(2, transit // 2)),
         transit=transit,
         slack=line.period if line.how else 0.0,
-        notes=_notes(line, rise, low, unit),
+        notes=_notes(line, rise, low, unit, abs(tail - high.value) if tail is not None else 0.0),
     )
+
+
+def _noise(data: FloatArray, first: FloatArray, last: FloatArray, decaying: bool) -> Noise:
+    """Return the noise of the settled windows; of a decaying tail only what is white in it."""
+    noise = estimate([first, last])
+    if decaying and noise.known:
+        return Noise(np.array([white_noise(last) ** 2]), noise.freedom)
+    if noise.known and noise.sd == 0.0:
+        return _quantised(data, noise)
+    return noise
 
 
 def _quantised(values: FloatArray, noise: Noise) -> Noise:
@@ -235,16 +258,17 @@ def _transit(rise: FloatArray, noise: Noise) -> int:
     return max(high - int(below[-1]) if below.size else high, 1)
 
 
-def _notes(line: Timeline, rise: FloatArray, low: Level, noise: Noise) -> tuple[str, ...]:
+def _notes(
+    line: Timeline, rise: FloatArray, low: Level, noise: Noise, extrapolated: float
+) -> tuple[str, ...]:
     notes = [line.how] if line.how else []
     if low.samples < 4:
         notes.append(f"initial level from {low.samples} sample(s)")
     if not noise.known:
         notes.append("too few settled samples for an interval")
-    modes = histogram_levels(rise)
-    if noise.sd < 0.02 and max(abs(modes[0]), abs(modes[1] - 1.0)) > 0.05:
-        notes.append(
-            "levels by histogram (IEEE 181) differ: "
-            f"{100 * modes[0]:.0f} % and {100 * modes[1]:.0f} % of the step by windows"
-        )
+    if extrapolated > 0.0:
+        notes.append("final level as predicted from its decaying tail")
+    mode = histogram_levels(rise)[1]
+    if noise.sd < 0.02 and abs(mode - 1.0) > 0.05:
+        notes.append(f"by histogram (IEEE 181) the final level is {100 * mode:.0f} % of the step")
     return tuple(notes)

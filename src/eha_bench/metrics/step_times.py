@@ -6,11 +6,9 @@ response time of the paper runs from the command's edge to 95 % of the final lev
 
 from __future__ import annotations
 
-import math
-
 from eha_bench.core.score import Measure
 from eha_bench.metrics.metric import spec_of
-from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, since_edge
+from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge
 from eha_bench.metrics.step_response import StepResponse
 
 
@@ -55,7 +53,5 @@ class DelayTime(StepMetric):
 
 def _until(step: StepResponse, share: float, convention: str) -> Measure:
     crossing = step.crossing(share)
-    variance = (step.level_variance(share) + crossing.variance) / crossing.slope**2
-    if not math.isfinite(variance):
-        variance = math.nan
-    return since_edge(step, around(step, crossing.time, variance, convention))
+    low, high = crossing.interval(step.level_variance(share), step.noise)
+    return since_edge(step, Measure(crossing.time, low, high, said(step, convention)))

@@ -28,6 +28,7 @@ HARMONICS = 10
 """Highest harmonic that counts as distortion."""
 
 _FEWEST_PER_PERIOD = 4
+_BLOCKS = 64  # blocks of periods that are compared for stationarity, at most about twice as many
 _STATIONARY = 0.01  # of the amplitude: what a settled period may differ from the last ones
 _DRIFT = 0.05  # of the amplitude: between the halves of the settled periods
 
@@ -125,14 +126,17 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     if scale == 0.0:
         raise NotScored("the channel is zero throughout")
     data = values / scale
-    phasors = _period_phasors(line.time, data, stop, periods - TRANSIENT_PERIODS, frequency)
-    settled = _settled(phasors)
+    block = 1 + (periods - TRANSIENT_PERIODS) // _BLOCKS
+    blocks = (periods - TRANSIENT_PERIODS) // block
+    phasors = _block_phasors(line.time, data, stop, blocks, frequency / block, block)
+    settled_blocks = _settled(phasors)
+    settled = settled_blocks * block
     window = line.between(stop - settled / frequency, stop)
     time = line.time[window] - stop
-    response = _harmonic_fit(time, data[window], frequency, settled)
-    _require_stationary(phasors[:settled], response.variance, label)
     command_scale = float(np.max(np.abs(line.reference[window]))) or 1.0
-    command = _harmonic_fit(time, line.reference[window] / command_scale, frequency, settled)
+    both = np.column_stack([data[window], line.reference[window] / command_scale])
+    response, command = harmonic_fits(time, both, frequency, settled)
+    _require_stationary(phasors[:settled_blocks], response.variance, label)
     if not abs(command.phasors[0]) > 10.0 * math.sqrt(command.variance) + 1e-9:
         raise NotScored(f"the reference holds no sine of {label}")
     notes = [f"{settled} settled periods of {periods}"]
@@ -168,31 +172,62 @@ def _commanded_frequency(line: Timeline, tone: Tone, window: slice) -> float:
 
 
 @dataclass(frozen=True)
-class _HarmonicFit:
+class HarmonicFit:
+    """Phasors of a fundamental and its harmonics, with what they leave."""
+
     phasors: tuple[complex, ...]  # fundamental first
     variance: float  # of each part of a phasor
     residual_rms: float
     freedom: float
 
 
-def _harmonic_fit(
+def harmonic_fits(
     time: FloatArray, values: FloatArray, frequency: float, periods: int
-) -> _HarmonicFit:
-    """Fit offset, fundamental and harmonics at once; the noise comes from between the lines."""
+) -> list[HarmonicFit]:
+    """Fit offset, fundamental and harmonics at once; the noise comes from between the lines.
+
+    `time` (n,) s over whole periods, `values` (n, k): k channels.
+    """
     period = (time[-1] - time[0]) / (time.size - 1)
     highest = max(1, min(HARMONICS, math.ceil(0.5 / (frequency * period)) - 1))
     highest = max(1, min(highest, (time.size - 2) // 3))
-    angles = 2.0 * np.pi * frequency * np.outer(time, np.arange(1, highest + 1))
-    design = np.column_stack([np.ones(time.size), np.cos(angles), np.sin(angles)])
+    normal = np.zeros((2 * highest + 1, 2 * highest + 1))
+    right = np.zeros((2 * highest + 1, values.shape[1]))
+    for part in _parts(time.size):
+        design = _design(time[part], frequency, highest)
+        normal += design.T @ design
+        right += design.T @ values[part]
     # over whole periods the columns are nearly orthogonal: normal equations lose nothing
-    solution = np.linalg.solve(design.T @ design, design.T @ values)
-    residual = values - design @ solution
+    solution = np.linalg.solve(normal, right)
+    residual = values.copy()
+    for part in _parts(time.size):
+        residual[part] -= _design(time[part], frequency, highest) @ solution
+    return [
+        _fitted(solution[:, k], residual[:, k], periods, highest) for k in range(values.shape[1])
+    ]
+
+
+def _parts(count: int) -> list[slice]:
+    """Return pieces that fit the processor's cache."""
+    return [slice(start, start + 16384) for start in range(0, count, 16384)]
+
+
+def _design(time: FloatArray, frequency: float, highest: int) -> FloatArray:
+    turn = np.exp(2j * np.pi * frequency * time)
+    powers = np.empty((time.size, highest), dtype=np.complex128)
+    powers[:, 0] = turn
+    for h in range(1, highest):
+        np.multiply(powers[:, h - 1], turn, out=powers[:, h])
+    return np.column_stack([np.ones(time.size), powers.real, powers.imag])
+
+
+def _fitted(solution: FloatArray, residual: FloatArray, periods: int, highest: int) -> HarmonicFit:
     # a cos + b sin = Re((a - jb) exp(jwt)); a sine of phase 0 is -j
     phasors = tuple(complex(solution[1 + h], -solution[1 + highest + h]) for h in range(highest))
     density, freedom = _noise_density(residual, periods, highest)
-    variance = 2.0 * density / time.size
-    rms = math.sqrt(float(residual @ residual) / max(time.size - 1 - 2 * highest, 1))
-    return _HarmonicFit(phasors, variance, rms, freedom)
+    variance = 2.0 * density / residual.size
+    rms = math.sqrt(float(residual @ residual) / max(residual.size - 1 - 2 * highest, 1))
+    return HarmonicFit(phasors, variance, rms, freedom)
 
 
 def _noise_density(residual: FloatArray, periods: int, highest: int) -> tuple[float, float]:
@@ -234,16 +269,16 @@ def _require_stationary(phasors: ComplexArray, variance: float, label: str) -> N
         )
 
 
-def _period_phasors(
-    time: FloatArray, data: FloatArray, stop: float, count: int, frequency: float
+def _block_phasors(
+    time: FloatArray, data: FloatArray, stop: float, count: int, rate: float, block: int
 ) -> ComplexArray:
-    """Return the fundamental of each of the last `count` periods, the last one first."""
+    """Return the fundamental of each of the last `count` blocks of periods, the last one first."""
     found = np.zeros(count, dtype=np.complex128)
-    slack = 1e-6 / frequency
+    slack = 1e-6 / rate
     for number in range(count):
-        bounds = [stop - (number + 1) / frequency - slack, stop - number / frequency - slack]
+        bounds = [stop - (number + 1) / rate - slack, stop - number / rate - slack]
         first, last = np.searchsorted(time, bounds)
-        angle = 2.0 * np.pi * frequency * (time[first:last] - stop)
+        angle = 2.0 * np.pi * rate * block * (time[first:last] - stop)
         design = np.column_stack([np.ones(angle.size), np.cos(angle), np.sin(angle)])
         _, a, b = np.linalg.lstsq(design, data[first:last], rcond=None)[0]
         found[number] = complex(a, -b)

@@ -15,6 +15,7 @@ from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import Metric, NotScored, spec_of
+from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import timeline
 
@@ -27,14 +28,14 @@ class TrackingError:
 
     Attributes:
         error: (n,) in units of `scale`.
-        reference: (n,) in units of `scale`.
+        span: max - min of the reference, the time of settling included, in units of `scale`.
         scale: SI value of one.
         noise: standard deviation of the error's white part, in units of `scale`.
         how: where the reference comes from, for the reason of a score.
     """
 
     error: FloatArray
-    reference: FloatArray
+    span: float
     scale: float
     noise: float
     how: str
@@ -70,22 +71,13 @@ def _error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
         float(np.max(np.abs(values[window]))), float(np.max(np.abs(line.reference[window])))
     )
     scale = largest or 1.0
-    reference = line.reference[window] / scale
-    error = reference - values[window] / scale
+    error = line.reference[window] / scale - values[window] / scale
+    commanded = line.reference[: window.stop] / scale
+    span = float(np.ptp(commanded[np.isfinite(commanded)]))
     how = line.how if line.recorded else "reference as the trial defines it"
     if end < trial.duration - 0.5 * line.period:
         how = "; ".join(part for part in (how, f"recording ends at {end:.4g} s") if part)
-    return TrackingError(error, reference, scale, white_noise(error), how)
-
-
-def white_noise(values: FloatArray) -> float:
-    """Return the standard deviation of the white part of (n,) samples, from third differences.
-
-    The median absolute difference is blind to jumps; differencing is blind to what is smooth.
-    """
-    if values.size < 8:
-        return 0.0
-    return float(np.median(np.abs(np.diff(values, 3)))) / (0.6744897501960817 * math.sqrt(20.0))
+    return TrackingError(error, span, scale, white_noise(error), how)
 
 
 class TrackingMetric(Metric):
@@ -149,8 +141,8 @@ class TrackingNrmse(TrackingMetric):
 
     def of(self, error: TrackingError) -> Measure:
         """Return RMS / (max - min of the reference)."""
-        span = float(np.ptp(error.reference)) * error.scale
-        if not span > 1e-12 * error.scale:
+        span = error.span * error.scale
+        if not error.span > 1e-12:
             raise NotScored("the reference is constant: it has no span to normalise by")
         rms = root_mean_square(error)
         reason = "RMS over the span (max - min) of the reference"
