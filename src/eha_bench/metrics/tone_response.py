@@ -191,17 +191,18 @@ def harmonic_fits(
     period = (time[-1] - time[0]) / (time.size - 1)
     highest = max(1, min(HARMONICS, math.ceil(0.5 / (frequency * period)) - 1))
     highest = max(1, min(highest, (time.size - 2) // 3))
-    normal = np.zeros((2 * highest + 1, 2 * highest + 1))
-    right = np.zeros((2 * highest + 1, values.shape[1]))
-    for part in _parts(time.size):
-        design = _design(time[part], frequency, highest)
-        normal += design.T @ design
-        right += design.T @ values[part]
+    turns, projections = _sums(time, values, frequency, highest)
     # over whole periods the columns are nearly orthogonal: normal equations lose nothing
-    solution = np.linalg.solve(normal, right)
-    residual = values.copy()
+    right = np.concatenate([projections[:1].real, projections[1:].real, projections[1:].imag])
+    solution = np.linalg.solve(_normal(turns, highest), right)
+    residual = values - solution[0]
     for part in _parts(time.size):
-        residual[part] -= _design(time[part], frequency, highest) @ solution
+        turn = np.exp(2j * np.pi * frequency * time[part])
+        power = np.ones_like(turn)
+        for h in range(1, highest + 1):
+            power *= turn
+            residual[part] -= power.real[:, None] * solution[h]
+            residual[part] -= power.imag[:, None] * solution[highest + h]
     return [
         _fitted(solution[:, k], residual[:, k], periods, highest) for k in range(values.shape[1])
     ]
@@ -212,13 +213,42 @@ def _parts(count: int) -> list[slice]:
     return [slice(start, start + 16384) for start in range(0, count, 16384)]
 
 
-def _design(time: FloatArray, frequency: float, highest: int) -> FloatArray:
-    turn = np.exp(2j * np.pi * frequency * time)
-    powers = np.empty((time.size, highest), dtype=np.complex128)
-    powers[:, 0] = turn
-    for h in range(1, highest):
-        np.multiply(powers[:, h - 1], turn, out=powers[:, h])
-    return np.column_stack([np.ones(time.size), powers.real, powers.imag])
+def _sums(
+    time: FloatArray, values: FloatArray, frequency: float, highest: int
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return sums of exp(j m w t) for m = 0 .. 2 highest, and of values times it up to highest.
+
+    The least squares need no more than these, and no matrix of the record's length.
+    """
+    turns = np.zeros(2 * highest + 1, dtype=np.complex128)
+    projections = np.zeros((highest + 1, values.shape[1]), dtype=np.complex128)
+    for part in _parts(time.size):
+        turn = np.exp(2j * np.pi * frequency * time[part])
+        power = np.ones_like(turn)
+        for m in range(2 * highest + 1):
+            turns[m] += power.sum()
+            if m <= highest:
+                projections[m] += (power[:, None] * values[part]).sum(axis=0)
+            power *= turn
+    return turns, projections
+
+
+def _normal(turns: ComplexArray, highest: int) -> FloatArray:
+    """Return the normal matrix of the columns 1, cos(h w t), sin(h w t), h = 1 .. highest."""
+    orders = np.arange(1, highest + 1)
+    total = turns[orders[:, None] + orders]
+    gap = orders[:, None] - orders
+    difference = np.where(gap >= 0, turns[np.abs(gap)], turns[np.abs(gap)].conj())
+    cosines, sines = turns[orders].real, turns[orders].imag
+    cross = 0.5 * (total.imag - difference.imag)  # row: cosine, column: sine
+    matrix: FloatArray = np.block(
+        [
+            [turns[:1].real[:, None], cosines[None, :], sines[None, :]],
+            [cosines[:, None], 0.5 * (difference.real + total.real), cross],
+            [sines[:, None], cross.T, 0.5 * (difference.real - total.real)],
+        ]
+    )
+    return matrix
 
 
 def _fitted(solution: FloatArray, residual: FloatArray, periods: int, highest: int) -> HarmonicFit:
