@@ -112,6 +112,7 @@ def pressure_step(mega: float, response: float, current: float) -> tuple[Trial, 
         score("holding_current", "current", current * (1.063 if held else 0.99), "A",
               ScoreStatus.FAILED if held else ScoreStatus.PASSED, limits[1].text, spread=0.05),
         score("overshoot", channel, 0.313, "", ScoreStatus.WARNED, limits[2].text, spread=0.004),
+        score("peak_time", channel, 0.0541, "s"),
         score("peak", channel, mega * 1.313e6, "Pa", ScoreStatus.PASSED,
               limits[3].text if mega == 30 else "", spread=6e4),
         score("steady_state_error", channel, -21.4e3, "Pa", spread=9e3),
@@ -147,6 +148,7 @@ def pressure_recording(trial: Trial, seed: int, bend: float = 1.0) -> Recording:
             "pressure_b": 1e6 - 0.02 * dp + rng.normal(0, 6e4, time.size),
         },
         units={"reference": "Pa"},
+        metadata={"signal_start": "0.0"},
         notes=("resampled onto 1 kHz: 0 samples were made up",),
     )
 
@@ -173,6 +175,7 @@ def sine_recording(trial: Trial, seed: int) -> Recording:
             "oil_temperature": 313.0 + 0.1 * time,
         },
         units={"reference": "rad"},
+        metadata={"signal_start": "0.0"},
     )
 
 

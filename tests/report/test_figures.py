@@ -9,19 +9,16 @@ from sample_run import NASTY, SampleRun
 
 from eha_bench.core.recording import Recording
 from eha_bench.report.embed_svg import SHADES
-from eha_bench.report.figures import recording_svg
-from eha_bench.report.marks import marks_of
+from eha_bench.report.figures import scene_svg
 from eha_bench.report.panels import panels_of
+from eha_bench.report.scene import Scene, scene_of
 
 
 def draw(sample: SampleRun, key: str = "k", points: int = 2000) -> str:
     run = sample.result.trials[0]
     trial = sample.trials[run.id]
     recording = sample.recordings[(run.id, 0)]()
-    panels = panels_of(recording, trial.channel)
-    return str(
-        recording_svg(recording, panels, marks_of(trial, run), key=key, title="t", points=points)
-    )
+    return str(scene_svg(scene_of(recording, run, trial), key=key, title="t", points=points))
 
 
 def test_equal_input_gives_equal_text(sample: SampleRun) -> None:
@@ -66,7 +63,7 @@ def test_labels_of_levels_and_limits_are_there(sample: SampleRun) -> None:
 def test_a_channels_name_is_text(name: str) -> None:
     time = np.arange(50) / 1000.0
     recording = Recording(time, {name: np.sin(time)})
-    svg = str(recording_svg(recording, panels_of(recording), (), key="k", title=name))
+    svg = str(scene_svg(Scene(recording, panels_of(recording)), key="k", title=name))
     texts = [element.text for element in ET.fromstring(svg).iter() if element.text]
     assert name in texts
     assert "<script" not in svg
@@ -76,7 +73,7 @@ def test_size_follows_the_points_not_the_samples() -> None:
     rng = np.random.default_rng(1)
     time = np.arange(100_000) / 1000.0
     recording = Recording(time, {"pressure_a": 1e6 * rng.standard_normal(time.size)})
-    svg = recording_svg(recording, panels_of(recording), (), key="k", title="t", points=2000)
+    svg = scene_svg(Scene(recording, panels_of(recording)), key="k", title="t", points=2000)
     assert len(svg) < 30_000
 
 
@@ -85,6 +82,6 @@ def test_gaps_stay_gaps() -> None:
     values = np.sin(20 * time)
     values[100:150] = np.nan
     recording = Recording(time, {"force": values})
-    svg = str(recording_svg(recording, panels_of(recording), (), key="k", title="t"))
+    svg = str(scene_svg(Scene(recording, panels_of(recording)), key="k", title="t"))
     curve = next(d for d in re.findall(r' d="([^"]*)"', svg) if d.count("l") > 100)
     assert curve.count("M") == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from eha_bench.core.channels import unit_of
 from eha_bench.core.signal import Edge, Tone
 from eha_bench.core.trial import Bypass, Piston, Trial
@@ -14,7 +16,8 @@ def describe(trial: Trial) -> tuple[str, ...]:
     words.append("piston locked" if trial.setup.piston is Piston.LOCKED else "piston free")
     if trial.setup.bypass is Bypass.OPEN:
         words.append("bypass open")
-    words.append(_quantity(trial.duration, "s"))
+    if math.isfinite(trial.duration):
+        words.append(_quantity(trial.duration, "s"))
     words.append(_quantity(trial.sample_rate, "Hz"))
     return tuple(words)
 

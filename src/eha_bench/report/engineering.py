@@ -88,6 +88,9 @@ PLAIN: Final = DisplayUnit("")
 
 _FRACTIONS: Final = frozenset({"overshoot", "undershoot", "tracking_nrmse", "distortion"})
 
+COUNTS: Final = frozenset({"loop_overruns"})
+"""Metrics that are whole numbers."""
+
 _METRIC_NAMES: Final[dict[str, str]] = {
     "rise_time": "Rise time (10\N{EN DASH}90 %)",
     "response_time": "Response time (0\N{EN DASH}95 %)",
@@ -176,7 +179,7 @@ def decimals_for(value: float, spread: float = math.nan) -> int:
         return 0
     by_value = SIGNIFICANT_DIGITS - 1 - _exponent(value)
     if math.isfinite(spread) and spread > 0.0:
-        return max(0, min(by_value, 1 - _exponent(spread)))
+        return max(0, min(by_value + 2, 1 - _exponent(spread), 9))
     return max(0, min(by_value, 9))
 
 
@@ -208,4 +211,4 @@ def quantity(value: float, si: str, *, metric: str = "", written: str = "") -> s
     if not math.isfinite(value):
         return number(value)
     unit = display_unit(si, (value,), metric=metric, written=written)
-    return number(unit.shown(value)) + unit.suffix
+    return number(unit.shown(value), 0 if metric in COUNTS else None) + unit.suffix

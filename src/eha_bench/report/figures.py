@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import matplotlib as mpl
+import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from eha_bench.core.recording import Recording
 from eha_bench.report.embed_svg import SHADES, embed_svg
@@ -32,6 +34,9 @@ from eha_bench.report.marks import (
     ValueBand,
 )
 from eha_bench.report.panels import Panel
+from eha_bench.report.scene import Scene
+
+FloatArray = NDArray[np.float64]
 
 WIDTH: Final = 9.2
 LEFT: Final = 0.62
@@ -40,6 +45,7 @@ FIRST_HEIGHT: Final = 2.7
 OTHER_HEIGHT: Final = 1.2
 POINTS: Final = 2000
 LABEL_SIZE: Final = 7.5
+CURVES: Final = 2.5
 MILLISECONDS_BELOW: Final = 2.0
 
 _STYLE: Final[Any] = {
@@ -47,6 +53,7 @@ _STYLE: Final[Any] = {
     "text.parse_math": False,
     "axes.unicode_minus": True,
     "axes.formatter.use_mathtext": False,
+    "axes.formatter.useoffset": False,
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -134,25 +141,16 @@ def render_svg(figure: Figure, key: str, *, title: str) -> Markup:
     return embed_svg(buffer.getvalue(), key, title=title)
 
 
-def recording_svg(
-    recording: Recording,
-    panels: Sequence[Panel],
-    marks: Sequence[Mark],
-    *,
-    key: str,
-    title: str,
-    points: int = POINTS,
-) -> Markup:
+def scene_svg(scene: Scene, *, key: str, title: str, points: int = POINTS) -> Markup:
     """Draw a recording: one panel below the other over one time axis, with its marks.
 
     Args:
-        recording: of which all samples lie within what is shown.
-        panels: from `panels_of`; at least one.
-        marks: from `marks_of`.
+        scene: of at least one panel.
         key: unique on its page.
         title: what a screen reader says.
         points: kept of each curve, about; see `envelope_indices`.
     """
+    recording, panels, marks = scene.recording, scene.panels, scene.marks
     axis = TimeAxis(float(recording.time[0]), float(recording.time[-1]))
     heights = [FIRST_HEIGHT] + [OTHER_HEIGHT] * (len(panels) - 1)
     with plot_style():
@@ -195,8 +193,12 @@ def _draw_panel(
             linestyle=(0, (4, 2)) if trace.dashed else "-",
             linewidth=1.1 if trace.dashed else 1.4,
             label=trace.label,
-            zorder=3.0 if trace.dashed else 2.5,
+            zorder=CURVES + (0.5 if trace.dashed else 0.0),
         )
+    low, high = axes.get_ylim()
+    lacking = panel.unit.difference(panel.least_span) - (high - low)
+    if lacking > 0.0:
+        axes.set_ylim(low - lacking / 2.0, high + lacking / 2.0)
     if len(lines) > 1:
         axes.legend(
             handles=lines,
@@ -270,46 +272,59 @@ def _line(axes: Axes, x: tuple[float, float], y: tuple[float, float], role: Role
 
 def _draw_labels(axes: Axes, panel: Panel, marks: Sequence[Mark], axis: TimeAxis) -> None:
     """Label the marks once the axes' ranges are final."""
-    figure = axes.get_figure()
-    assert figure is not None
-    to_points = axes.transData.transform
-    points_a_pixel = 72.0 / figure.dpi
-    corners = axes.get_window_extent().get_points() * points_a_pixel
+    dpi = axes.figure.dpi
+    corners = axes.get_window_extent().get_points() * 72.0 / dpi
     area = Box(corners[0, 0] + 2, corners[0, 1] + 2, corners[1, 0] - 2, corners[1, 1] + 2)
-    placer = LabelPlacer(area, LABEL_SIZE)
+    curves = [_followed(line, dpi) for line in axes.get_lines() if line.get_zorder() >= CURVES]
+    placer = LabelPlacer(area, LABEL_SIZE, np.concatenate(curves))
     seconds, shown = axis.unit.shown(1.0), panel.unit.shown
+    low, high = axes.get_ylim()
 
-    def put(text: str, x: float, y: float, shade: str, align: str = "left") -> None:
-        left, bottom = placer.place(text, x, y, align=align)
-        axes.annotate(
-            text,
-            (left, bottom),
-            xycoords="figure points",
-            fontsize=LABEL_SIZE,
-            color=SHADES[shade],
-            va="bottom",
-            ha="left",
-            annotation_clip=False,
-        )
+    def at(time: float, value: float) -> tuple[float, float]:
+        x, y = axes.transData.transform((time * seconds, shown(value))) * 72.0 / dpi
+        return float(x), float(y)
 
     for mark in marks:
         if isinstance(mark, TimeBand) or mark.channel not in panel.channels or not mark.label:
             continue
         match mark:
             case Point():
-                x, y = to_points((mark.time * seconds, shown(mark.value))) * points_a_pixel
-                put(mark.label, x + 6, y - 12, "text")
+                box = placer.beside(mark.label, *at(mark.time, mark.value))
+                _write(axes, mark.label, box, "text")
             case TimeLine() if mark.time <= axis.stop:
-                x, _ = to_points((mark.time * seconds, 0.0)) * points_a_pixel
-                put(mark.label, x + 3, area.bottom, _ROLE_SHADE[mark.role])
-            case LevelLine():
-                low, high = axes.get_ylim()
-                if low <= shown(mark.value) <= high:
-                    stop = min(mark.stop, axis.stop) * seconds
-                    x, y = to_points((stop, shown(mark.value))) * points_a_pixel
-                    put(mark.label, x - 2, y + 1, _ROLE_SHADE[mark.role], "right")
+                x, _ = at(mark.time, 0.0)
+                box = placer.along(mark.label, x + 3, area.bottom, align="left")
+                _write(axes, mark.label, box, _ROLE_SHADE[mark.role])
+            case LevelLine() if low <= shown(mark.value) <= high:
+                x, y = at(min(mark.stop, axis.stop), mark.value)
+                box = placer.along(mark.label, x - 2, y + 1, align="right")
+                _write(axes, mark.label, box, _ROLE_SHADE[mark.role])
             case _:
                 pass
+
+
+def _followed(line: Line2D, dpi: float) -> FloatArray:
+    """Points of a curve no further apart than a letter is wide, in points of the figure."""
+    corners = line.get_transform().transform(line.get_xydata()) * 72.0 / dpi
+    corners = corners[np.isfinite(corners).all(axis=1)]
+    if len(corners) < 2:
+        return np.zeros((0, 2))
+    length = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))))
+    places = np.linspace(0.0, length[-1], min(4000, int(length[-1] / 3.0) + 2))
+    return np.column_stack([np.interp(places, length, corners[:, i]) for i in (0, 1)])
+
+
+def _write(axes: Axes, text: str, box: Box, shade: str) -> None:
+    axes.annotate(
+        text,
+        (box.left, box.bottom),
+        xycoords="figure points",
+        fontsize=LABEL_SIZE,
+        color=SHADES[shade],
+        va="bottom",
+        ha="left",
+        annotation_clip=False,
+    )
 
 
 _SAFE_KEY: Final = re.compile(r"[^A-Za-z0-9]+")

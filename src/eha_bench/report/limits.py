@@ -13,6 +13,7 @@ from eha_bench.core.result import Result, TrialResult
 from eha_bench.core.score import Score, ScoreStatus
 from eha_bench.core.trial import Trial
 from eha_bench.report.engineering import (
+    COUNTS,
     DisplayUnit,
     channel_name,
     decimals_for,
@@ -49,6 +50,7 @@ class ScoreRow:
         of: how many repeats it stands for, being the worst of them.
         value, unit, interval: measured value, its unit, half-width or bounds of its interval.
         limit, margin: as written, and how much is left or missing (with its share of the limit).
+        reason: why there is no value or verdict; `convention`: how the value was measured.
         severity: relative excess over the limit, for ordering; infinite where there is no value.
     """
 
@@ -67,6 +69,7 @@ class ScoreRow:
     gauge: Gauge | None
     status: ScoreStatus
     reason: str
+    convention: str
     severity: float
 
 
@@ -120,7 +123,9 @@ def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
     unit = display_unit(score.unit, near, metric=score.metric, written=score.limit)
     half_width = (measure.high - measure.low) / 2.0
     shown = unit.shown(score.value)
-    decimals = decimals_for(shown, unit.difference(half_width))
+    counted = score.metric in COUNTS
+    decimals = 0 if counted else decimals_for(shown, unit.difference(half_width))
+    told = math.isfinite(score.value) and score.status is not ScoreStatus.UNDECIDED
     margin, severity = _margin(score.value, bounds, unit, decimals)
     return ScoreRow(
         trial=run.id,
@@ -137,7 +142,8 @@ def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
         margin=margin,
         gauge=_gauge(score.value, bounds),
         status=score.status,
-        reason=measure.reason,
+        reason="" if told else measure.reason,
+        convention=measure.reason if told else "",
         severity=severity,
     )
 
@@ -146,6 +152,8 @@ def _interval(low: float, high: float, value: float, unit: DisplayUnit, decimals
     if not (math.isfinite(low) and math.isfinite(high) and math.isfinite(value)):
         return ""
     below, above = unit.difference(value - low), unit.difference(high - value)
+    if max(below, above) < 0.5 * 10.0**-decimals:
+        return ""
     if abs(below - above) <= 0.05 * abs(below + above):
         return f"± {number((below + above) / 2.0, decimals)}"
     return f"{number(unit.shown(low), decimals)} … {number(unit.shown(high), decimals)}"

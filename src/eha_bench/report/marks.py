@@ -1,12 +1,12 @@
 """What a plot marks besides its curves: levels, settling bands, limits and what was measured.
 
-Everything here is read from the trial and its scores: nothing is computed from samples.
+Everything here is read from the trial, its scores and the levels that it was scored by.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
@@ -14,13 +14,14 @@ from typing import Final
 from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.result import TrialResult
 from eha_bench.core.score import Score
-from eha_bench.core.signal import Edge
 from eha_bench.core.trial import Trial
+from eha_bench.metrics.settling_time import BAND
+from eha_bench.metrics.step_response import FINAL_SHARE
 from eha_bench.report.engineering import limit_text, metric_name, quantity
 
-SETTLING_FRACTION: Final = 0.02
-_TIMES: Final = ("response_time", "settling_time", "peak_time", "delay_time")
-_LEVEL_AT: Final = {"response_time": 0.95, "delay_time": 0.5, "settling_time": 1.0}
+_SHARE_AT: Final = {"delay_time": 0.5, "response_time": 0.95, "settling_time": 1.0}
+_TIMES: Final = (*_SHARE_AT, "peak_time")
+_LEVELS: Final = ("peak", "holding_current")
 
 
 class Role(StrEnum):
@@ -92,23 +93,48 @@ class Point:
 Mark = LevelLine | TimeLine | ValueBand | TimeBand | Point
 
 
-def marks_of(trial: Trial, run: TrialResult) -> tuple[Mark, ...]:
+@dataclass(frozen=True)
+class Step:
+    """An edge of the reference and the levels around it.
+
+    Attributes:
+        time, until: from the edge to the end of its hold, s.
+        initial, final: levels of the followed channel, SI: measured if `settled`, else commanded.
+        settled: whether the response settled, so that there is a band to draw.
+    """
+
+    time: float
+    until: float
+    initial: float
+    final: float
+    settled: bool
+
+    @property
+    def size(self) -> float:
+        """Signed height of the step, SI."""
+        return self.final - self.initial
+
+    @property
+    def final_start(self) -> float:
+        """Where the window begins that the final level is taken from, s."""
+        return self.until - FINAL_SHARE * (self.until - self.time)
+
+
+def marks_of(trial: Trial, run: TrialResult, steps: Sequence[Step]) -> tuple[Mark, ...]:
     """Return what to draw over a run's curves, backgrounds first."""
-    edges = trial.signal.edges
     found: list[Mark] = []
     if trial.settle > 0.0:
         found.append(TimeBand(-trial.settle, 0.0, Role.UNSCORED, "settling in, not scored"))
-    for edge in edges:
-        found += _edge_levels(trial, edge)
+    found += [_settling_band(trial.channel, step) for step in steps if step.settled]
     for safety in trial.safety:
         for value in (safety.bounds.low, safety.bounds.high):
             if math.isfinite(value):
                 found.append(_across(trial, safety.channel, value, Role.SAFETY, "safety limit"))
     for limit in trial.limits:
-        found += _limit(trial, limit)
-    if len(edges) == 1:
-        for score in run.scores:
-            found += _measured(edges[0], score)
+        found += _limit(trial, limit, steps)
+    # Of several edges a score is the worst one's; the plot cannot know which.
+    if len(steps) == 1:
+        found += _measured(steps[0], run.scores, trial.channel)
     return tuple(dict.fromkeys(found))
 
 
@@ -116,63 +142,60 @@ def _across(trial: Trial, channel: str, value: float, role: Role, label: str) ->
     return LevelLine(channel, value, -trial.settle, trial.duration, role, label)
 
 
-def _edge_levels(trial: Trial, edge: Edge) -> Iterator[Mark]:
-    stop = min(edge.until, trial.duration)
-    half = SETTLING_FRACTION * abs(edge.after - edge.before)
-    yield ValueBand(
-        trial.channel,
-        edge.after - half,
-        edge.after + half,
-        edge.time,
-        stop,
-        Role.BAND,
-        f"±{SETTLING_FRACTION:.0%} of the step".replace("%", " %"),
-    )
+def _settling_band(channel: str, step: Step) -> ValueBand:
+    half = BAND * abs(step.size)
+    label = f"±{100 * BAND:.0f} % of the step"
+    low, high = step.final - half, step.final + half
+    return ValueBand(channel, low, high, step.time, step.until, Role.BAND, label)
 
 
-def _limit(trial: Trial, limit: AcceptanceLimit) -> Iterator[Mark]:
-    edges = trial.signal.edges
-    # The upper side carries the label, of a limit with one side that one.
+def _limit(trial: Trial, limit: AcceptanceLimit, steps: Sequence[Step]) -> Iterator[Mark]:
     label = f"{_short(limit.metric)} {limit_text(limit.text)}"
     low, high = limit.bounds.low, limit.bounds.high
+    # The upper side carries the label; of a limit with one side, that one.
     sides = [(high, label)] if math.isfinite(high) else []
     if math.isfinite(low):
         sides.append((low, "" if sides else label))
-    if limit.metric in _TIMES and len(edges) == 1:
+    if limit.metric in _LEVELS:
         for side, text in sides:
-            if side > 0.0:
-                yield TimeLine(limit.channel, edges[0].time + side, Role.LIMIT, text)
-    elif limit.metric in ("peak", "holding_current"):
-        channel = "current" if limit.metric == "holding_current" else limit.channel
-        for side, text in sides:
-            yield _across(trial, channel, side, Role.LIMIT, text)
-    elif limit.metric == "overshoot" and len(edges) == 1:
-        edge = edges[0]
-        stop = min(edge.until, trial.duration)
-        for side, text in sides:
-            if side > 0.0:
-                value = edge.after + side * (edge.after - edge.before)
-                yield LevelLine(limit.channel, value, edge.time, stop, Role.LIMIT, text)
+            yield _across(trial, limit.channel, side, Role.LIMIT, text)
+    elif limit.metric in _TIMES:
+        for number, step in enumerate(steps):
+            for side, text in sides:
+                if side > 0.0:
+                    shown = "" if number else text
+                    yield TimeLine(limit.channel, step.time + side, Role.LIMIT, shown)
+    elif limit.metric == "overshoot" and limit.channel == trial.channel:
+        for number, step in enumerate(steps):
+            for side, text in sides:
+                if side > 0.0:
+                    value = step.final + side * step.size
+                    shown = "" if number else text
+                    yield LevelLine(limit.channel, value, step.time, step.until, Role.LIMIT, shown)
 
 
-def _measured(edge: Edge, score: Score) -> Iterator[Mark]:
-    value = score.value
-    if not math.isfinite(value):
-        return
-    label = quantity(value, score.unit, metric=score.metric, written=score.limit)
-    if score.metric in _LEVEL_AT:
-        level = edge.before + _LEVEL_AT[score.metric] * (edge.after - edge.before)
-        yield Point(score.channel, edge.time + value, level, f"{_short(score.metric)} {label}")
-    elif score.metric in ("peak", "holding_current"):
-        channel = "current" if score.metric == "holding_current" else score.channel
-        yield LevelLine(
-            channel,
-            value,
-            edge.time,
-            edge.until,
-            Role.MEASURED,
-            f"{_short(score.metric)} {label}",
-        )
+def _measured(step: Step, scores: Sequence[Score], followed: str) -> Iterator[Mark]:
+    found = {(score.metric, score.channel): score for score in scores}
+    for score in scores:
+        if not math.isfinite(score.value):
+            continue
+        value = quantity(score.value, score.unit, metric=score.metric, written=score.limit)
+        label = f"{_short(score.metric)} {value}"
+        if score.metric in _SHARE_AT and score.channel == followed:
+            level = step.initial + _SHARE_AT[score.metric] * step.size
+            yield Point(score.channel, step.time + score.value, level, label)
+        elif score.metric == "holding_current":
+            yield LevelLine(
+                score.channel, score.value, step.final_start, step.until, Role.MEASURED, label
+            )
+        elif score.metric == "peak":
+            at = found.get(("peak_time", score.channel))
+            if at is not None and math.isfinite(at.value):
+                yield Point(score.channel, step.time + at.value, score.value, label)
+            else:
+                yield LevelLine(
+                    score.channel, score.value, step.time, step.until, Role.MEASURED, label
+                )
 
 
 def _short(metric: str) -> str:

@@ -63,6 +63,19 @@ class Trace:
     dashed: bool
 
 
+# Less than this (SI) is not spread over the height of a panel: it is the sensor's noise.
+_LEAST_SPANS: Final = {
+    "Pa": 1e5,
+    "A": 0.5,
+    "rad": 3.5e-3,
+    "rad/s": 1.0,
+    "m": 2e-4,
+    "m/s": 2e-3,
+    "N": 20.0,
+    "K": 1.0,
+}
+
+
 @dataclass(frozen=True)
 class Panel:
     """Channels that share a pair of axes, with the unit they are shown in."""
@@ -71,6 +84,11 @@ class Panel:
     si_unit: str
     unit: DisplayUnit
     traces: tuple[Trace, ...]
+
+    @property
+    def least_span(self) -> float:
+        """The least range of values (SI) that the panel's height stands for."""
+        return _LEAST_SPANS.get(self.si_unit, 0.0)
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,11 +17,10 @@ from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import ScoreStatus
 from eha_bench.core.trial import Trial
 from eha_bench.report.describe import describe
-from eha_bench.report.figures import POINTS, recording_svg
+from eha_bench.report.figures import POINTS, scene_svg
 from eha_bench.report.limits import ScoreRow, anchor_of, limit_rows, score_rows, worst_first
-from eha_bench.report.marks import marks_of
 from eha_bench.report.page import Fact, write_page
-from eha_bench.report.panels import panels_of
+from eha_bench.report.scene import scene_of
 
 REPORT_NAME: Final = "report.html"
 Loader = Callable[[], Recording]
@@ -30,8 +28,6 @@ Loader = Callable[[], Recording]
 # All static curves of a page together: keeps a page of many trials light.
 _POINTS_A_PAGE: Final = 150_000
 _FEWEST_POINTS: Final = 300
-# Of a long settling phase only its end is drawn: this share of the scored length.
-_LEAD: Final = 0.1
 
 _GRAVITY: Final = {Status.FAULT: 0, Status.INCOMPLETE: 1, Status.FAILED: 2, Status.PASSED: 3}
 _VERDICTS: Final = {
@@ -58,7 +54,8 @@ class RunView:
     status: Status
     reason: str
     notes: tuple[str, ...]
-    rows: tuple[ScoreRow, ...]
+    judged: tuple[ScoreRow, ...]
+    others: tuple[ScoreRow, ...]
     figure: Markup
     missing: str
     recording: str
@@ -217,12 +214,13 @@ def _run_view(
     share: int,
     repeats: int,
 ) -> RunView:
+    rows = score_rows(run, trial)
     figure, missing, notes = Markup(""), "", run.notes
     try:
         if load is None:
             missing = "No plot: the recording is not there."
         else:
-            recording = _scored_part(load(), trial)
+            recording = load()
             figure, missing = _figure(recording, run, trial, key, share)
             notes = (*notes, *(note for note in recording.notes if note not in notes))
     except EhaBenchError as error:
@@ -234,7 +232,8 @@ def _run_view(
         status=run.status,
         reason=run.reason,
         notes=notes,
-        rows=score_rows(run, trial),
+        judged=tuple(row for row in rows if row.limit),
+        others=tuple(row for row in rows if not row.limit),
         figure=figure,
         missing=missing,
         recording=run.recording,
@@ -251,26 +250,14 @@ def recording_href(folder: Path, recording: str) -> str:
     return quote(recording, safe="/") if (folder / recording).exists() else ""
 
 
-def _scored_part(recording: Recording, trial: Trial | None) -> Recording:
-    if trial is None or trial.settle <= _LEAD * trial.duration:
-        return recording
-    return recording.between(-_LEAD * trial.duration, math.inf)
-
-
 def _figure(
     recording: Recording, run: TrialResult, trial: Trial | None, key: str, share: int
 ) -> tuple[Markup, str]:
-    panels = panels_of(recording, trial.channel if trial else "") if len(recording) > 1 else ()
-    if not panels:
+    scene = scene_of(recording, run, trial)
+    if not scene.panels:
         return Markup(""), "No plot: the recording holds no samples."
-    curves = sum(len(panel.traces) for panel in panels)
+    curves = sum(len(panel.traces) for panel in scene.panels)
     points = min(POINTS, max(_FEWEST_POINTS, _POINTS_A_PAGE // (share * curves)))
-    svg = recording_svg(
-        recording,
-        panels,
-        marks_of(trial, run) if trial else (),
-        key=key,
-        title=f"{run.id}, repeat {run.repeat}: {', '.join(panel.heading for panel in panels)}",
-        points=points,
-    )
-    return svg, ""
+    headings = ", ".join(panel.heading for panel in scene.panels)
+    title = f"{run.id}, repeat {run.repeat}: {headings}"
+    return scene_svg(scene, key=key, title=title, points=points), ""
