@@ -33,6 +33,7 @@ class Bag1Source(Source):
         self._path = path
         self._buffer = map_file(path)
         self._notes: list[str] = []
+        self._damaged = False
         if bytes(self._buffer[: len(_MAGIC)]) != _MAGIC:
             version = bytes(self._buffer[:13]).decode("latin-1").strip()
             raise RecordingError(
@@ -54,6 +55,16 @@ class Bag1Source(Source):
     def notes(self) -> tuple[str, ...]:
         """What was found so far: a tear, damaged chunks."""
         return tuple(dict.fromkeys(self._notes))
+
+    @property
+    def damaged(self) -> bool:
+        """Whether something of it was lost."""
+        return self._damaged
+
+    @property
+    def format(self) -> str:
+        """`rosbag1`."""
+        return "rosbag1"
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics of the bag."""
@@ -111,6 +122,7 @@ class Bag1Source(Source):
         try:
             return decompress(data, compression, _u32(fields.get("size", b""))).data
         except DamagedChunk as error:
+            self._damaged = True
             self._notes.append(f"the chunk at byte {offset} is lost: {error}")
             return None
 
@@ -124,6 +136,7 @@ class Bag1Source(Source):
         if torn is not None:
             self._chunks.append((end, *torn, True))
         if end < size:
+            self._damaged = True
             self._notes.append(
                 f"the bag is torn at byte {end}: the last {size - end} bytes "
                 f"({100 * (size - end) / size:.2g} % of the file) are not whole; "

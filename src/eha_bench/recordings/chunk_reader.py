@@ -22,6 +22,7 @@ class ChunkReader:
     def __init__(self, file: McapFile) -> None:
         self._file = file
         self.notes: list[str] = []
+        self.lost = 0
 
     def splits(self, ids: Collection[int] | None, span: Span | None = None) -> Iterator[Split]:
         """Yield the records of every part that may hold one of the channels within the span."""
@@ -52,9 +53,11 @@ class ChunkReader:
         try:
             buffer = content.result()
         except DamagedChunk as error:
+            self.lost += 1
             self.notes.append(f"the chunk at byte {chunk.offset} is lost: {error}")
             return None
         found = splitter.split(buffer, 0, buffer.size)
+        found.chunk = chunk
         if found.end < buffer.size and not chunk.torn:
             self.notes.append(
                 f"the chunk at byte {chunk.offset} holds {buffer.size - found.end} bytes "

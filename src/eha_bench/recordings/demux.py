@@ -40,12 +40,19 @@ class Split:
         messages: (channel id, payloads) in order of their first message.
         others: (opcode, start of the content, length) of every record that is not a message.
         end: where the last whole record ends.
+        chunk: the chunk that the buffer is the content of, None for a part of the file itself.
     """
 
     buffer: Bytes
     messages: list[tuple[int, Payloads]] = field(default_factory=list)
     others: list[tuple[int, int, int]] = field(default_factory=list)
     end: int = 0
+    chunk: object = None
+
+    @property
+    def whole(self) -> bool:
+        """Whether every byte of the buffer belongs to a record."""
+        return self.end == self.buffer.size
 
 
 class Splitter:

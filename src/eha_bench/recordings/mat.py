@@ -42,6 +42,11 @@ class MatSource(TableSource):
         if not self._columns:
             raise RecordingError("it holds no numeric arrays", where=Place(file=self.path))
 
+    @property
+    def format(self) -> str:
+        """`mat`."""
+        return "mat"
+
     def names(self) -> tuple[str, ...]:
         """Names of the arrays."""
         return tuple(self._columns)

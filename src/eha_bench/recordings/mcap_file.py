@@ -63,6 +63,7 @@ class McapFile:
         summary_channels: whether the summary repeated the channels, so that chunks can be skipped.
         attachments: (start of content, length).
         shared: messages by channel id, of chunks that hold the same.
+        holes: (start, stop) of bytes between chunks that are no whole records.
         tear: where the readable part ends, or None for a file that was closed in order.
         reason: what is wrong at the tear.
     """
@@ -78,6 +79,7 @@ class McapFile:
     metadata: list[Metadata] = field(default_factory=list)
     attachments: list[tuple[int, int]] = field(default_factory=list)
     shared: dict[tuple[tuple[int, int], ...], dict[int, int]] = field(default_factory=dict)
+    holes: list[tuple[int, int]] = field(default_factory=list)
     tear: int | None = None
     reason: str = ""
 
@@ -122,36 +124,88 @@ def map_file(path: Path) -> Bytes:
 
 
 def _scan(file: McapFile) -> None:
-    data = file.buffer.data
-    size = file.buffer.size
+    """Follow the records; where one is broken, look for the next chunk behind it."""
     position = len(MAGIC)
     while True:
-        if position + RECORD_HEAD > size:
-            file.tear, file.reason = position, "the file ends without a footer"
+        position, reason = _follow(file, position)
+        _intern(file)
+        if not reason:
             return
+        found = _next_chunk(file.buffer, position + 1)
+        _salvage(file, position, file.buffer.size if found is None else found)
+        if found is None:
+            file.tear, file.reason = position, reason
+            return
+        file.holes.append((position, found))
+        position = found
+
+
+def _follow(file: McapFile, position: int) -> tuple[int, str]:
+    """Take records from `position` on; return where and why it ended, '' at a proper end."""
+    data = file.buffer.data
+    size = file.buffer.size
+    while True:
+        if position + RECORD_HEAD > size:
+            return position, "the file ends without a footer"
         opcode, length = _FRAME.unpack_from(data, position)
         start = position + RECORD_HEAD
         following = start + length
         if opcode == 0:
-            file.tear, file.reason = position, "there are no more records"
-            return
+            return position, "there are no more records"
         if following > size:
-            file.tear, file.reason = position, "the file ends inside a record"
-            if opcode == Opcode.CHUNK:
-                _add_chunk(file, position, start, size, torn=True)
-            return
+            return position, "the file ends inside a record"
         if opcode == Opcode.FOOTER:
-            if bytes(data[following : following + 8]) != MAGIC:
-                file.tear, file.reason = following, "the closing magic is missing"
-            return
+            whole = bytes(data[following : following + 8]) == MAGIC
+            return following, "" if whole else "the closing magic is missing"
         if opcode == Opcode.CHUNK:
             _intern(file)
             if not _add_chunk(file, position, start, following):
-                file.tear, file.reason = position, "a chunk's frame is damaged"
-                return
+                return position, "a chunk's frame is damaged"
         else:
             _take(file, opcode, start, length)
         position = following
+
+
+def _salvage(file: McapFile, position: int, stop: int) -> None:
+    """Keep the chunk that starts at `position`, if it is one, although it is not whole."""
+    if position < stop and file.buffer[position] == Opcode.CHUNK:
+        _add_chunk(file, position, position + RECORD_HEAD, stop, torn=True)
+
+
+def _next_chunk(buffer: Bytes, start: int) -> int | None:
+    """Return where the next chunk with a sound frame starts, found by its compression's name."""
+    found = [
+        place
+        for mark in (b"\x04\0\0\0zstd", b"\x03\0\0\0lz4")
+        if (place := _next_frame(buffer, start, mark)) is not None
+    ]
+    return min(found, default=None)
+
+
+def _next_frame(buffer: Bytes, start: int, mark: bytes) -> int | None:
+    whole = buffer.data
+    before = RECORD_HEAD + _CHUNK.size - 4
+    position = start
+    while (at := _find(buffer, mark, position + before)) >= 0:
+        place = at - before
+        opcode, length = _FRAME.unpack_from(whole, place)
+        records = at + len(mark)
+        if opcode == Opcode.CHUNK and records + 8 <= place + RECORD_HEAD + length <= buffer.size:
+            declared = struct.unpack_from("<Q", whole, records)[0]
+            if records + 8 + declared == place + RECORD_HEAD + length:
+                return place
+        position = place + 1
+    return None
+
+
+def _find(buffer: Bytes, mark: bytes, start: int) -> int:
+    """Return where `mark` stands at or behind `start`, -1 if nowhere."""
+    step = 1 << 20
+    for begin in range(start, buffer.size, step):
+        at = bytes(buffer.data[begin : begin + step + len(mark)]).find(mark)
+        if at >= 0:
+            return begin + at
+    return -1
 
 
 def _intern(file: McapFile) -> None:

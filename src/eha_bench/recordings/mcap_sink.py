@@ -31,10 +31,9 @@ from mcap.records import (
 from eha_bench.recordings.mcap_file import MAGIC
 
 LIBRARY: Final = "eha-bench"
-_CHUNK_HEAD = struct.Struct("<BQQQQII4sQ")
+_CHUNK_HEAD = struct.Struct("<BQQQQII")
 _INDEX_HEAD = struct.Struct("<BQHI")
 _ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
-_COMPRESSION = b"zstd"
 
 Index = dict[int, tuple[np.ndarray, np.ndarray]]
 """Channel id -> (log times, offsets of the records in the chunk), both (n,)."""
@@ -59,9 +58,16 @@ class McapSink:
     def schema(self, name: str, encoding: str, data: bytes) -> int:
         """Write a schema and return its id."""
         schema = Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name)
-        self._schemas[schema.id] = schema
-        self._record(schema)
+        self.add(schema)
         return schema.id
+
+    def add(self, record: Schema | Channel) -> None:
+        """Write a schema or channel under the id that it has."""
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record
+        else:
+            self._channels[record.id] = record
+        self._record(record)
 
     def channel(
         self, topic: str, encoding: str, schema: int, metadata: dict[str, str] | None = None
@@ -74,8 +80,7 @@ class McapSink:
             metadata=metadata or {},
             schema_id=schema,
         )
-        self._channels[channel.id] = channel
-        self._record(channel)
+        self.add(channel)
         return channel.id
 
     def metadata(self, name: str, content: dict[str, str]) -> None:
@@ -113,14 +118,34 @@ class McapSink:
         """
         raw = memoryview(records).cast("B")
         compressed = self._compressor.compress(raw)
+        self.compressed_chunk(compressed, "zstd", len(raw), zlib.crc32(raw), index)
+
+    def compressed_chunk(
+        self, compressed: Any, compression: str, size: int, crc: int, index: Index
+    ) -> None:
+        """Write a chunk that is compressed already, and its message indexes.
+
+        Args:
+            compressed: its bytes, any contiguous buffer.
+            compression: `zstd`, `lz4` or empty.
+            size: its size in bytes before compression.
+            crc: its CRC-32 before compression.
+            index: where each channel's records are in it; at least one message.
+        """
+        name = compression.encode()
         start = min(int(times.min()) for times, _ in index.values())
         end = max(int(times.max()) for times, _ in index.values())
         offset = self._position
-        content = _CHUNK_HEAD.size - 9 + len(compressed)
         head = _CHUNK_HEAD.pack(
-            Opcode.CHUNK, content, start, end, len(raw), zlib.crc32(raw), len(_COMPRESSION),
-            _COMPRESSION, len(compressed),
-        )  # fmt: skip
+            Opcode.CHUNK,
+            _CHUNK_HEAD.size - 9 + len(name) + 8 + len(compressed),
+            start,
+            end,
+            size,
+            crc,
+            len(name),
+        )
+        head += name + len(compressed).to_bytes(8, "little")
         parts = [head, compressed]
         length = len(head) + len(compressed)
         indexes = {}
@@ -130,12 +155,11 @@ class McapSink:
             entries["time"] = times
             entries["offset"] = offsets
             indexes[channel] = position
-            size = entries.nbytes
-            parts += [
-                _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size),
-                entries.tobytes(),
-            ]
-            position += _INDEX_HEAD.size + size
+            head = _INDEX_HEAD.pack(
+                Opcode.MESSAGE_INDEX, 6 + entries.nbytes, channel, entries.nbytes
+            )
+            parts += [head, entries.tobytes()]
+            position += len(head) + entries.nbytes
             self._counts[channel] = self._counts.get(channel, 0) + len(times)
         # one write: a chunk is never on the disk without its indexes unless the write was cut
         self._put(b"".join(parts))
@@ -143,13 +167,13 @@ class McapSink:
             ChunkIndex(
                 chunk_length=length,
                 chunk_start_offset=offset,
-                compression=_COMPRESSION.decode(),
+                compression=compression,
                 compressed_size=len(compressed),
                 message_end_time=end,
                 message_index_length=self._position - offset - length,
                 message_index_offsets=indexes,
                 message_start_time=start,
-                uncompressed_size=len(raw),
+                uncompressed_size=size,
             )
         )
 

@@ -47,7 +47,17 @@ class McapSource(Source):
     @property
     def notes(self) -> tuple[str, ...]:
         """What was found so far: a tear, damaged chunks, chunks out of order."""
-        return tuple(dict.fromkeys((*_tear_note(self._file), *self._reader.notes)))
+        return tuple(dict.fromkeys((*damage(self._file), *self._reader.notes)))
+
+    @property
+    def damaged(self) -> bool:
+        """Whether it is torn, has a hole, or has lost a chunk."""
+        return self._file.tear is not None or bool(self._file.holes) or self._reader.lost > 0
+
+    @property
+    def format(self) -> str:
+        """`mcap`."""
+        return "mcap"
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics of the file."""
@@ -181,14 +191,22 @@ class McapSource(Source):
                     add_channel(self._file, start, length, part.buffer)
 
 
-def _tear_note(file: McapFile) -> tuple[str, ...]:
+def damage(file: McapFile) -> tuple[str, ...]:
+    """Say where a file is torn or has holes, and how much of it that is."""
+    size = file.buffer.size
+    holes = tuple(
+        f"the recording has a hole from byte {start} to {stop} "
+        f"({100 * (stop - start) / size:.2g} % of the file); what stands on both sides was read"
+        for start, stop in file.holes
+    )
     if file.tear is None:
-        return ()
+        return holes
     lost = file.buffer.size - file.tear
     if not lost:
-        return ("the recording was not closed (no footer); everything in it was read",)
+        return (*holes, "the recording was not closed (no footer); everything in it was read")
     share = 100 * lost / file.buffer.size
     return (
+        *holes,
         f"the recording is torn at byte {file.tear} ({file.reason}): the last {lost} bytes "
         f"({share:.2g} % of the file) are not whole; everything before was read",
     )

@@ -25,6 +25,7 @@ class Rosbag2Source(Source):
     def __init__(self, path: Path) -> None:
         self._path = path
         self._notes: list[str] = []
+        self._torn = False
         self._unpacked: list[tempfile.TemporaryDirectory[str]] = []
         described = self._describe()
         self._message_mode = str(described.get("compression_mode", "")).upper() == "MESSAGE"
@@ -55,6 +56,16 @@ class Rosbag2Source(Source):
             for note in part.notes
         ]
         return (*self._notes, *inner)
+
+    @property
+    def damaged(self) -> bool:
+        """Whether something of a part was lost."""
+        return self._torn or any(part.damaged for part in self._parts)
+
+    @property
+    def format(self) -> str:
+        """`rosbag2`."""
+        return "rosbag2"
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics of all files."""
@@ -157,6 +168,7 @@ class Rosbag2Source(Source):
                         )
                     sink.write(part)
         except zstandard.ZstdError:
+            self._torn = True
             self._notes.append(f"{file.name}: its compression is torn; what could be had was read")
         return target
 

@@ -66,6 +66,16 @@ class Source(ABC):
     def notes(self) -> tuple[str, ...]:
         """What was found so far, one sentence each."""
 
+    @property
+    @abstractmethod
+    def damaged(self) -> bool:
+        """Whether something of it was lost, as far as it was read."""
+
+    @property
+    @abstractmethod
+    def format(self) -> str:
+        """Name of the format."""
+
     @abstractmethod
     def topics(self) -> tuple[Topic, ...]:
         """The topics of the log."""

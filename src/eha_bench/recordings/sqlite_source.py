@@ -23,6 +23,7 @@ class SqliteSource(Source):
         self._path = path
         self._compressed = compressed
         self._notes: list[str] = []
+        self._damaged = False
         try:
             self._connections = self._read_connections()
         except sqlite3.Error as error:
@@ -41,6 +42,16 @@ class SqliteSource(Source):
     def notes(self) -> tuple[str, ...]:
         """What was found so far: a damaged end."""
         return tuple(dict.fromkeys(self._notes))
+
+    @property
+    def damaged(self) -> bool:
+        """Whether something of it was lost."""
+        return self._damaged
+
+    @property
+    def format(self) -> str:
+        """`sqlite3`."""
+        return "sqlite3"
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics of the file."""
@@ -110,6 +121,7 @@ class SqliteSource(Source):
                     count += 1
                     yield int(topic), int(stamp), payload
         except (sqlite3.Error, DamagedChunk) as error:
+            self._damaged = True
             self._notes.append(
                 f"the database is damaged after {count} messages ({error}); "
                 "everything before was read"

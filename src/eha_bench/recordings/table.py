@@ -27,6 +27,7 @@ class TableSource(Source):
     def __init__(self, path: Path) -> None:
         self._path = path
         self._notes: list[str] = []
+        self._torn = False
 
     @property
     def path(self) -> str:
@@ -37,6 +38,11 @@ class TableSource(Source):
     def notes(self) -> tuple[str, ...]:
         """What was found so far."""
         return tuple(self._notes)
+
+    @property
+    def damaged(self) -> bool:
+        """Whether its end was cut off."""
+        return self._torn
 
     @abstractmethod
     def names(self) -> tuple[str, ...]:
@@ -155,6 +161,11 @@ class CsvSource(TableSource):
         super().__init__(path)
         self._columns = self._parse()
 
+    @property
+    def format(self) -> str:
+        """`csv`."""
+        return "csv"
+
     def names(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(self._columns)
@@ -217,6 +228,7 @@ class CsvSource(TableSource):
         body, _, last = text.rpartition("\n")
         cells = _first_line(text)[0].count(delimiter)
         if body and last.count(delimiter) < cells:
+            self._torn = True
             self._notes.append(
                 f"the last line was cut off after {len(last)} characters and left out"
             )
@@ -263,6 +275,11 @@ class ParquetSource(TableSource):
                 where=Place(file=self.path),
                 hint="its index stands at the end, so a torn file cannot be read",
             ) from error
+
+    @property
+    def format(self) -> str:
+        """`parquet`."""
+        return "parquet"
 
     def names(self) -> tuple[str, ...]:
         """Names of the columns."""

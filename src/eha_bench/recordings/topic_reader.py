@@ -13,7 +13,7 @@ from eha_bench.recordings.decoder import Decoder, Encoded, UnreadableTopic, make
 from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.payloads import Payloads
 from eha_bench.recordings.source import Wanted
-from eha_bench.recordings.track import Growing, StampColumn, Stamps, Track
+from eha_bench.recordings.track import Column, Growing, StampColumn, Stamps, Track
 
 _STAMPS = (
     ("header.stamp.sec", "header.stamp.nanosec"),
@@ -82,20 +82,10 @@ class TopicReader:
         whole = len(batch) == 1 and batch[0].rows is None
         place = None if whole or self.clock is None else np.empty(total, dtype=np.int64)
         for part in batch:
-            decoder = self._decoders.get(part.channel)
-            if decoder is None:
-                decoder = self._decoders[part.channel] = self._make(encoded(part.channel))
-            count = part.payloads.count
-            targets = columns if part.rows is None else [np.empty(count) for _ in columns]
-            stamps = part.stamps
-            if self.clock is Clock.HEADER:
-                stamp = [np.empty(count), np.empty(count)]
-                decoder.decode(part.payloads, [*targets, *stamp])
-                if not (np.isfinite(stamp[0]).all() and np.isfinite(stamp[1]).all()):
-                    raise UnreadableTopic("some of its messages have no header.stamp")
-                stamps = stamp[0].astype(np.int64) * 1_000_000_000 + stamp[1].astype(np.int64)
-            elif targets:
-                decoder.decode(part.payloads, targets)
+            targets = (
+                columns if part.rows is None else [np.empty(part.payloads.count) for _ in columns]
+            )
+            stamps = self._decode(part, targets, encoded)
             if whole:
                 place = stamps
             elif part.rows is not None:
@@ -105,6 +95,25 @@ class TopicReader:
                     column[part.rows] = target
         if place is not None and self.clock is not None:
             self.stamps.extend(place)
+
+    def _decode(
+        self, part: Part, targets: list[Column], encoded: Callable[[int], Encoded]
+    ) -> Stamps:
+        """Decode one part into the targets; return its stamps by the wanted clock."""
+        header = self.clock is Clock.HEADER
+        if not targets and not header:
+            return part.stamps  # only asked when there were messages: any encoding will do
+        decoder = self._decoders.get(part.channel)
+        if decoder is None:
+            decoder = self._decoders[part.channel] = self._make(encoded(part.channel))
+        if not header:
+            decoder.decode(part.payloads, targets)
+            return part.stamps
+        stamp = [np.empty(part.payloads.count), np.empty(part.payloads.count)]
+        decoder.decode(part.payloads, [*targets, *stamp])
+        if not (np.isfinite(stamp[0]).all() and np.isfinite(stamp[1]).all()):
+            raise UnreadableTopic("some of its messages have no header.stamp")
+        return stamp[0].astype(np.int64) * 1_000_000_000 + stamp[1].astype(np.int64)
 
     @property
     def stamps(self) -> StampColumn:

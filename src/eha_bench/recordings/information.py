@@ -1,0 +1,200 @@
+"""`info`: what a recording holds, and how healthy it is, without a channel map."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eha_bench.core.errors import RecordingError
+from eha_bench.recordings import sample
+from eha_bench.recordings.channel_map import Clock
+from eha_bench.recordings.decoder import READ_ENCODINGS
+from eha_bench.recordings.formats import open_source
+from eha_bench.recordings.series import gaps, irregularity, typical_step
+from eha_bench.recordings.source import Topic, Wanted
+from eha_bench.recordings.table import TableSource
+from eha_bench.recordings.track import Stamps
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class TopicInformation:
+    """One topic, or one column of a table.
+
+    Attributes:
+        name: topic or column.
+        type: message type, or the column's NumPy type.
+        encoding: `cdr`, `ros1`, `json`, ...; empty for a column.
+        count: number of messages or rows.
+        rate: messages per second by the median interval; NaN if there are fewer than two.
+        jitter: standard deviation of the intervals over their mean; NaN if there are fewer.
+        gaps: intervals longer than 1.5 median intervals.
+        longest_gap: s, 0 if there is none.
+        steps_back: how often the stamps step back in time.
+        duplicates: how many stamps repeat the one before.
+        first, last: s after the recording's start; NaN without messages.
+        readable: empty, or why it cannot be read.
+    """
+
+    name: str
+    type: str
+    encoding: str
+    count: int
+    rate: float = float("nan")
+    jitter: float = float("nan")
+    gaps: int = 0
+    longest_gap: float = 0.0
+    steps_back: int = 0
+    duplicates: int = 0
+    first: float = float("nan")
+    last: float = float("nan")
+    readable: str = ""
+
+
+@dataclass(frozen=True)
+class RecordingInformation:
+    """What a recording holds.
+
+    Attributes:
+        path: the file or folder.
+        format: `mcap`, `rosbag1`, `rosbag2`, `sqlite3`, `csv`, `parquet`, `mat`.
+        own: whether eha-bench wrote it, so that it needs no channel map.
+        size: bytes.
+        start_ns: first message, ns since 1970 (0 for a table).
+        duration: s from the first to the last message.
+        topics: topics or columns.
+        channels: channel -> unit, of our own recordings.
+        metadata: text by record and key.
+        attachments: size in bytes by name.
+        health: `good`, or `damaged` if something is lost.
+        notes: what was found, one sentence each.
+        schema_version: version of this description.
+    """
+
+    path: str
+    format: str
+    own: bool
+    size: int
+    start_ns: int
+    duration: float
+    topics: tuple[TopicInformation, ...]
+    channels: Mapping[str, str]
+    metadata: Mapping[str, Mapping[str, str]]
+    attachments: Mapping[str, int]
+    health: str
+    notes: tuple[str, ...]
+    schema_version: int = SCHEMA_VERSION
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain data for JSON; NaN becomes None."""
+        return {key: _plain(value) for key, value in asdict(self).items()}
+
+
+def info(path: str | Path) -> RecordingInformation:
+    """Return what a recording holds: topics, types, rates, gaps, metadata, health.
+
+    Raises:
+        RecordingError: missing, empty, or no recording.
+    """
+    file = Path(path)
+    source = open_source(file)
+    if isinstance(source, TableSource):
+        return _of_table(file, source)
+    topics = source.topics()
+    tracks = source.tracks({topic.name: Wanted((), Clock.LOG) for topic in topics})
+    stamps = {name: track.stamps for name, track in tracks.items()}
+    start = min((int(times.min()) for times in stamps.values() if times.size), default=0)
+    end = max((int(times.max()) for times in stamps.values() if times.size), default=start)
+    records = source.metadata()
+    notes = source.notes
+    return RecordingInformation(
+        path=str(file),
+        format=source.format,
+        own=sample.is_own(records),
+        size=_size(file),
+        start_ns=start,
+        duration=(end - start) / 1e9,
+        topics=tuple(_of_topic(topic, stamps[topic.name], start) for topic in topics),
+        channels=dict(records.get(sample.UNITS, {})),
+        metadata={name: dict(record) for name, record in records.items()},
+        attachments={name: len(data) for name, data in source.attachments().items()},
+        health="damaged" if source.damaged else "good",
+        notes=notes,
+    )
+
+
+def _of_topic(topic: Topic, stamps: Stamps, start: int) -> TopicInformation:
+    encoded = topic.encoded
+    encoding = encoded.encoding if encoded else ""
+    readable = topic.skipped
+    if not readable and encoding not in READ_ENCODINGS:
+        readable = f"its messages are serialized as '{encoding}'"
+    described = TopicInformation(
+        name=topic.name,
+        type=encoded.schema_name if encoded else "",
+        encoding=encoding,
+        count=int(stamps.size),
+        readable=readable,
+    )
+    if not stamps.size:
+        return described
+    steps = np.diff(stamps)
+    ordered = np.unique(stamps)
+    found = gaps(ordered)
+    step = typical_step(ordered) / 1e9
+    return replace(
+        described,
+        rate=1.0 / step if step > 0 else float("nan"),
+        jitter=irregularity(ordered) if ordered.size > 1 else float("nan"),
+        gaps=int(found.starts.size),
+        longest_gap=float(found.lengths.max(initial=0.0)),
+        steps_back=int(np.count_nonzero(steps < 0)),
+        duplicates=int(np.count_nonzero(steps == 0)),
+        first=(int(stamps[0]) - start) / 1e9,
+        last=(int(stamps[-1]) - start) / 1e9,
+    )
+
+
+def _of_table(file: Path, source: TableSource) -> RecordingInformation:
+    columns = []
+    for name in source.names():
+        try:
+            column = source.column(name)
+            columns.append(TopicInformation(name, str(column.dtype), "", int(column.shape[0])))
+        except RecordingError as error:
+            columns.append(TopicInformation(name, "", "", 0, readable=error.what))
+    return RecordingInformation(
+        path=str(file),
+        format=source.format,
+        own=False,
+        size=_size(file),
+        start_ns=0,
+        duration=float("nan"),
+        topics=tuple(columns),
+        channels={},
+        metadata={},
+        attachments={},
+        health="damaged" if source.damaged else "good",
+        notes=source.notes,
+    )
+
+
+def _size(path: Path) -> int:
+    if path.is_dir():
+        return sum(inner.stat().st_size for inner in path.iterdir() if inner.is_file())
+    return path.stat().st_size
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(inner) for inner in value]
+    return value
