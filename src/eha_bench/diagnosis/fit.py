@@ -182,8 +182,10 @@ def levenberg_marquardt(
             weighted = matrix * weight[:, None]
             normal = weighted.T @ weighted
             gradient = weighted.T @ soft
-        stalled = gain < max(tolerance, 0.01 * (cost - problem.size)) if gain else True
-        if gain < tolerance and fresh:
+        stalled = gain < max(tolerance, 0.01 * (cost - problem.size))
+        # where much is unexplained, the last digits of the parameters do not matter
+        enough = max(tolerance, 0.002 * (cost - problem.size))
+        if gain < enough and fresh:
             break
         if stalled and not fresh:
             if refresh <= 0:

@@ -102,6 +102,12 @@ class Problem:
         other.size = int(offsets[-1])
         return other
 
+    def at_step(self, step: float) -> Problem:
+        """Return the same problem integrated at another step; start-state bases are shared."""
+        other = self.subset(range(len(self.windows)))
+        other.step = step
+        return other
+
     def rows_of(self, keep: Sequence[int]) -> NDArray[np.intp]:
         """Return the places in the stacked residual of some windows."""
         return np.concatenate([np.arange(self._rows[k].start, self._rows[k].stop) for k in keep])

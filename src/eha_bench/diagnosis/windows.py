@@ -65,9 +65,14 @@ def cut(measured: Measured, noise: Mapping[str, float], length: float = FREE_WIN
     for first, last in zip(starts, [*starts[1:], n], strict=True):
         if last - first < 4:
             continue
-        state, spread = _start(measured, first, noise, rested=first == 0)
-        windows.append(Window(measured, first, last, state, spread))
+        windows.append(window_at(measured, first, last, noise))
     return windows
+
+
+def window_at(measured: Measured, first: int, last: int, noise: Mapping[str, float]) -> Window:
+    """Return one window, its start state taken from the measurement around its first tick."""
+    state, spread = _start(measured, first, noise, rested=first == 0)
+    return Window(measured, first, last, state, spread)
 
 
 def shaft_angle(measured: Measured) -> FloatArray | None:

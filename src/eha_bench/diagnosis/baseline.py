@@ -1,0 +1,154 @@
+"""The declared model, calibrated on all training runs: where every diagnosis starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import InputError, Place
+from eha_bench.diagnosis.dataset import Dataset
+from eha_bench.diagnosis.evidence import refined_noise
+from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.gate import Measured, admit, pooled_noise
+from eha_bench.diagnosis.problem import Problem, soften
+from eha_bench.diagnosis.windows import Window, cut
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+STEP = 1e-4
+"""Integration step of fits, s: ten a tick at 1 kHz; its error is below 0.1 of usual noise."""
+
+COARSE = 2e-4
+"""Integration step while searching, where only differences between candidates count, s."""
+
+FRICTION_AT_REST = {"rod_creep_speed": (1e-5, 1e-4, 1e-3), "pump_creep_speed": (1e-3, 1e-2, 1e-1)}
+"""How friction behaves at rest is nobody's declared knowledge: fitted always, never an effect."""
+
+
+@dataclass
+class Baseline:
+    """A calibrated model and what it was calibrated on.
+
+    Attributes:
+        dataset: with the declared model.
+        measured: training runs that passed the gate.
+        problem: residuals over their windows.
+        fit: of the parameters under `calibrate` and what is mundane.
+        keys: what was fitted.
+        nuisance: those of `keys` that the model file does not list.
+        notes: what the gate found.
+    """
+
+    dataset: Dataset
+    measured: tuple[Measured, ...]
+    problem: Problem
+    fit: Fit
+    keys: tuple[str, ...]
+    nuisance: tuple[str, ...]
+    declared_cost: float
+    notes: tuple[str, ...] = field(default=())
+
+
+def no_progress(_stage: str, _fraction: float) -> None:
+    """Say nothing."""
+
+
+def gather(dataset: Dataset) -> tuple[tuple[Measured, ...], list[Window], dict[str, float]]:
+    """Read the training runs, and return them with their windows and their noise.
+
+    Raises:
+        InputError: no run has anything to compare.
+    """
+    plant = dataset.model.plant
+    measured = tuple(
+        admit(run, run.read(), dataset.inputs, plant.outputs) for run in dataset.training
+    )
+    noise = pooled_noise(measured, plant.outputs)
+    if not noise:
+        raise InputError(
+            "no measured channel can be held against the model",
+            where=Place(file=dataset.source),
+            hint=f"{plant.id} gives: {', '.join(plant.outputs)}",
+        )
+    windows = [window for item in measured for window in cut(item, noise)]
+    return measured, windows, noise
+
+
+def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
+    """Fit the parameters under `calibrate`, and what is mundane, to all training runs.
+
+    Raises:
+        InputError: nothing to calibrate with.
+    """
+    progress("read", 0.0)
+    measured, windows, noise = gather(dataset)
+    plant = dataset.model.plant
+    vector = dataset.model.vector()
+    keys = tuple(dict.fromkeys(dataset.model.calibrate))
+    rough = Problem(plant, windows, noise, COARSE)
+    progress("calibrate", 0.1)
+    rough.prepare(vector)
+    declared_cost = float(np.sum(rough.residual(vector) ** 2))
+    layout = plant.layout
+    fit = levenberg_marquardt(
+        rough, vector, free_parameters(layout, keys, vector), iterations=6, refresh=1
+    )
+    progress("calibrate", 0.4)
+    fit, nuisance = friction_at_rest(rough, fit, keys)
+    progress("calibrate", 0.6)
+    noise = refined_noise(rough, fit.residual, noise)
+    problem = Problem(plant, windows, noise, STEP)
+    problem.prepare(fit.vector)
+    everything = (*keys, *nuisance)
+    known = {item.key: fit.jacobian[:, k] for k, item in enumerate(fit.free)}
+    fit = levenberg_marquardt(
+        problem,
+        fit.vector,
+        free_parameters(layout, everything, fit.vector),
+        known=known,
+        refresh=1,
+    )
+    progress("calibrate", 1.0)
+    notes = tuple(note for item in measured for note in item.notes)
+    return Baseline(
+        dataset, measured, problem, fit, everything, tuple(nuisance), declared_cost, notes
+    )
+
+
+def friction_at_rest(
+    problem: Problem, fit: Fit, keys: tuple[str, ...]
+) -> tuple[Fit, list[str]]:
+    """Try friction that creeps instead of sticking, and keep it where the data say so.
+
+    Returns:
+        The fit, and the names of what was added to it.
+    """
+    layout = problem.plant.layout
+    nuisance: list[str] = []
+    for key, sizes in FRICTION_AT_REST.items():
+        if key not in layout.index or key in keys:
+            continue
+        at = layout.index[key]
+        if fit.vector[at] == 0.0:
+            best, cost = fit.vector, fit.cost
+            for size in sizes:
+                trial = fit.vector.copy()
+                trial[at] = size
+                soft, _ = soften(problem.residual(trial))
+                if float(soft @ soft) < cost:
+                    best, cost = trial, float(soft @ soft)
+            if best is fit.vector:
+                continue
+        else:
+            best = fit.vector
+        free = free_parameters(layout, (*keys, *nuisance, key), best)
+        known = {item.key: fit.jacobian[:, k] for k, item in enumerate(fit.free)}
+        trial_fit = levenberg_marquardt(problem, best, free, iterations=4, known=known, refresh=0)
+        if trial_fit.cost < fit.cost - 20.0:
+            fit = trial_fit
+            nuisance.append(key)
+    return fit, nuisance

@@ -1,0 +1,156 @@
+"""What may be missing: every registered effect at its starting points, and mundane alternatives.
+
+A mundane alternative is a plant parameter whose value is only assumed: where it explains the
+residual as well as an effect does, no effect is named.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.plants.assembly import Layout
+from eha_bench.plants.effect import Effect, Equation
+
+FloatArray = NDArray[np.float64]
+
+LEARNED = "learned"
+"""Id of the effect that holds a learned curve; it is never a named cause."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """One point from which a candidate's search begins.
+
+    Attributes:
+        candidate: effect's id, or `parameter:name` for a mundane alternative.
+        settings: place in the vector -> value, the strength's included.
+        strength_at: place of the strength; neutral: its value where the candidate is off.
+        strength: its starting size.
+        low, high: bounds of the strength.
+        keys: what a refit moves.
+        equation: balance it acts in ("" for a mundane alternative).
+    """
+
+    candidate: str
+    settings: tuple[tuple[int, float], ...]
+    strength_at: int
+    neutral: float
+    strength: float
+    low: float
+    high: float
+    keys: tuple[str, ...]
+    equation: str
+
+    def apply(self, vector: FloatArray, share: float = 1.0) -> FloatArray:
+        """Return a vector with the candidate on, at a share of its starting strength."""
+        out = vector.copy()
+        for at, value in self.settings:
+            out[at] = value
+        out[self.strength_at] = self.neutral + share * (self.strength - self.neutral)
+        return out
+
+    @property
+    def mundane(self) -> bool:
+        """Whether it is no effect but a parameter that is only assumed."""
+        return self.candidate.startswith("parameter:")
+
+
+def effect_starts(layout: Layout, effect: Effect, vector: FloatArray) -> list[Start]:
+    """Return the starting points of an effect: its defaults, its `starts`, and every choice."""
+    action = effect.action(layout.plant)
+    words: dict[str, Sequence[int]] = {}
+    for parameter in effect.parameters:
+        if parameter.choices:
+            allowed = action.choices.get(parameter.name, parameter.choices)
+            words[parameter.name] = [parameter.choices.index(word) for word in allowed]
+    points: list[dict[str, float]] = [{}]
+    points += [dict(start) for start in effect.starts]
+    found = []
+    seen = set()
+    for point in points:
+        open_choices = [name for name in words if name not in point]
+        for combination in itertools.product(*(words[name] for name in open_choices)):
+            values = {parameter.name: parameter.default for parameter in effect.parameters}
+            values |= point
+            values |= {name: float(k) for name, k in zip(open_choices, combination, strict=True)}
+            key = tuple(sorted(values.items()))
+            if key in seen:
+                continue
+            seen.add(key)
+            found.append(_start(layout, effect, values))
+    return [start for start in found if start.strength != start.neutral]
+
+
+def _start(layout: Layout, effect: Effect, values: dict[str, float]) -> Start:
+    settings = []
+    keys = []
+    for parameter in effect.parameters:
+        at = layout.index[f"{effect.id}.{parameter.name}"]
+        settings += [(at + k, values[parameter.name]) for k in range(parameter.size)]
+        if not parameter.choices and parameter.searched:
+            keys.append(f"{effect.id}.{parameter.name}")
+    strength = effect.strength
+    return Start(
+        effect.id,
+        tuple(settings),
+        layout.index[f"{effect.id}.{strength.name}"],
+        effect.neutral,
+        values[strength.name],
+        strength.low,
+        strength.high,
+        tuple(keys),
+        str(effect.equation(layout.plant, values).value),
+    )
+
+
+def all_starts(
+    layout: Layout, vector: FloatArray, declared: Sequence[str], calibrated: Sequence[str]
+) -> list[Start]:
+    """Return the starting points of everything that may be missing and is not declared.
+
+    Args:
+        layout: of the plant.
+        vector: calibrated parameters.
+        declared: ids of effects that the model has.
+        calibrated: keys that are estimated anyway.
+    """
+    found: list[Start] = []
+    for effect in layout.effects:
+        if effect.id in declared or effect.id == LEARNED:
+            continue
+        twin = effect.same_as.get(layout.plant)
+        if twin is not None and vector[layout.index[twin]] != 0.0:
+            continue
+        found += effect_starts(layout, effect, vector)
+    for parameter in layout.parameters:
+        if not parameter.assumed or parameter.name in calibrated or parameter.size > 1:
+            continue
+        at = layout.index[parameter.name]
+        value = float(vector[at])
+        if value == 0.0 or not np.isfinite(value):
+            continue
+        low, high = max(parameter.low, value * 0.5), min(parameter.high, value * 2.0)
+        found.append(
+            Start(
+                f"parameter:{parameter.name}",
+                (),
+                at,
+                value,
+                value * 1.1,
+                min(low, high),
+                max(low, high),
+                (parameter.name,),
+                "",
+            )
+        )
+    return found
+
+
+def equation_of(start: Start) -> Equation | None:
+    """Return the balance a start acts in, None for a mundane alternative."""
+    return Equation(start.equation) if start.equation else None

@@ -1,0 +1,401 @@
+"""Finds what is missing, one effect after the other, with another look at those already found.
+
+Everything that is mundane (calibrated parameters, start states, noise, friction at rest) is fitted
+with every candidate; a candidate is credited only with what these cannot do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, Baseline, friction_at_rest
+from eha_bench.diagnosis.candidates import Start, all_starts
+from eha_bench.diagnosis.evidence import (
+    SOFT_MEAN,
+    Comparison,
+    Excess,
+    Groups,
+    compare,
+    excess,
+    groups_of,
+)
+from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.periodic import is_periodic, scan, short_problem
+from eha_bench.diagnosis.problem import Problem, soften
+from eha_bench.diagnosis.screen import Screen, Screened
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+MOST_EFFECTS = 4
+_SHORTLIST = 5
+_FINALISTS = 3
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate after its refit.
+
+    Attributes:
+        start: where its search began. fit: the end. comparison: with the fit without it.
+    """
+
+    start: Start
+    fit: Fit
+    comparison: Comparison
+
+    @property
+    def candidate(self) -> str:
+        """Effect's id, or `parameter:name`."""
+        return self.start.candidate
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """What was added: an effect, or a parameter that was only assumed.
+
+    Attributes:
+        start: the candidate. comparison: what it gained when it was added.
+        equivalent: other candidates that fit as well, the best first.
+    """
+
+    start: Start
+    comparison: Comparison
+    equivalent: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One line of the ranking: the best that a candidate could do as the first to be added."""
+
+    candidate: str
+    score: float
+    p_value: float
+    cost: float
+    predicted: float
+    refitted: bool
+
+
+@dataclass
+class Search:
+    """The state of a search.
+
+    Attributes:
+        problem: residuals over all training windows.
+        keys: parameters that are always fitted.
+        fit: current best. base: without any added effect.
+        accepted: in the order added. ranking: of the first look.
+        excess_base, excess_left: beyond noise before and after.
+    """
+
+    problem: Problem
+    keys: tuple[str, ...]
+    declared: tuple[str, ...]
+    base: Fit
+    fit: Fit
+    groups: Groups
+    declared_vector: FloatArray
+    excess_base: Excess
+    excess_left: Excess
+    accepted: list[Accepted] = field(default_factory=list)
+    ranking: list[Ranked] = field(default_factory=list)
+    looks: list[list[Trial]] = field(default_factory=list)
+
+    @property
+    def effects(self) -> list[Accepted]:
+        """What was added and is an effect."""
+        return [item for item in self.accepted if not item.start.mundane]
+
+
+def begin(baseline: Baseline) -> Search:
+    """Return a search that starts from a calibrated model."""
+    model = baseline.dataset.model
+    found = excess(baseline.problem, baseline.fit)
+    return Search(
+        baseline.problem,
+        baseline.keys,
+        tuple(effect.id for effect in model.effects),
+        baseline.fit,
+        baseline.fit,
+        groups_of(baseline.problem),
+        model.vector(),
+        found,
+        found,
+    )
+
+
+def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = None) -> None:
+    """Add effects to the search until nothing more is found."""
+    limits = thresholds or Thresholds()
+    for number in range(MOST_EFFECTS):
+        progress("search", number / MOST_EFFECTS)
+        if number > 0 and not _worth_a_look(search, limits):
+            break
+        trials = look(search, first=number == 0)
+        search.looks.append(trials)
+        chosen = _choose(trials, search, limits)
+        if chosen is None:
+            break
+        _add(search, chosen, trials)
+        _review(search, limits)
+    progress("search", 1.0)
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """When a candidate is believed.
+
+    Attributes:
+        gain: least fall of the cost, fitted and left out (a cost of 1 is one sigma).
+        share: least part of the present excess that it takes on runs left out.
+        p_value: largest probability that it gains nothing on runs left out.
+    """
+
+    gain: float = 30.0
+    share: float = 0.25
+    p_value: float = 1e-3
+    runs_better: float = 0.5
+
+
+def _worth_a_look(search: Search, limits: Thresholds) -> bool:
+    left = search.excess_left
+    return left.total > 0.005 * left.size or left.significance > 5.0
+
+
+def look(search: Search, *, first: bool) -> list[Trial]:
+    """Screen everything, refit the most promising, and return these, the best first."""
+    layout = search.problem.plant.layout
+    used = [item.start.candidate for item in search.accepted]
+    starts = [
+        start
+        for start in all_starts(
+            layout, search.fit.vector, [*search.declared, *used], search.keys
+        )
+        if start.candidate not in used
+    ]
+    # screening and first refits only compare candidates, so a coarser step is enough
+    coarse = search.problem.at_step(COARSE)
+    residual = coarse.residual(search.fit.vector)
+    soft, _ = soften(residual)
+    here = replace(search.fit, residual=residual, cost=float(soft @ soft))
+    screen = Screen(coarse, here)
+    turning = [effect.id for effect in layout.effects if is_periodic(effect)]
+    screened = screen.all([start for start in starts if start.candidate not in turning])
+    finals = _confirm(search, coarse, screened)
+    reached = min((item.fit.cost for item in finals), default=search.fit.cost)
+    floor = search.fit.cost - search.excess_left.total
+    if reached > floor + max(0.02 * search.excess_left.total, 30.0):
+        own = [start for start in starts if start.candidate in turning]
+        more = screen.all(_periodic(search, turning, own))
+        screened = sorted([*screened, *more], key=lambda item: -item.gain)
+        finals += _confirm(search, coarse, more)
+    best: dict[str, Screened] = {}
+    for item in screened:
+        best.setdefault(item.start.candidate, item)
+    finals = [_compared(search, item) for item in finals]
+    finals.sort(key=lambda item: item.fit.cost)
+    if first:
+        search.ranking = _ranking(best, finals, search)
+    return finals
+
+
+def _confirm(search: Search, coarse: Problem, screened: Sequence[Screened]) -> list[Trial]:
+    """Refit the most promising roughly, and to the end those that may win."""
+    best: dict[str, Screened] = {}
+    second: dict[str, Screened] = {}
+    for item in screened:
+        if item.start.candidate not in best:
+            best[item.start.candidate] = item
+        elif item.start.candidate not in second:
+            second[item.start.candidate] = item
+    order = [name for name in best if best[name].gain > 0.0]
+    shortlist = [best[name] for name in order[:_SHORTLIST]]
+    shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
+    trials = _best_of_each([_refit(search, coarse, item) for item in shortlist])
+    done: list[Trial] = []
+    top = 0.0
+    for number, item in enumerate(trials):
+        rough_gain = search.fit.cost - item.fit.cost
+        if number > 0 and (number >= _FINALISTS or rough_gain < 0.5 * top):
+            done.append(item)
+            continue
+        done.append(replace(item, fit=_polish(search, item.fit, [item.start])))
+        top = max(top, search.fit.cost - done[-1].fit.cost)
+    return done
+
+
+def _periodic(search: Search, names: Sequence[str], starts: Sequence[Start]) -> list[Start]:
+    """Return starts of effects periodic in the shaft's angle, as a scan of the count finds them."""
+    short = short_problem(search.problem, search.problem.noise) if starts else None
+    if short is None:
+        return []
+    layout = search.problem.plant.layout
+    keys = [item.key for item in search.fit.free if "[" not in item.key]
+    out: list[Start] = []
+    for name in names:
+        own = [start for start in starts if start.candidate == name]
+        out += scan(short.at_step(COARSE), search.fit.vector, keys, layout, own)
+    return out
+
+
+def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search) -> list[Ranked]:
+    lines = [
+        Ranked(
+            item.candidate,
+            item.comparison.share_out,
+            item.comparison.p_value,
+            item.fit.cost,
+            best[item.candidate].gain,
+            True,
+        )
+        for item in finals
+    ]
+    done = {item.candidate for item in finals}
+    scale = max(search.excess_left.total, 1.0)
+    lines += [
+        Ranked(name, item.gain / scale, float("nan"), search.fit.cost - item.gain, item.gain, False)
+        for name, item in best.items()
+        if name not in done
+    ]
+    return lines
+
+
+def _free(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
+    layout = search.problem.plant.layout
+    keys = list(search.keys)
+    for start in [*(item.start for item in search.accepted), *extra]:
+        keys += [key for key in start.keys if key not in keys]
+    return free_parameters(layout, keys, vector)
+
+
+def _refit(search: Search, coarse: Problem, item: Screened) -> Trial:
+    size = item.amplitude
+    # a predicted amplitude is a fraction of the real one; never start from nothing
+    size = float(np.sign(size) or 1.0) * max(abs(size), 0.05)
+    vector = item.start.apply(search.fit.vector, size)
+    vector[item.start.strength_at] = np.clip(
+        vector[item.start.strength_at], item.start.low, item.start.high
+    )
+    free = _free(search, vector, [item.start])
+    known = {f.key: search.fit.jacobian[:, k] for k, f in enumerate(search.fit.free)}
+    fit = levenberg_marquardt(coarse, vector, free, iterations=4, known=known, refresh=0)
+    return Trial(item.start, fit, Comparison(0, 0, 0, 0, 1, 0))
+
+
+def _polish(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
+    """Fit to the end, from where the rough fit is and, if that is poor, from declared values."""
+    problem = search.problem
+    vector = rough.vector
+    known = {f.key: rough.jacobian[:, k] for k, f in enumerate(rough.free)}
+    if rough.cost > 1.2 * SOFT_MEAN * problem.size:
+        again = vector.copy()
+        layout = problem.plant.layout
+        for key in search.keys:
+            again[layout.index[key]] = search.declared_vector[layout.index[key]]
+        coarse = problem.at_step(COARSE)
+        names = [key for key in search.keys if key not in FRICTION_AT_REST]
+        free = [item for item in _free(search, again, extra) if item.key not in FRICTION_AT_REST]
+        other = levenberg_marquardt(coarse, again, free, iterations=5, refresh=0)
+        names += [item.key for item in free if item.key not in names and "[" not in item.key]
+        other, _ = friction_at_rest(coarse, other, tuple(names))
+        if other.cost < rough.cost:
+            vector = other.vector
+            known = {f.key: other.jacobian[:, k] for k, f in enumerate(other.free)}
+    return levenberg_marquardt(
+        problem, vector, _free(search, vector, extra), known=known, refresh=1
+    )
+
+
+def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
+    best: dict[str, Trial] = {}
+    for item in trials:
+        if item.candidate not in best or item.fit.cost < best[item.candidate].fit.cost:
+            best[item.candidate] = item
+    return sorted(best.values(), key=lambda item: item.fit.cost)
+
+
+def _compared(search: Search, trial: Trial) -> Trial:
+    found = compare(search.fit, trial.fit, search.groups, search.excess_left.total)
+    return replace(trial, comparison=found)
+
+
+def _choose(trials: Sequence[Trial], search: Search, limits: Thresholds) -> Trial | None:
+    good = [item for item in trials if _believed(item, search, limits)]
+    if not good:
+        return None
+    chosen = good[0]
+    for item in good:
+        # what is mundane is preferred where it explains as much
+        if item.start.mundane and item.fit.cost < chosen.fit.cost + 0.02 * chosen.comparison.gain:
+            return item
+    return chosen
+
+
+def _believed(item: Trial, search: Search, limits: Thresholds) -> bool:
+    found = item.comparison
+    return (
+        found.gain > limits.gain
+        and found.gain_out > limits.gain / 2
+        and found.share_out > limits.share
+        and found.p_value < limits.p_value
+        and found.runs_better >= limits.runs_better
+    )
+
+
+def equivalents(chosen: Trial, trials: Sequence[Trial], groups: Groups) -> tuple[str, ...]:
+    """Return candidates whose fit is not worse than the chosen one's beyond resampling noise."""
+    found = []
+    for item in trials:
+        if item.candidate == chosen.candidate or item.start.mundane:
+            continue
+        if item.comparison.gain < 0.5 * chosen.comparison.gain:
+            continue
+        behind = compare(item.fit, chosen.fit, groups, 1.0)
+        if behind.p_value > 0.02 or behind.gain < 6.0:
+            found.append(item.candidate)
+    return tuple(found)
+
+
+def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
+    search.accepted.append(
+        Accepted(chosen.start, chosen.comparison, equivalents(chosen, trials, search.groups))
+    )
+    search.problem.prepare(chosen.fit.vector)
+    residual = search.problem.residual(chosen.fit.vector)
+    soft, _ = soften(residual)
+    search.fit = _polish(search, replace(chosen.fit, residual=residual, cost=float(soft @ soft)), [])
+    search.base = levenberg_marquardt(
+        search.problem,
+        search.base.vector,
+        search.base.free,
+        known={f.key: search.base.jacobian[:, k] for k, f in enumerate(search.base.free)},
+        refresh=0,
+    )
+    search.excess_left = excess(search.problem, search.fit)
+    search.excess_base = excess(search.problem, search.base)
+
+
+def _review(search: Search, limits: Thresholds) -> None:
+    """Take out what a later addition has made needless."""
+    for item in list(search.accepted[:-1]):
+        kept = [other for other in search.accepted if other is not item]
+        trial = _without(search, item, kept)
+        found = compare(trial, search.fit, search.groups, search.excess_base.total)
+        if found.gain_out < limits.gain / 2 or found.p_value > limits.p_value:
+            search.accepted = kept
+            search.fit = trial
+            search.excess_left = excess(search.problem, trial)
+
+
+def _without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
+    vector = search.fit.vector.copy()
+    vector[item.start.strength_at] = item.start.neutral
+    keys = list(search.keys)
+    for other in kept:
+        keys += [key for key in other.start.keys if key not in keys]
+    free = free_parameters(search.problem.plant.layout, keys, vector)
+    return levenberg_marquardt(search.problem, vector, free)
