@@ -5,6 +5,10 @@ they do nothing. Here a module is written in which each hook is the chain of the
 it, followed by the kernel's own source; Numba compiles it and caches the result on disk. Every
 effect's parameters live in the one parameter vector `P`, so trying another candidate is another
 vector, never another compilation. An effect is skipped by a branch where its strength is neutral.
+
+Inside the kernel `P` and `S` are records over the vectors' memory: a record is one bare pointer,
+while Numba counts the references of every array that it passes on, which took longer than the
+equations.
 """
 
 from __future__ import annotations
@@ -31,7 +35,28 @@ from eha_bench.plants.effect import Effect
 from eha_bench.plants.parameter import Parameter
 
 _VECTORS = ("P", "S")
+# functions of a hooks module that are no hooks: written anew for each layout
+_GENERATED = ("parameter_record", "memory_record", "activate")
 _LOG = logging.getLogger("eha_bench")
+
+# Inner functions need no way in from Python, and dividing needs no test for zero: both halve the
+# time that compiling takes.
+_HEAD = """import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+
+def njit(function=None, **options):
+    if function is None and not options:
+        return njit
+    if function is None:
+        return numba.njit(error_model="numpy", **options)
+    lean = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return lean(function)
+
+"""
 
 
 @dataclass(frozen=True)
@@ -42,12 +67,15 @@ class Layout:
         plant: plant id.
         parameters: the plant's own, first in `P`.
         effects: registered effects that apply to the plant, in the order of their ids.
+        hooks: names of the places where effects act, each with a flag in `S` that says whether
+            any effect is on there.
         signals: measured signals that effects may look at by name, first in `S`.
     """
 
     plant: str
     parameters: tuple[Parameter, ...]
     effects: tuple[Effect, ...]
+    hooks: tuple[str, ...]
     signals: tuple[str, ...] = ()
 
     @cached_property
@@ -74,16 +102,26 @@ class Layout:
         return dict(self.items())
 
     @cached_property
+    def flags(self) -> dict[str, int]:
+        """Place of each hook's flag in `S`, after the signals."""
+        return {name: place for place, name in enumerate(self.hooks, len(self.signals))}
+
+    @cached_property
     def states(self) -> dict[str, int]:
         """Place of each effect's state in `S`, as `effect.state`."""
         names = [f"{effect.id}.{state}" for effect in self.effects for state in effect.states]
-        first = len(self.signals)
+        first = len(self.signals) + len(self.hooks)
         return {name: position for position, name in enumerate(names, first)}
 
     @property
     def memory(self) -> int:
-        """Length of `S`: signals and effects' states, never empty."""
-        return max(1, len(self.signals) + len(self.states))
+        """Length of `S`: signals, flags of the hooks, effects' states."""
+        return max(1, len(self.signals) + len(self.hooks) + len(self.states))
+
+    @cached_property
+    def ordinals(self) -> dict[str, int]:
+        """Number of each parameter among the fields of the record over `P`."""
+        return {key: number for number, (key, _) in enumerate(self.items())}
 
     @property
     def size(self) -> int:
@@ -111,6 +149,15 @@ class Layout:
                 return effect
         known = ", ".join(effect.id for effect in self.effects)
         raise PluginError(f"unknown effect '{name}' for {self.plant}", hint=f"known: {known}")
+
+
+def hook_names(hooks: ModuleType) -> tuple[str, ...]:
+    """Return the names of the compiled functions of a module of hooks, in its order."""
+    return tuple(
+        name
+        for name, item in vars(hooks).items()
+        if hasattr(item, "py_func") and name not in _GENERATED
+    )
 
 
 def assemble(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType) -> ModuleType:
@@ -210,31 +257,62 @@ def _uses(
 def _compose(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType) -> str:
     """Return the kernel's source: the hooks filled with the effects, then its own modules."""
     signatures = {
-        name: list(inspect.signature(item.py_func).parameters)
-        for name, item in vars(hooks).items()
-        if hasattr(item, "py_func")
+        name: list(inspect.signature(getattr(hooks, name).py_func).parameters)
+        for name in layout.hooks
     }
-    lines = ['"""Generated: the kernel with all registered effects in its hooks."""', ""]
-    lines += ["import math", "import numpy as np", "from numba import njit"]
-    lines += ["from numpy.typing import NDArray", ""]
+    lines = ['"""Generated: the kernel with all registered effects in its hooks."""', "", _HEAD]
+    lines += [*_record("parameter_record", [p.size for _, p in layout.items()])]
+    lines += [*_record("memory_record", [1] * layout.memory)]
     bodies: dict[str, list[str]] = {name: [] for name in signatures}
+    guards: dict[str, list[str]] = {name: [] for name in signatures}
     for number, effect in enumerate(sorted(layout.effects, key=lambda e: (e.order, e.id))):
-        strength = layout.index[f"{effect.id}.{effect.strength.name}"]
-        guard = f"    if P[{strength}] != {effect.neutral!r}:"
+        strength = layout.ordinals[f"{effect.id}.{effect.strength.name}"]
+        guard = f"P[{strength}] != {effect.neutral!r}"
         for serial, (hook, changed, function) in enumerate(_uses(layout, effect, signatures)):
             alias = f"_e{number}_{serial}"
             lines.append(f"from {_module_of(function)} import {function.__name__} as {alias}_py")
             lines.append(f"{alias} = njit({alias}_py)")
             arguments = _arguments(layout, effect, function, signatures[hook])
-            bodies[hook] += [guard, f"        {changed} = {alias}({arguments})"]
+            bodies[hook] += [f"    if {guard}:", f"        {changed} = {alias}({arguments})"]
+            guards[hook].append(guard)
+    lines += ["", "", "@njit", "def activate(P, S):"]
+    for name, place in layout.flags.items():
+        test = " or ".join(guards[name])
+        lines.append(f"    S[{place}] = {f'1.0 if {test} else 0.0' if test else '0.0'}")
     for name, body in bodies.items():
-        names = signatures[name]
-        returns = [] if name.endswith("_states") else [f"    return {names[0]}"]
-        lines += ["", "", "@njit", f"def {name}({', '.join(names)}):"]
-        lines += (body + returns) or ["    pass"]
-    replaced = {"__future__", hooks.__name__, *(module.__name__ for module in modules)}
+        lines += _hook(name, signatures[name], body, layout.flags[name])
+    replaced = {"__future__", "numba", hooks.__name__, *(module.__name__ for module in modules)}
     own = [_without_imports(module, replaced) for module in modules]
     return "\n".join([*lines, "", "", *own])
+
+
+def _record(name: str, sizes: list[int]) -> list[str]:
+    """Return the lines of a function that lays a record over a vector."""
+    fields = [
+        f'("f{number}", "f8")' if size == 1 else f'("f{number}", "f8", ({size},))'
+        for number, size in enumerate(sizes)
+    ]
+    kind = f"_{name.upper()}"
+    return [
+        f"{kind} = np.dtype([{', '.join(fields)}])",
+        *("", "", "@njit", f"def {name}(vector):", f"    return vector.view({kind})[0]", "", ""),
+    ]
+
+
+def _hook(name: str, arguments: list[str], body: list[str], flag: int) -> list[str]:
+    """Return the lines of a hook: one cheap test, and the chain of effects behind it."""
+    listed = ", ".join(arguments)
+    state = name.endswith("_states")
+    back = [] if state else [f"    return {arguments[0]}"]
+    if not body:
+        return ["", "", "@njit", f"def {name}({listed}):", *(back or ["    pass"])]
+    call = f"_chain_{name}({listed})"
+    return [
+        *("", "", "@njit", f"def _chain_{name}({listed}):", *body, *back),
+        *("", "", "@njit", f"def {name}({listed}):", f"    if S[{flag}] != 0.0:"),
+        f"        {'' if state else 'return '}{call}",
+        *back,
+    ]
 
 
 def _without_imports(module: ModuleType, replaced: set[str]) -> str:
@@ -253,21 +331,19 @@ def _arguments(
 ) -> str:
     """Return the arguments that bind a function's names to what they stand for."""
     parts = []
-    own = {parameter.name: parameter for parameter in effect.parameters}
+    own = {parameter.name for parameter in effect.parameters}
     for name in inspect.signature(function).parameters:
         key = f"{effect.id}.{name}"
         if key in layout.states:
             parts.append(f"S[{layout.states[key]}]")
         elif name in own:
-            at = layout.index[key]
-            size = own[name].size
-            parts.append(f"P[{at}]" if size == 1 else f"P[{at}:{at + size}]")
+            parts.append(f"P[{layout.ordinals[key]}]")
         elif name in have and name not in _VECTORS:
             parts.append(name)
         elif name in layout.signals:
             parts.append(f"S[{layout.signals.index(name)}]")
         elif name in layout.index:
-            parts.append(f"P[{layout.index[name]}]")
+            parts.append(f"P[{layout.ordinals[name]}]")
         else:
             raise PluginError(
                 f"effect '{effect.id}' asks for '{name}' in {function.__name__}",

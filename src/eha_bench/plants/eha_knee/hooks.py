@@ -1,9 +1,9 @@
 """The places of the kernel where effects act, here with nothing in them.
 
 `assembly` replaces these functions with chains of the registered effects' own. `P` is the
-parameter vector, `S` the measured signals and the effects' states; the first argument is what an
-effect changes, the rest is what it may look at: current, shaft speed and angle, chamber pressures,
-rod position and velocity, time. Units SI.
+record of parameters, `S` that of measured signals, flags of the hooks and effects' states; the
+first argument is what an effect changes, the rest is what it may look at: current, shaft speed and
+angle, chamber pressures, rod position and velocity, time. Units SI.
 """
 
 from __future__ import annotations
@@ -230,3 +230,20 @@ def start_states(current: float, omega: float, theta: float, p_a: float, p_b: fl
 def advance_states(h: float, current: float, omega: float, theta: float, p_a: float, p_b: float,
         x: float, v: float, t: float, P: Vector, S: Vector) -> None:
     """Move the effects' own states on by a time h; `current` is what the drive is asked for."""
+
+
+@njit()
+def activate(P: Vector, S: Vector) -> None:
+    """Note in S which hooks have an effect that is on; called before all others."""
+
+
+@njit()
+def parameter_record(vector: Vector) -> Vector:
+    """The parameter vector as the record `P`."""
+    return vector
+
+
+@njit()
+def memory_record(vector: Vector) -> Vector:
+    """The vector of signals, flags and effects' states as the record `S`."""
+    return vector

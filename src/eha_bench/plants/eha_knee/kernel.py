@@ -50,6 +50,7 @@ from eha_bench.plants.eha_knee.equations import (
     shaft_net,
 )
 from eha_bench.plants.eha_knee.hooks import (
+    activate,
     advance_states,
     area_b,
     command,
@@ -61,6 +62,8 @@ from eha_bench.plants.eha_knee.hooks import (
     initial_position,
     initial_pressure_a,
     initial_pressure_b,
+    memory_record,
+    parameter_record,
     rod_dry,
     rod_sticks,
     start_states,
@@ -276,13 +279,16 @@ def _substep(
 
 
 @njit(cache=True)
-def settle(read: Flags, P: Vector, S: Vector, Y: Vector) -> None:
+def settle(read: Flags, parameters: Vector, memory: Vector, Y: Vector) -> None:
     """Turn what the sensors read at the first sample into the state that they read it from.
 
     Args:
         read: (6,) whether Y holds a reading of speed, p_a, p_b, x, v, current (else: the state).
-        P, S, Y: parameters; signals and effects' states; state (7,), changed.
+        parameters, memory, Y: vectors `P` and `S` of the layout; state (7,), changed.
     """
+    P = parameter_record(parameters)
+    S = memory_record(memory)
+    activate(P, S)
     if read[IMPOSE_A]:
         Y[PRESSURE_A] = initial_pressure_a(Y[PRESSURE_A], P, S)
     if read[IMPOSE_B]:
@@ -310,15 +316,15 @@ def simulate(
     bypass_open: bool,
     h_max: float,
     fresh: bool,
-    P: Vector,
-    S: Vector,
+    parameters: Vector,
+    memory: Vector,
     Y: Vector,
     out: Matrix,
 ) -> None:
     """Advance from tick `first` to tick `last`, writing what the sensors read at each tick.
 
     Row k of `out` is what is read at times[k], just before commands[k] takes effect; rows first
-    to last (inclusive, as far as `out` reaches) are written, and Y, S are left at times[last].
+    to last (inclusive, as far as `out` reaches) are written, and Y, memory are left at times[last].
 
     Args:
         first, last: ticks, 0 <= first <= last < len(times).
@@ -328,14 +334,18 @@ def simulate(
         imposed: (n, 6) measured speed, p_a, p_b, x, v, current where `is_imposed` (6,) is True.
         locked, bypass_open: setup. h_max: largest substep, s.
         fresh: whether to set the effects' states from Y first.
-        P, S, Y: parameters; signals and effects' states; state (7,). out: (n, 6).
+        parameters, memory, Y: vectors `P` and `S` of the layout; state (7,). out: (n, 6).
     """
+    if fresh:
+        memory[:] = 0.0
+    P = parameter_record(parameters)
+    S = memory_record(memory)
+    activate(P, S)
     bypass = P[G_BYPASS] if bypass_open else 0.0
     area = area_b(P[A_B], P, S)
     if fresh:
         if is_imposed[IMPOSE_SPEED]:
             Y[OMEGA] = imposed[first, IMPOSE_SPEED]
-        S[:] = 0.0
         S[FORCE] = signals[first, FORCE]
         S[TEMPERATURE] = signals[first, TEMPERATURE]
         start_states(Y[CURRENT], Y[0], Y[1], Y[2], Y[3], Y[4], Y[5], P, S)
@@ -364,8 +374,10 @@ def simulate(
         for n in range(count):
             now = t + n * h
             middle = (n + 0.5) / count
-            for j in range(2):
-                S[j] = signals[k, j] + middle * (signals[k + 1, j] - signals[k, j])
+            S[FORCE] = signals[k, FORCE] + middle * (signals[k + 1, FORCE] - signals[k, FORCE])
+            S[TEMPERATURE] = signals[k, TEMPERATURE] + middle * (
+                signals[k + 1, TEMPERATURE] - signals[k, TEMPERATURE]
+            )
             if is_imposed[IMPOSE_SPEED]:
                 Y[OMEGA] = imposed[k, 0] + middle * (imposed[k + 1, 0] - imposed[k, 0])
             if is_imposed[IMPOSE_VELOCITY]:

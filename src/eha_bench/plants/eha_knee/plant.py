@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import InputError
-from eha_bench.plants.assembly import Layout, assemble
+from eha_bench.plants.assembly import Layout, assemble, hook_names
 from eha_bench.plants.eha_knee import equations, hooks, kernel
 from eha_bench.plants.eha_knee.parameters import PARAMETERS, SIGNALS
 from eha_bench.plants.plant import Drive, Plant, effects_of
@@ -51,7 +51,7 @@ class EhaKnee(Plant):
     )
 
     def __init__(self) -> None:
-        self.layout = Layout(self.id, PARAMETERS, effects_of(self.id), SIGNALS)
+        self.layout = Layout(self.id, PARAMETERS, effects_of(self.id), hook_names(hooks), SIGNALS)
 
     @cached_property
     def compiled(self) -> ModuleType:

@@ -1,0 +1,87 @@
+"""A pressure-limiting valve lets oil out above its setting.
+
+    q = G max(0, p - p_r)
+
+either from each chamber to the reservoir (p = p_a, p_b), or from one chamber to the other
+(p = |p_a - p_b|). The valve's own motion is fast beside the chambers' and is left out.
+
+Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 9.2; the paper, section 2.1.
+"""
+
+from __future__ import annotations
+
+from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.parameter import Parameter, choice
+
+_TANK, _PORTS = 0.0, 1.0
+
+
+def from_a(
+    flow: float, p_a: float, p_b: float, valve_conductance: float, setting: float, route: float
+) -> float:
+    """Return the flow into chamber A less what the valves let out, plus what they let in."""
+    if route == _TANK:
+        return flow - valve_conductance * max(0.0, p_a - setting)
+    over = max(0.0, p_a - p_b - setting) - max(0.0, p_b - p_a - setting)
+    return flow - valve_conductance * over
+
+
+def from_b(
+    flow: float, p_a: float, p_b: float, valve_conductance: float, setting: float, route: float
+) -> float:
+    """Return the flow into chamber B less what the valves let out, plus what they let in."""
+    if route == _TANK:
+        return flow - valve_conductance * max(0.0, p_b - setting)
+    over = max(0.0, p_a - p_b - setting) - max(0.0, p_b - p_a - setting)
+    return flow + valve_conductance * over
+
+
+def slope_a(
+    value: float, p_a: float, valve_conductance: float, setting: float, route: float
+) -> float:
+    """Return the conductance from chamber A to the reservoir, m^3/(s*Pa)."""
+    return value + valve_conductance if route == _TANK and p_a > setting else value
+
+
+def slope_b(
+    value: float, p_b: float, valve_conductance: float, setting: float, route: float
+) -> float:
+    """Return the conductance from chamber B to the reservoir, m^3/(s*Pa)."""
+    return value + valve_conductance if route == _TANK and p_b > setting else value
+
+
+def slope_ab(
+    value: float, p_a: float, p_b: float, valve_conductance: float, setting: float, route: float
+) -> float:
+    """Return the conductance between the chambers, m^3/(s*Pa)."""
+    return value + valve_conductance if route == _PORTS and abs(p_a - p_b) > setting else value
+
+
+EFFECT = Effect(
+    id="relief_valve",
+    summary="A pressure-limiting valve lets oil out above its setting.",
+    parameters=(
+        Parameter("valve_conductance", "m^3/(s*Pa)", 1e-12, 0.0, 1e-7, "G"),
+        Parameter("setting", "Pa", 20e6, 0.0, 1e8, "p_r"),
+        choice("route", ("tank", "ports"), "where the oil goes"),
+    ),
+    actions={
+        "eha_knee": Action(
+            Equation.FLOW,
+            {
+                "chamber_flow_a": from_a,
+                "chamber_flow_b": from_b,
+                "conductance_a": slope_a,
+                "conductance_b": slope_b,
+                "conductance_ab": slope_ab,
+            },
+        )
+    },
+    source="Merritt, Hydraulic Control Systems, Wiley 1967, section 9.2",
+    separate="raise the pressure slowly with the piston locked until it stops rising",
+    starts=tuple(
+        {"setting": setting, "route": route}
+        for route in (_TANK, _PORTS)
+        for setting in (5e6, 10e6, 15e6, 20e6, 25e6, 30e6)
+    ),
+)

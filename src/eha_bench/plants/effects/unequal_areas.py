@@ -1,0 +1,30 @@
+"""A single-rod cylinder that is declared as symmetrical: the rod takes area from chamber B.
+
+    A_b' = A_b (1 - delta)
+
+It moves less oil on side B, and its pressure there pushes less.
+
+Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 6.3 (single-rod pistons); Jelali,
+Kroll, Hydraulic Servo-systems, Springer 2003, section 4.1.
+"""
+
+from __future__ import annotations
+
+from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.parameter import Parameter
+
+
+def smaller(area: float, area_difference: float) -> float:
+    """Return the piston's area on the side of chamber B, m^2."""
+    return area * (1.0 - area_difference)
+
+
+EFFECT = Effect(
+    id="unequal_areas",
+    summary="A single-rod cylinder declared as symmetrical.",
+    parameters=(Parameter("area_difference", "", 0.05, -0.95, 0.95, "delta"),),
+    actions={"eha_knee": Action(Equation.FLOW, {"area_b": smaller})},
+    source="Merritt, Hydraulic Control Systems, Wiley 1967, section 6.3",
+    separate="move the rod by known strokes and compare the oil that both chambers take",
+    starts=({"area_difference": -0.05},),
+)
