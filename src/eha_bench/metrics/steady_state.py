@@ -14,6 +14,7 @@ from eha_bench.metrics.noise import estimate
 from eha_bench.metrics.step_response import (
     FINAL_SHARE,
     final_window,
+    has_steps,
     level,
     require_finite,
 )
@@ -29,7 +30,7 @@ class SteadyStateError(Metric):
 
     def applies(self, trial: Trial) -> bool:
         """Whether the signal has an edge."""
-        return bool(trial.signal.edges)
+        return has_steps(trial)
 
     def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
         """Return the error of the largest magnitude over the edges."""
@@ -54,7 +55,7 @@ class HoldingCurrent(Metric):
 
     def applies(self, trial: Trial) -> bool:
         """Whether the signal has an edge to hold after."""
-        return bool(trial.signal.edges)
+        return has_steps(trial)
 
     def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
         """Return the mean over the window, the largest magnitude over the edges."""

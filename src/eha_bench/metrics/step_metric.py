@@ -10,7 +10,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.metric import Metric, NotScored
-from eha_bench.metrics.step_response import StepResponse, step_responses
+from eha_bench.metrics.step_response import StepResponse, has_steps, step_responses
 
 LEVELS = "levels by windows"
 
@@ -20,7 +20,7 @@ class StepMetric(Metric):
 
     def applies(self, trial: Trial) -> bool:
         """Whether the signal has an edge."""
-        return bool(trial.signal.edges)
+        return has_steps(trial)
 
     def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
         """Return the worst value over the edges."""

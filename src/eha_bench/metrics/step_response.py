@@ -27,6 +27,9 @@ FINAL_SHARE = 0.2
 DRIFT = 0.02
 """Change along the final window, as a share of the step, above which nothing has settled."""
 
+MOST_EDGES = 64
+"""Edges up to which a signal is a sequence of steps."""
+
 _EXACT = 1e-6  # noise below this share of the step: crossings are interpolated between samples
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 
@@ -107,6 +110,11 @@ class StepResponse:
             self.noise,
             max(3 * self.transit // 4, 3),
         )
+
+
+def has_steps(trial: Trial) -> bool:
+    """Whether the edges of the signal are steps to score, and not the bits of a binary noise."""
+    return 0 < len(trial.signal.edges) <= MOST_EDGES and not trial.signal.lines
 
 
 def step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[StepResponse, ...]:
