@@ -7,6 +7,7 @@ import pytest
 from eha_bench.control.controller import Context, NoGains
 from eha_bench.control.open_loop import OpenLoop
 from eha_bench.control.pressure_pi import PressureGains, PressurePI
+from eha_bench.control.profile import Profile, ProfileLimits
 from eha_bench.control.sliding_mode import DesignModel, SlidingMode, SlidingModeGains
 from eha_bench.control.speed_pi import SpeedGains, SpeedPI
 from eha_bench.core.errors import InputError
@@ -61,7 +62,8 @@ def test_speed_loop_limits_the_speed_that_is_asked_for() -> None:
 
 def sliding(**changes: float) -> SlidingMode:
     values = {
-        "c": 30.0, "k": 5.0, "epsilon": 100.0, "phi": 1.0, "reference_rate": 11.0,
+        "c": 30.0, "k": 5.0, "epsilon": 100.0, "phi": 1.0,
+        "profile": {"rate": 60.0, "speed": 0.2, "acceleration": 1.0},
         "speed": {"k_p": 1.0, "k_i": 0.0, "speed_limit": 400.0},
         "model": {
             "pump_displacement": 1.1e-7, "piston_area": 3.1337e-4, "bulk_modulus": 900e6,
@@ -117,3 +119,28 @@ def test_inside_the_boundary_layer_the_law_is_linear() -> None:
 def test_sliding_mode_needs_a_joint() -> None:
     with pytest.raises(InputError, match="needs a joint"):
         SlidingMode(sliding()._gains, Context(1e-3, 30.0))
+
+
+def profile(speed: float = 0.1, acceleration: float = 0.5) -> Profile:
+    return Profile(ProfileLimits(rate=60.0, speed=speed, acceleration=acceleration), 1e-3, 0.0)
+
+
+def test_a_jump_is_followed_within_the_bounds_and_without_overshoot() -> None:
+    moving = profile()
+    path = [moving.step(0.05) for _ in range(2000)]
+    assert max(abs(point.v) for point in path) <= 0.1 * 1.02
+    assert max(abs(point.a) for point in path) <= 0.5 * 1.05
+    assert max(point.x for point in path) <= 0.05 * 1.005
+    assert path[-1].x == pytest.approx(0.05, abs=1e-5)
+
+
+def test_a_smooth_target_is_followed_without_lag() -> None:
+    # 20 mm at 1 Hz asks for 0.79 m/s^2, more than the bound for catching up
+    moving = profile()
+    error = 0.0
+    for tick in range(3000):
+        target = 0.02 * math.sin(2 * math.pi * tick * 1e-3)
+        point = moving.step(target)
+        if tick > 1500:
+            error = max(error, abs(point.x - target))
+    assert error < 0.02 * 0.02

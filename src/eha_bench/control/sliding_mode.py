@@ -12,10 +12,9 @@ with the boundary layer `phi` (Slotine, Li, Applied Nonlinear Control, 1991, sec
 the layer the law is linear, and `s` stays within phi. x'' is not measured: it is taken from the
 force balance, Eq. (6), with the measured pressures and velocity.
 
-The reference of a step has no derivatives that a machine could follow, so x_ref is the knee's
-reference passed through a critically damped third-order filter with bandwidth `reference_rate`;
-e, e', e'' and x_ref''' are taken against that. The motor speed asked for goes to the inner PI loop,
-where it is limited.
+The reference of a step has no derivatives that a machine could follow, so x_ref and its derivatives
+are those of the knee's reference passed through `profile`, a filter with bounded speed and
+acceleration. The motor speed asked for goes to the inner PI loop, where it is limited.
 
 Velocity and acceleration pass a first-order low-pass with the time constant `filter_time`, because
 their noise is multiplied by the gains of the inner loop.
@@ -32,6 +31,7 @@ from typing import Annotated
 from pydantic import Field
 
 from eha_bench.control.controller import Context, Controller, clip
+from eha_bench.control.profile import Profile, ProfileLimits
 from eha_bench.control.speed_pi import SpeedGains, SpeedPI
 from eha_bench.core.errors import InputError
 from eha_bench.core.units import Unit
@@ -61,9 +61,7 @@ class SlidingModeGains(StrictModel):
         float, Unit("s"), Field(ge=0, description="low-pass of velocity and acceleration")
     ] = 0.0
     trim: Annotated[float, Unit("1/s"), Field(ge=0, description="integral trim at rest")] = 0.0
-    reference_rate: Annotated[
-        float, Unit("1/s"), Field(gt=0, description="bandwidth of the reference filter")
-    ]
+    profile: ProfileLimits
     speed: SpeedGains
     model: DesignModel
 
@@ -81,23 +79,10 @@ class SlidingMode(Controller):
         self._context = context
         self._linkage = context.linkage
         self._inner = SpeedPI(gains.speed, context)
-        self._filter: tuple[float, float, float] | None = None
+        self._profile: Profile | None = None
         self._integral = 0.0
         self._velocity = 0.0
         self._acceleration = 0.0
-
-    def _filtered(self, target: float, at_start: float) -> tuple[float, float, float, float]:
-        """Return x_ref and its first three derivatives; the filter starts at rest at x."""
-        if self._filter is None:
-            self._filter = (at_start, 0.0, 0.0)
-        x, v, a = self._filter
-        rate = self._gains.reference_rate
-        h = self._context.period
-        jerk = rate**3 * (target - x) - 3 * rate**2 * v - 3 * rate * a
-        a_next = a + h * jerk
-        v_next = v + h * a_next
-        self._filter = (x + h * v_next, v_next, a_next)
-        return x, v, a, jerk
 
     def step(self, reference: float, reading: Mapping[str, float]) -> float:
         """Return the current for a joint angle reference in rad, A."""
@@ -105,7 +90,9 @@ class SlidingMode(Controller):
         x = reading["piston_position"]
         difference = reading["pressure_difference"]
         target = self._linkage.position_at(reference)
-        x_ref, v_ref, a_ref, jerk_ref = self._filtered(target, x)
+        if self._profile is None:
+            self._profile = Profile(gains.profile, self._context.period, x)
+        wanted = self._profile.step(target)
         area, mass = plant.piston_area, plant.load_mass
         stiffness = plant.bulk_modulus / max(plant.volume + area * x, 0.02 * plant.volume)
         stiffness += plant.bulk_modulus / max(plant.volume - area * x, 0.02 * plant.volume)
@@ -118,17 +105,17 @@ class SlidingMode(Controller):
         f = area * stiffness * (-area * v - plant.leakage * difference) / mass
         f -= plant.rod_viscous * acceleration / mass
         g = area * plant.pump_displacement * stiffness / mass
-        e, de, dde = x - x_ref, v - v_ref, acceleration - a_ref
+        e, de, dde = x - wanted.x, v - wanted.v, acceleration - wanted.a
         s = dde + 2 * gains.c * de + gains.c**2 * e
         speed = (
             -f
-            + jerk_ref
+            + wanted.jerk
             - 2 * gains.c * dde
             - gains.c**2 * de
             - gains.k * clip(s / gains.phi, 1.0)
             - gains.epsilon * s
         ) / g
         speed -= area / plant.pump_displacement * gains.trim * self._integral
-        if abs(speed) <= gains.speed.speed_limit:
+        if abs(speed) <= gains.speed.speed_limit and not self._inner.saturated:
             self._integral += e * self._context.period * gains.c
         return self._inner.step(speed, reading)

@@ -23,7 +23,11 @@ class SpeedGains(StrictModel):
 
 
 class SpeedPI(Controller):
-    """PI control of the motor speed with conditional integration against windup."""
+    """PI control of the motor speed with conditional integration against windup.
+
+    Attributes:
+        saturated: whether the last tick asked for more current than the drive can deliver.
+    """
 
     Gains = SpeedGains
 
@@ -32,6 +36,7 @@ class SpeedPI(Controller):
         self._gains = gains
         self._context = context
         self._integral = 0.0
+        self.saturated = False
 
     def step(self, reference: float, reading: Mapping[str, float]) -> float:
         """Return the current for a speed reference in rad/s, A."""
@@ -39,6 +44,7 @@ class SpeedPI(Controller):
         error = clip(reference, gains.speed_limit) - reading["motor_speed"]
         current = gains.k_p * error + gains.k_i * self._integral
         limit = self._context.current_limit
-        if abs(current) <= limit or current * error < 0:
+        self.saturated = abs(current) > limit
+        if not self.saturated or current * error < 0:
             self._integral += error * self._context.period
         return clip(current, limit)

@@ -1,0 +1,53 @@
+"""`eha-bench validate` and `eha-bench schema`."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+from ruamel.yaml import YAML
+
+from .conftest import Cli
+
+
+def shipped(folder: Path) -> list[Path]:
+    return sorted((folder / "suites").rglob("*.yaml"))
+
+
+def test_every_shipped_file_is_valid(cli: Cli, repository: Path) -> None:
+    files = shipped(repository)
+    assert len(files) >= 8
+    cli("validate", *files, check=0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "pattern"),
+    [("suite", "*.yaml"), ("model", "models/*.yaml"), ("controller", "controllers/*.yaml"),
+     ("target", "targets/*.yaml")],
+)  # fmt: skip
+def test_shipped_files_agree_with_the_printed_schema(
+    cli: Cli, repository: Path, kind: str, pattern: str
+) -> None:
+    schema = json.loads(cli("schema", kind, check=0).stdout)
+    files = sorted((repository / "suites").glob(pattern))
+    assert files
+    for path in files:
+        content = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+        jsonschema.validate(content, schema)
+        first = path.read_text(encoding="utf-8").splitlines()[0]
+        assert first.startswith("# yaml-language-server: $schema="), path
+        assert (path.parent / first.split("=")[1]).is_file(), path
+
+
+def test_every_wrong_file_is_named(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("model: eha_knee\nparameters: {leakage: 3 kg}\n", "utf-8")
+    (tmp_path / "b.yaml").write_text("nonsense: 1\n", "utf-8")
+    (tmp_path / "c.yaml").write_text("model: eha_knee\n", "utf-8")
+    done = cli("validate", "a.yaml", "b.yaml", "c.yaml", check=2)
+    assert "a.yaml:2, key 'parameters.leakage'" in done.stderr
+    assert "b.yaml:1" in done.stderr
+    assert "c.yaml: a valid model" in done.stderr
+
+
+def test_an_unknown_kind_is_bad_input(cli: Cli) -> None:
+    assert "suite" in cli("schema", "sweet", check=2).stderr

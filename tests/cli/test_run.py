@@ -1,0 +1,180 @@
+"""`eha-bench run` from YAML to report, interrupted, resumed, and with everything wrong."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import eha_bench as eb
+
+from .conftest import SUITE, Cli
+
+
+def result_of(folder: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    return content
+
+
+def test_a_run_leaves_recordings_result_and_reports(cli: Cli, suite: Path, tmp_path: Path) -> None:
+    done = cli("run", suite, "--out", "out", check=0)
+    out = tmp_path / "out"
+    assert done.stdout.strip().splitlines()[-1] == "out/report.html"
+    result = result_of(out)
+    assert result["schema_version"] == 1
+    assert result["status"] == "passed"
+    assert [(t["id"], t["repeat"]) for t in result["trials"]] == [
+        ("hold", 0), ("hold", 1), ("sine", 0),
+    ]  # fmt: skip
+    for trial in result["trials"]:
+        assert (out / trial["recording"]).is_file()
+        assert len(trial["sha256"]) == 64
+    for name in ("report.html", "junit.xml", "summary.md"):
+        assert (out / name).stat().st_size > 100
+    for key in ("version", "revision", "host", "started", "model_sha256", "controller_sha256"):
+        assert key in result["provenance"]
+
+
+def test_json_goes_to_standard_output_and_nothing_else_does(cli: Cli, suite: Path) -> None:
+    done = cli("run", suite, "--out", "out", "--json", check=0)
+    assert json.loads(done.stdout)["suite"] == "tiny"
+
+
+def test_a_missed_limit_is_exit_status_1(cli: Cli, suite: Path) -> None:
+    suite.write_text(SUITE.replace("max: 60 MPa", "max: 1 MPa"), encoding="utf-8")
+    done = cli("run", suite, "--out", "out", check=1)
+    assert "peak failed" in done.stderr
+
+
+def test_a_safety_limit_is_exit_status_3_and_keeps_the_recording(
+    cli: Cli, suite: Path, tmp_path: Path
+) -> None:
+    text = SUITE.replace("    repeats: 2\n", "    repeats: 2\n    safety: {pressure_a: <= 1 MPa}\n")
+    suite.write_text(text, encoding="utf-8")
+    done = cli("run", suite, "--out", "out", check=3)
+    assert "safety" in done.stderr
+    result = result_of(tmp_path / "out")
+    assert result["status"] == "fault"
+    recording = eb.read(tmp_path / "out" / result["trials"][0]["recording"])
+    assert 0 < len(recording) < 100
+    assert recording.metadata["ending"] == "safety stop"
+
+
+def test_scoring_a_recording_alone_gives_the_same_scores(
+    cli: Cli, suite: Path, tmp_path: Path
+) -> None:
+    cli("run", suite, "--out", "out", check=0)
+    first = result_of(tmp_path / "out")["trials"]
+    suite.unlink()
+    paths = [tmp_path / "out" / trial["recording"] for trial in first]
+    cli("score", *paths, "--out", "again", check=0)
+    again = result_of(tmp_path / "again")["trials"]
+    assert [trial["scores"] for trial in again] == [trial["scores"] for trial in first]
+
+
+def test_resume_runs_only_what_is_missing(cli: Cli, suite: Path, tmp_path: Path) -> None:
+    cli("run", suite, "--out", "out", check=0)
+    out = tmp_path / "out"
+    kept = out / "recordings" / "hold-0.mcap"
+    before = kept.stat().st_mtime_ns
+    (out / "recordings" / "sine-0.mcap").unlink()
+    cli("run", suite, "--out", "out", "--resume", check=0)
+    assert kept.stat().st_mtime_ns == before
+    assert (out / "recordings" / "sine-0.mcap").is_file()
+    assert result_of(out)["status"] == "passed"
+
+
+def test_resume_does_not_trust_another_suite_or_a_changed_recording(
+    cli: Cli, suite: Path, tmp_path: Path
+) -> None:
+    cli("run", suite, "--out", "out", check=0)
+    kept = tmp_path / "out" / "recordings" / "hold-0.mcap"
+    before = kept.stat().st_mtime_ns
+    suite.write_text(SUITE.replace("8 A", "9 A"), encoding="utf-8")
+    cli("run", suite, "--out", "out", "--resume", check=0)
+    assert kept.stat().st_mtime_ns != before
+    kept.write_bytes(b"not what it was")
+    cli("run", suite, "--out", "out", "--resume", check=0)
+    assert len(eb.read(kept)) == 100
+
+
+def test_ctrl_c_leaves_readable_recordings_and_an_incomplete_result(
+    suite: Path, tmp_path: Path
+) -> None:
+    long = SUITE.replace("repeats: 2", "repeats: 2000").replace("0.1 s", "0.5 s")
+    suite.write_text(long, encoding="utf-8")
+    command = [sys.executable, "-m", "eha_bench", "run", str(suite), "--out", "out"]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    recordings = tmp_path / "out" / "recordings"
+    deadline = time.monotonic() + 60
+    while len(list(recordings.glob("hold-*.mcap"))) < 3:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    os.kill(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert "Traceback" not in errors
+    assert process.returncode == 130
+    result = result_of(tmp_path / "out")
+    assert result["status"] == "incomplete"
+    assert len(result["trials"]) >= 3
+    for trial in result["trials"]:
+        assert len(eb.read(tmp_path / "out" / trial["recording"])) > 0
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_a_folder_with_other_things_is_left_alone(cli: Cli, suite: Path, tmp_path: Path) -> None:
+    precious = tmp_path / "out" / "thesis.tex"
+    precious.parent.mkdir()
+    precious.write_text("years of work", encoding="utf-8")
+    done = cli("run", suite, "--out", "out", check=2)
+    assert "not a result folder" in done.stderr
+    assert list(precious.parent.iterdir()) == [precious]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("8 A", "8 MPa", 8, "wrong dimension"),
+        ("kind: step", "kind: stp", 8, "step"),
+        ("mode: current", "mode: curent", 4, "current"),
+        ("peak:", "peek:", 10, "peak"),
+        ("id: hold", "id: ../hold", 3, "id"),
+        ("duration: 0.1 s", "duration: -1 s", 6, "duration|greater|negative"),
+        ("name: tiny", "name: [", 1, "YAML|name"),
+    ],
+)
+def test_a_mistake_in_a_suite_is_one_sentence_with_its_place(
+    cli: Cli, suite: Path, tmp_path: Path, old: str, new: str, line: int, message: str
+) -> None:
+    suite.write_text(SUITE.replace(old, new, 1), encoding="utf-8")
+    done = cli("run", suite, "--out", "out", check=2)
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert any(word in done.stderr for word in message.split("|"))
+    assert f"tiny.yaml:{line}" in done.stderr or "YAML" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("target", ["warp_drive", "missing.yaml"])
+def test_an_unknown_target_is_bad_input(cli: Cli, suite: Path, target: str) -> None:
+    assert target in cli("run", suite, "--target", target, check=2).stderr
+
+
+def test_a_missing_suite_is_bad_input(cli: Cli) -> None:
+    assert "nothing.yaml: no such file" in cli("run", "nothing.yaml", check=2).stderr
+
+
+def test_a_model_file_is_a_target(cli: Cli, suite: Path, tmp_path: Path) -> None:
+    model = tmp_path / "revised.yaml"
+    model.write_text("model: eha_knee\nparameters: {leakage: 1e-13}\n", encoding="utf-8")
+    cli("run", suite, "--target", model, "--out", "a", check=0)
+    cli("run", suite, "--out", "b", check=0)
+    digests = [result_of(tmp_path / name)["provenance"]["model_sha256"] for name in "ab"]
+    assert digests[0] != digests[1]
