@@ -275,7 +275,9 @@ def _draw_labels(axes: Axes, panel: Panel, marks: Sequence[Mark], axis: TimeAxis
     dpi = axes.figure.dpi
     corners = axes.get_window_extent().get_points() * 72.0 / dpi
     area = Box(corners[0, 0] + 2, corners[0, 1] + 2, corners[1, 0] - 2, corners[1, 1] + 2)
-    curves = [_followed(line, dpi) for line in axes.get_lines() if line.get_zorder() >= CURVES]
+    curves = [
+        _followed(line, dpi) for line in axes.get_lines() if line.get_transform() == axes.transData
+    ]
     placer = LabelPlacer(area, LABEL_SIZE, np.concatenate(curves))
     seconds, shown = axis.unit.shown(1.0), panel.unit.shown
     low, high = axes.get_ylim()

@@ -22,7 +22,7 @@ from eha_bench import __version__
 from eha_bench.core.result import write_text
 
 _STYLES: Final = ("uPlot.min.css", "report.css")
-_SCRIPTS: Final[tuple[str, ...]] = ()
+_SCRIPTS: Final = ("guard.js", "uPlot.iife.min.js", "unpack.js", "charts.js")
 
 
 @dataclass(frozen=True)

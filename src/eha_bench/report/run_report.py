@@ -16,6 +16,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import ScoreStatus
 from eha_bench.core.trial import Trial
+from eha_bench.report.charts import ChartData, chart_data
 from eha_bench.report.describe import describe
 from eha_bench.report.figures import POINTS, scene_svg
 from eha_bench.report.limits import ScoreRow, anchor_of, limit_rows, score_rows, worst_first
@@ -45,6 +46,15 @@ _FACT_NAMES: Final = {
 
 
 @dataclass(frozen=True)
+class FigureView:
+    """A run's static plot, and the data of its charts."""
+
+    key: str
+    svg: Markup
+    data: ChartData
+
+
+@dataclass(frozen=True)
 class RunView:
     """One run of a trial as the page shows it."""
 
@@ -56,7 +66,7 @@ class RunView:
     notes: tuple[str, ...]
     judged: tuple[ScoreRow, ...]
     others: tuple[ScoreRow, ...]
-    figure: Markup
+    figure: FigureView | None
     missing: str
     recording: str
     href: str
@@ -215,7 +225,8 @@ def _run_view(
     repeats: int,
 ) -> RunView:
     rows = score_rows(run, trial)
-    figure, missing, notes = Markup(""), "", run.notes
+    figure: FigureView | None = None
+    missing, notes = "", run.notes
     try:
         if load is None:
             missing = "No plot: the recording is not there."
@@ -252,12 +263,13 @@ def recording_href(folder: Path, recording: str) -> str:
 
 def _figure(
     recording: Recording, run: TrialResult, trial: Trial | None, key: str, share: int
-) -> tuple[Markup, str]:
+) -> tuple[FigureView | None, str]:
     scene = scene_of(recording, run, trial)
     if not scene.panels:
-        return Markup(""), "No plot: the recording holds no samples."
+        return None, "No plot: the recording holds no samples."
     curves = sum(len(panel.traces) for panel in scene.panels)
     points = min(POINTS, max(_FEWEST_POINTS, _POINTS_A_PAGE // (share * curves)))
     headings = ", ".join(panel.heading for panel in scene.panels)
     title = f"{run.id}, repeat {run.repeat}: {headings}"
-    return scene_svg(scene, key=key, title=title, points=points), ""
+    svg = scene_svg(scene, key=key, title=title, points=points)
+    return FigureView(key, svg, chart_data(scene)), ""
