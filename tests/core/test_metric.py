@@ -6,9 +6,28 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.metric import METRICS, metric_spec
 
 # result.json's public ids (contract, section 8)
-PUBLIC = """rise_time response_time settling_time overshoot undershoot peak peak_time delay_time
-steady_state_error holding_current tracking_rms tracking_max tracking_nrmse amplitude_ratio
-phase_lag time_lag distortion bandwidth_3db bandwidth_90deg loop_overruns""".split()
+PUBLIC = [
+    "rise_time",
+    "response_time",
+    "settling_time",
+    "overshoot",
+    "undershoot",
+    "peak",
+    "peak_time",
+    "delay_time",
+    "steady_state_error",
+    "holding_current",
+    "tracking_rms",
+    "tracking_max",
+    "tracking_nrmse",
+    "amplitude_ratio",
+    "phase_lag",
+    "time_lag",
+    "distortion",
+    "bandwidth_3db",
+    "bandwidth_90deg",
+    "loop_overruns",
+]
 
 
 @pytest.mark.parametrize("name", PUBLIC)

@@ -152,9 +152,18 @@ def clock(signal: Signal, *, until: float = 2.0) -> NDArray[np.float64]:
 
 
 def test_every_kind_is_registered() -> None:
-    for kind in (
-        "step steps ramp sine chirp stepped_sine multisine prbs trajectory constant"
-    ).split():
+    for kind in [
+        "step",
+        "steps",
+        "ramp",
+        "sine",
+        "chirp",
+        "stepped_sine",
+        "multisine",
+        "prbs",
+        "trajectory",
+        "constant",
+    ]:
         model = plugins.load("signals", kind)
         assert issubclass(model, SignalModel)
         assert model.model_fields["kind"].annotation.__args__ == (kind,)  # type: ignore[union-attr]

@@ -1,1 +1,1 @@
-"""The floor that every other room stands on: channels, units, recordings, trials, scores, results."""
+"""The floor that every other room stands on: channels, units, recordings, trials, results."""

@@ -6,8 +6,11 @@ way out. The command line prints it as it is and leaves with `exit_status`.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import ClassVar
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,8 @@ class EhaBenchError(Exception):
         self.hint = hint
         place = str(self.where)
         text = f"{place}: {what}" if place else what
-        super().__init__(f"{text}; {hint}" if hint else text)
+        # names from a file may hold line ends or a terminal's escape sequences
+        super().__init__(_CONTROL.sub(" ", f"{text}; {hint}" if hint else text))
 
 
 class InputError(EhaBenchError):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eha_bench.core.signal import Edge, FloatArray, Lines, Signal, Sweep, Tone
+from eha_bench.core.signal import Edge, FloatArray, FromRecording, Lines, Signal, Sweep, Tone
 
 
 @dataclass(frozen=True)
@@ -66,3 +66,8 @@ class Excerpt(Signal):
             for sweep in self.whole.sweeps
             if sweep.start < self.length
         )
+
+
+def fitted(signal: Signal, length: float) -> Signal:
+    """Return the signal for a trial of `length` s; one from a recording is as long as that."""
+    return signal if isinstance(signal, FromRecording) else Excerpt(signal, length)

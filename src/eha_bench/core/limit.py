@@ -1,4 +1,4 @@
-"""Limits: what a metric's value must keep to be accepted, and what a channel must keep to be safe."""
+"""Limits: what a metric must keep to be accepted, and what a channel must keep to be safe."""
 
 from __future__ import annotations
 

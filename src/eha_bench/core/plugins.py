@@ -23,7 +23,7 @@ def _entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 def names(group: str) -> tuple[str, ...]:
-    """Return the names registered in a group: targets, signals, metrics, controllers, effects, plants."""
+    """Return the names registered in a group, e.g. targets, signals, metrics."""
     return tuple(_entry_points(group))
 
 

@@ -128,7 +128,7 @@ class FromRecording(Signal):
         """A day: as long as the recording, which is no longer than that."""
         return 86_400.0
 
-    def __call__(self, time: FloatArray) -> FloatArray:
+    def __call__(self, time: FloatArray) -> FloatArray:  # noqa: ARG002 - there is none
         """Refuse to be a reference.
 
         Raises:

@@ -19,6 +19,9 @@ class StrictModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
 
+DEEPEST = 40
+MOST_VALUES = 1_000_000
+
 M = TypeVar("M", bound=BaseModel)
 Places: TypeAlias = Callable[[Sequence[int | str]], Place]
 
@@ -62,7 +65,23 @@ def parse(text: str, name: str) -> Any:
         raise InputError(f"not valid YAML: {first}", where=Place(file=name)) from error
     if content is None:
         raise InputError("the file is empty", where=Place(file=name))
+    if _size(content, name, 0, {}) > MOST_VALUES:
+        raise InputError("there are too many values, by aliases of aliases", where=Place(file=name))
     return content
+
+
+def _size(content: Any, name: str, depth: int, known: dict[int, int]) -> int:
+    """Return the number of values with aliases written out; refuse what cannot be written out."""
+    if not isinstance(content, (dict, list)):
+        return 1
+    if depth > DEEPEST:
+        raise InputError(
+            "nests too deep", where=Place(file=name), hint=f"at most {DEEPEST} levels are read"
+        )
+    if id(content) not in known:
+        items = content.values() if isinstance(content, dict) else content
+        known[id(content)] = 1 + sum(_size(item, name, depth + 1, known) for item in items)
+    return known[id(content)]
 
 
 def line_of(content: Any, keys: Sequence[int | str]) -> int:
@@ -159,15 +178,17 @@ def _key_path(content: Any, location: Sequence[int | str]) -> list[str]:
     """Return the parts of pydantic's location that are keys of the file (not tags of a union)."""
     path: list[str] = []
     for position, key in enumerate(location):
-        if isinstance(content, dict) and key in content:
-            path.append(str(key))
+        inside = key in content if isinstance(content, dict) else _is_index(content, key)
+        if inside:
             content = content[key]
-        elif isinstance(content, list) and isinstance(key, int) and key < len(content):
             path.append(str(key))
-            content = content[key]
         elif position == len(location) - 1 and isinstance(content, dict) and "[" not in str(key):
             path.append(str(key))
     return path
+
+
+def _is_index(content: Any, key: int | str) -> bool:
+    return isinstance(content, list) and isinstance(key, int) and key < len(content)
 
 
 def _sentence(kind: str, message: str, location: Sequence[int | str]) -> str:

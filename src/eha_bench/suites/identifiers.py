@@ -40,5 +40,7 @@ def check_identifier(name: object, what: str, where: Place) -> str:
 
 def label(value: object) -> str:
     """Return a value as a part of a name: `15 MPa` -> `15MPa`; other characters become `_`."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)  # 30e6 -> 30000000
     text = re.sub(r"\s+", "", str(value))
     return re.sub(r"[^A-Za-z0-9_.-]", "_", text)

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from eha_bench.core.errors import InputError
-from eha_bench.core.excerpt import Excerpt
+from eha_bench.core.excerpt import fitted
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.signal import FromRecording, Signal
+from eha_bench.core.signal import Signal
 from eha_bench.core.trial import Setup, Trial
 from eha_bench.core.yaml_file import StrictModel, read_text, validate
 from eha_bench.core.yaml_file import parse as parse_yaml
@@ -104,7 +104,7 @@ def _trial(name: str, content: Located, path: Path) -> Trial:
     judged = judgement(content.at("accept"), content.at("scores"), run.mode)
     trial = Trial(
         id=name,
-        signal=signal if isinstance(signal, FromRecording) else Excerpt(signal, duration),
+        signal=fitted(signal, duration),
         mode=run.mode,
         setup=Setup(run.setup.piston, run.setup.bypass, run.setup.initial.values()),
         duration=duration,

@@ -17,8 +17,6 @@ from eha_bench.core.yaml_file import plain
 Key: TypeAlias = int | str
 Keys: TypeAlias = tuple[Key, ...]
 
-DEEPEST = 40
-
 
 @dataclass(frozen=True)
 class Located:
@@ -34,11 +32,7 @@ class Located:
 
     @staticmethod
     def of(content: Any, file: str) -> Located:
-        """Wrap what `yaml_file.load` returned.
-
-        Raises:
-            InputError: the content nests too deep, or within itself.
-        """
+        """Wrap what `yaml_file.load` returned."""
         places: dict[Keys, Place] = {(): Place(file=file, line=1)}
         return Located(_walk(content, file, (), places), places)
 
@@ -132,10 +126,6 @@ class Located:
 
 
 def _walk(content: Any, file: str, keys: Keys, places: dict[Keys, Place]) -> Any:
-    if len(keys) > DEEPEST:
-        raise InputError(
-            "nests too deep", where=places[keys[:1]], hint=f"at most {DEEPEST} levels are read"
-        )
     position = getattr(content, "lc", None)
     line = places[keys].line
 

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from eha_bench.core import plugins
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.excerpt import Excerpt
+from eha_bench.core.excerpt import Excerpt, fitted
 from eha_bench.core.limit import AcceptanceLimit, Bounds, SafetyLimit
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.signal import Signal
@@ -140,7 +140,7 @@ def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
     signal = signal_from(source.signal, name, SignalContext())
     return Trial(
         id=check_identifier(source.id, "the trial's id", Place(file=name, key="id")),
-        signal=Excerpt(signal, source.duration),
+        signal=fitted(signal, source.duration),
         mode=source.mode,
         setup=Setup(source.setup.piston, source.setup.bypass, dict(source.setup.initial)),
         duration=source.duration,

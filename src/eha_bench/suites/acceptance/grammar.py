@@ -20,7 +20,7 @@ from eha_bench.core.errors import UnitError
 from eha_bench.core.limit import Bounds
 from eha_bench.core.units import has_unit, parse, parse_difference
 
-_COMPARE = re.compile(r"(<=|>=|<|>)\s*([^<>]+)")
+_COMPARE = re.compile(r"(<=|>=|[<>](?!=))\s*([^<>]+)")
 _SPELLINGS = {"≤": "<=", "≥": ">=", "±": "+-", "+/-": "+-", "…": ".."}
 
 
