@@ -50,23 +50,27 @@ def factor_and_offset(unit: str, si_unit: str) -> tuple[float, float]:
     Raises:
         UnitError: the unit is unknown, or its dimension is not that of `si_unit`.
     """
-    import pint
-
     registry = _registry()
-    if not _UNIT.fullmatch(unit) or _POWER.search(unit):
-        raise UnitError(f"'{unit}' is not a unit", hint=_expected(si_unit))
-    try:
-        source = registry.Unit(unit.replace("%", "percent") or "dimensionless")
-    except (pint.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
-        raise UnitError(f"unknown unit '{unit}'", hint=_expected(si_unit)) from error
-    except Exception as error:  # pint's tokenizer lets errors of Python's own parser through
-        raise UnitError(f"'{unit}' is not a unit", hint=_expected(si_unit)) from error
+    source = _parsed(unit, _expected(si_unit))
     target = registry.Unit(si_unit or "dimensionless")
     if source.dimensionality != target.dimensionality or not _same_kind(source, unit, si_unit):
         raise UnitError(f"unit '{unit}' has the wrong dimension", hint=_expected(si_unit))
     zero = float(registry.Quantity(0.0, source).to(target).magnitude)
     one = float(registry.Quantity(1.0, source).to(target).magnitude)
     return one - zero, zero
+
+
+def _parsed(unit: str, hint: str) -> Any:
+    import pint
+
+    if not _UNIT.fullmatch(unit) or _POWER.search(unit):
+        raise UnitError(f"'{unit}' is not a unit", hint=hint)
+    try:
+        return _registry().Unit(unit.replace("%", "percent") or "dimensionless")
+    except (pint.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
+        raise UnitError(f"unknown unit '{unit}'", hint=hint) from error
+    except Exception as error:  # pint's tokenizer lets errors of Python's own parser through
+        raise UnitError(f"'{unit}' is not a unit", hint=hint) from error
 
 
 def _same_kind(source: Any, unit: str, si_unit: str) -> bool:
@@ -88,16 +92,8 @@ def base_unit(unit: str) -> str:
     Raises:
         UnitError: the unit is unknown.
     """
-    import pint
-
     registry = _registry()
-    try:
-        source = registry.Unit(unit.replace("%", "percent") or "dimensionless")
-        base = registry.get_base_units(source)[1]
-    except (pint.PintError, AttributeError, TypeError, ValueError, AssertionError) as error:
-        raise UnitError(f"unknown unit '{unit}'") from error
-    except Exception as error:  # as in factor_and_offset
-        raise UnitError(f"'{unit}' is not a unit") from error
+    base = registry.get_base_units(_parsed(unit, ""))[1]
     for name in _DERIVED:
         if registry.get_base_units(name)[1] == base:
             return name
