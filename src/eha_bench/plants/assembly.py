@@ -217,17 +217,18 @@ def _module_of(function: Callable[..., object]) -> str:
 
 def _modules(functions: Iterable[Callable[..., object]]) -> set[str]:
     """Names of the modules whose source decides what the functions compile to."""
-    found: set[str] = set()
+    seen: set[Callable[..., object]] = set()
     waiting = list(functions)
     while waiting:
         function = waiting.pop()
-        found.add(_module_of(function))
-        namespace = function.__globals__
-        for name in function.__code__.co_names:
-            helper = getattr(namespace.get(name), "py_func", None)
-            if helper is not None and _module_of(helper) not in found:
-                waiting.append(helper)
-    return found
+        if function not in seen:
+            seen.add(function)
+            namespace = function.__globals__
+            helpers = [
+                getattr(namespace.get(n), "py_func", None) for n in function.__code__.co_names
+            ]
+            waiting += [helper for helper in helpers if helper is not None]
+    return {_module_of(function) for function in seen}
 
 
 def _functions(layout: Layout) -> list[Callable[..., object]]:

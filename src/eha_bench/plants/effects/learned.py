@@ -23,16 +23,17 @@ import math
 from numba import njit
 
 from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effects import _learned_drive
+from eha_bench.plants.effects._curve import KNOTS, curve
 from eha_bench.plants.effects._types import Vector
 from eha_bench.plants.parameter import Parameter, choice
 
-KNOTS = 24
 EQUATIONS = ("torque", "flow", "force", "actuation", "measurement")
 FORMS = ("additive", "gain", "friction")
 VARIABLES = (
     "time", "motor_speed", "pressure_difference", "pressure_a", "pressure_b", "pressure_sum",
     "piston_position", "piston_velocity", "current", "current_command", "shaft_angle", "force",
-    "oil_temperature",
+    "oil_temperature", "voltage",
 )  # fmt: skip
 PLACES = (
     "motor", "drive", "a_to_b", "chamber_a", "chamber_b", "current", "motor_speed", "pressure_a",
@@ -43,25 +44,6 @@ _TORQUE, _FLOW, _FORCE, _ACTUATION, _MEASUREMENT = range(5)
 _ADDITIVE, _GAIN, _FRICTION = range(3)
 _MOTOR, _DRIVE, _A_TO_B, _CHAMBER_A, _CHAMBER_B = range(5)
 _FIRST_SENSOR = 5
-
-
-@njit()
-def _curve(u: float, period: float, low: float, high: float, values: Vector) -> float:
-    """Return the curve at u: evenly spaced knots, once round a period where there is one."""
-    n = values.size
-    if math.isnan(u):
-        return 0.0
-    if period > 0.0:
-        at = (u / period - math.floor(u / period)) * n
-        left = int(at) % n
-        right = (left + 1) % n
-        share = at - math.floor(at)
-    else:
-        at = min(1.0, max(0.0, (u - low) / (high - low))) * (n - 1) if high > low else 0.0
-        left = min(int(at), n - 2)
-        right = left + 1
-        share = at - left
-    return float(values[left] + share * (values[right] - values[left]))
 
 
 @njit()
@@ -96,7 +78,7 @@ def _value(
         u = measured_force
     elif variable == 12.0:
         u = oil_temperature
-    return scale * _curve(u, period, low, high, values)
+    return scale * curve(u, period, low, high, values)
 
 
 def drive(
@@ -376,7 +358,26 @@ EFFECT = Effect(
             },
             chosen_by="equation",
             equations={word: Equation(word) for word in EQUATIONS},
-        )
+            choices={"variable": VARIABLES[:-1]},
+        ),
+        "linear_drive": Action(
+            Equation.FORCE,
+            {
+                "drive_command": _learned_drive.drive,
+                "motor_force": _learned_drive.motor,
+                "rod_force": _learned_drive.carriage,
+                "rod_dry": _learned_drive.level,
+                "measured_position": _learned_drive.read_position,
+                "measured_velocity": _learned_drive.read_velocity,
+            },
+            chosen_by="equation",
+            equations={word: Equation(word) for word in EQUATIONS},
+            choices={
+                "equation": ("force", "actuation", "measurement"),
+                "variable": ("time", "piston_position", "piston_velocity", "voltage"),
+                "place": ("motor", "drive", "piston_position", "piston_velocity"),
+            },
+        ),
     },
     source="de Boor, A Practical Guide to Splines, Springer 2001, chapter III",
     separate="run the same command at other speeds, pressures and times: what does it follow?",

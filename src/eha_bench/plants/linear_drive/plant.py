@@ -1,0 +1,125 @@
+"""The linear drive as a plant: from its voltage, or from its reference in closed loop."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import InputError
+from eha_bench.plants.assembly import Layout, assemble, hook_names
+from eha_bench.plants.linear_drive import equations, hooks, kernel
+from eha_bench.plants.linear_drive.parameters import PARAMETERS, SIGNALS
+from eha_bench.plants.plant import Drive, Plant, effects_of
+
+FloatArray = NDArray[np.float64]
+
+_STATE = {
+    "piston_position": equations.POSITION,
+    "piston_velocity": equations.VELOCITY,
+    "voltage": equations.VOLTAGE,
+}
+
+
+class LinearDrive(Plant):
+    """A carriage with friction, driven by a voltage, with every registered effect built in.
+
+    Inputs: `voltage` (V, held between samples) drives it in open loop; `reference` (m) closes
+    the loop with the drive's own controller, and `pulses` (V) are added to what that asks for.
+    """
+
+    id = "linear_drive"
+    outputs = ("voltage", "piston_position", "piston_velocity")
+
+    def __init__(self) -> None:
+        self.layout = Layout(self.id, PARAMETERS, effects_of(self.id), hook_names(hooks), SIGNALS)
+
+    @cached_property
+    def compiled(self) -> ModuleType:
+        """The kernel with all effects, compiled on first use."""
+        return assemble(self.layout, (equations, kernel), hooks)
+
+    def start_state(self, vector: FloatArray, drive: Drive) -> FloatArray:
+        """Return the state (3,) behind what the sensors read first; the rest is 0.
+
+        Raises:
+            InputError: a channel that is no state of this plant.
+        """
+        state = np.zeros(3)
+        for name, value in drive.initial.items():
+            if name not in _STATE:
+                raise InputError(
+                    f"'{name}' is not a state of {self.id}", hint=f"it has: {', '.join(_STATE)}"
+                )
+            state[_STATE[name]] = value
+        read = np.array([name in drive.initial for name in _STATE])
+        self.compiled.settle(read, vector, np.zeros(self.layout.memory), state)
+        return state
+
+    def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
+        """Return what the sensors would read: (n, 3) in the order of `outputs`, SI.
+
+        Raises:
+            InputError: an input or a first value that this plant does not have, or neither a
+                voltage nor a reference, or both.
+        """
+        unknown = set(drive.inputs) - {"voltage", "reference", "pulses"}
+        if unknown:
+            raise InputError(
+                f"'{min(unknown)}' cannot be an input of {self.id}",
+                hint="inputs may be: voltage, or reference and pulses",
+            )
+        closed = "reference" in drive.inputs
+        if closed == ("voltage" in drive.inputs):
+            raise InputError(
+                f"{self.id} needs either 'voltage' (open loop) or 'reference' (closed loop)",
+                hint="name one of them under inputs",
+            )
+        if "pulses" in drive.inputs and not closed:
+            raise InputError(
+                "'pulses' are part of the voltage already",
+                hint="name 'reference' and 'pulses' under inputs for the closed loop",
+            )
+        time, ticks = self._controller_clock(vector, drive.time) if closed else _same(drive.time)
+        out = np.full((time.size, len(self.outputs)), np.nan)
+        self.compiled.simulate(
+            int(ticks[drive.first]),
+            time.size - 1,
+            time,
+            self._input(drive, "voltage", time, ticks),
+            self._input(drive, "reference", time, ticks),
+            self._input(drive, "pulses", time, ticks),
+            closed,
+            step,
+            vector,
+            np.zeros(self.layout.memory),
+            self.start_state(vector, drive),
+            out,
+        )
+        return out[ticks]
+
+    def _controller_clock(
+        self, vector: FloatArray, time: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return a clock on which the controller ticks, and where on it the samples are."""
+        period = vector[self.layout.index["control_period"]]
+        parts = np.maximum(1, np.rint(np.diff(time) / period)).astype(np.intp)
+        ticks = np.concatenate(([0], np.cumsum(parts)))
+        return np.interp(np.arange(ticks[-1] + 1), ticks, time), ticks
+
+    @staticmethod
+    def _input(drive: Drive, name: str, time: FloatArray, ticks: NDArray[np.intp]) -> FloatArray:
+        """Return an input on the clock: a reference linear between samples, the rest held."""
+        if name not in drive.inputs:
+            return np.zeros(time.size)
+        values = np.asarray(drive.inputs[name], dtype=np.float64)
+        if name == "reference":
+            return np.interp(np.arange(time.size), ticks, values)
+        held = np.searchsorted(ticks, np.arange(time.size), side="right") - 1
+        return np.ascontiguousarray(values[held])
+
+
+def _same(time: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    return np.ascontiguousarray(time, dtype=np.float64), np.arange(time.size)
