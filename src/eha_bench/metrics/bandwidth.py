@@ -117,6 +117,12 @@ def low_frequency_gain(response: FrequencyResponse) -> tuple[float, float]:
     point, the lowest point stands.
     """
     frequency, gain, sd = response.frequency, response.gain, response.relative_sd
+    if response.left_out and response.left_out[0][0] < 0.5 * frequency[0]:
+        raise NotScored(
+            "the gain at low frequency is not known: "
+            f"{response.left_out[0][0]:.4g} Hz is left out ({response.left_out[0][1]}), "
+            f"the lowest frequency that can be relied upon is {frequency[0]:.4g} Hz"
+        )
     first = float(np.log(max(float(gain[0]), 1e-300)))
     count = max(int(np.count_nonzero(frequency <= _LOW_BAND * frequency[0])), 3)
     if frequency.size < count or frequency[count - 1] > 6.0 * frequency[0]:

@@ -183,6 +183,16 @@ def interpolated(time: FloatArray, values: FloatArray, level: float, index: int)
     return Crossing(float(time[index - 1]) + share * span, rise / span, 0.0)
 
 
+def between_samples(
+    time: FloatArray, values: FloatArray, level: float, index: int, noise: Noise
+) -> Crossing:
+    """Return the crossing between samples index - 1 and index, with the noise of both."""
+    line = interpolated(time, values, level, index)
+    share = (line.time - float(time[index - 1])) / float(time[index] - time[index - 1])
+    weights = np.array([1.0 - share, share])
+    return Crossing(line.time, line.slope, noise.variance(weights))
+
+
 def refined(
     time: FloatArray,
     values: FloatArray,

@@ -111,7 +111,7 @@ class Distortion(SineMetric):
         reach = tone.quantile() * spread
         value, low, high = (
             math.sqrt(max(part, 0.0) / fundamental) if math.isfinite(part) else math.nan
-            for part in (clean, clean - reach, clean + reach)
+            for part in (clean, clean - reach, max(clean, 0.0) + reach)
         )
         return Measure(value, low, high, f"harmonics 2-{len(tone.harmonics) + 1}, without noise")
 

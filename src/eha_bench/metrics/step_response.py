@@ -12,7 +12,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.levels import Level, histogram_levels
-from eha_bench.metrics.local import Crossing, Smooth, interpolated, refined, smooth
+from eha_bench.metrics.local import Crossing, Smooth, between_samples, interpolated, refined, smooth
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.noise import Noise, estimate, white_noise
@@ -31,6 +31,7 @@ MOST_EDGES = 64
 """Edges up to which a signal is a sequence of steps."""
 
 _EXACT = 1e-6  # noise below this share of the step: crossings are interpolated between samples
+_RESOLVED = 4  # samples from 25 to 75 % below which a polynomial cannot follow the response
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 
 
@@ -101,6 +102,8 @@ class StepResponse:
         guess = interpolated(self.time, self.smooth.values, share, index)
         if self.exact or not self.noise.known:
             return guess
+        if self.transit < _RESOLVED:
+            return between_samples(self.time, self.rise, share, index, self.noise)
         after = slice(self.origin, None)  # the edge may leave a kink, no polynomial follows one
         return refined(
             self.time[after],
@@ -232,7 +235,7 @@ def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> St
         initial_variance=low.variance / step**2,
         final_variance=high.variance / step**2,
         noise=unit,
-        smooth=smooth(rise, unit, _SMOOTHED, max(2, transit // 2)),
+        smooth=smooth(rise, unit, _SMOOTHED, transit // 2),
         transit=transit,
         slack=line.period if line.how else 0.0,
         notes=_notes(line, rise, low, unit, abs(tail - high.value) if tail is not None else 0.0),

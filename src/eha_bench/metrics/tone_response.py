@@ -289,7 +289,12 @@ def _require_stationary(phasors: ComplexArray, variance: float, label: str) -> N
     """Raise NotScored if the newer half of the settled periods differs from the older half."""
     half = phasors.size // 2
     change = float(abs(phasors[:half].mean() - phasors[-half:].mean()))
-    noise = math.sqrt(4.0 * variance * phasors.size / half)
+    if phasors.size >= 4:
+        # differences of neighbours are blind to a slow change, the residual of the fit is not
+        each = float(np.mean(np.abs(np.diff(phasors)) ** 2)) / 2.0
+        noise = math.sqrt(2.0 * each / half)
+    else:
+        noise = math.sqrt(4.0 * variance * phasors.size / half)
     size = float(abs(phasors.mean()))
     share = 100.0 * change / max(size, 1e-300)
     if change > _DRIFT * size + 4.0 * noise:

@@ -73,7 +73,7 @@ def _timeline(recording: Recording, trial: Trial) -> Timeline:
     own = _own_start(recording)
     if own is not None:
         time = recording.time - own
-        reference = recording["reference"] if recorded else trial.reference(time)
+        reference = recording["reference"] if recorded else trial.signal(time)
         return Timeline(time, reference, own, period, recorded, "")
     if not recorded:
         raise NotScored(
@@ -174,7 +174,7 @@ def _match(
     inside = (time >= edges[0].time - lead) & (time < stop)
     if sizes == 0.0 or np.count_nonzero(inside) < 2:
         return -math.inf
-    expected = trial.signal(np.maximum(time[inside], 0.0))
+    expected = trial.signal(time[inside])
     actual = reference[inside]
     centred, wanted = actual - actual.mean(), expected - expected.mean()
     power = float(wanted @ wanted)
