@@ -7,6 +7,7 @@ import struct
 import threading
 import time as clock
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -192,7 +193,8 @@ class LiveWriter:
             self._guarded(self._sink.finish)
             if self._fsync:
                 self._guarded(lambda: os.fsync(self._stream.fileno()))
-            self._guarded(self._stream.close)
+            with suppress(OSError):
+                self._stream.close()
         if self._failure is not None:
             raise self._unwritable(self._failure)
 

@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.field_path import Element, FieldPath
+from eha_bench.recordings.mat_check import check_sizes
+from eha_bench.recordings.mcap_file import map_file
 from eha_bench.recordings.table import TableSource
+
+MAT5 = (b"\x00\x01IM", b"\x01\x00MI")
+"""Version and byte order of a MAT v5 file."""
 
 
 class MatSource(TableSource):
@@ -21,6 +26,9 @@ class MatSource(TableSource):
         from scipy.io import loadmat
 
         try:
+            raw = map_file(path).data
+            if bytes(raw[124:128]) in MAT5:
+                check_sizes(raw)
             content = loadmat(str(path), squeeze_me=True, struct_as_record=True)
         except NotImplementedError as error:
             raise RecordingError(

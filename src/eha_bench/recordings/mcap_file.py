@@ -228,7 +228,8 @@ def _take(file: McapFile, opcode: int, start: int, length: int) -> None:
         case Opcode.MESSAGE_INDEX if isinstance(last, Chunk) and length >= 6:
             channel, entries = struct.unpack_from("<HI", file.buffer.data, start)
             last.channels = last.channels if last.channels is not None else {}
-            last.channels[channel] = last.channels.get(channel, 0) + entries // 16
+            count = min(entries, length - 6) // 16
+            last.channels[channel] = last.channels.get(channel, 0) + count
         case Opcode.SCHEMA:
             add_schema(file, start, length, file.buffer)
         case Opcode.CHANNEL:

@@ -236,5 +236,9 @@ class McapSink:
         return len(content)
 
     def _put(self, content: bytes) -> None:
-        self._stream.write(content)
-        self._position += len(content)
+        left = memoryview(content)
+        while left:
+            # an unbuffered stream may take only a part, such as what still fits on the disk
+            taken = self._stream.write(left) or 0
+            self._position += taken
+            left = left[taken:]

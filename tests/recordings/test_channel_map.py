@@ -1,0 +1,123 @@
+"""channels.yaml: what is accepted, and what a mistake is told."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eha_bench.core.errors import InputError
+from eha_bench.recordings import load_channel_map
+from eha_bench.recordings.field_path import Attribute, Element, FieldPath, NamedElement
+
+
+def load(tmp_path: Path, text: str) -> Any:
+    path = tmp_path / "channels.yaml"
+    path.write_text(text)
+    return load_channel_map(path)
+
+
+def test_the_contracts_example(tmp_path: Path) -> None:
+    mapping = load(
+        tmp_path,
+        """
+clock: log            # log | publish | header
+channels:
+  current_command: {topic: /drive/current_cmd, field: data, unit: A}
+  motor_speed:     {topic: /drive/state, field: "velocity[0]", unit: rpm}
+  pressure_a: {topic: /block/p_a, field: fluid_pressure, unit: bar, scale: 1.0, offset: 0.0}
+""",
+    )
+    assert mapping.to_si("pressure_a") == (pytest.approx(1e5), 0.0)
+    assert mapping.si_unit("motor_speed") == "rad/s"
+    assert mapping.channels["current_command"].scale == 1.0
+
+
+@pytest.mark.parametrize(
+    ("unit", "si"), [("MPa", "Pa"), ("deg", "rad"), ("A", "A"), ("mm", "m"), ("rpm", "rad/s")]
+)
+def test_the_reference_takes_any_unit(tmp_path: Path, unit: str, si: str) -> None:
+    mapping = load(tmp_path, f"channels: {{reference: {{topic: /r, field: data, unit: {unit}}}}}")
+    assert mapping.si_unit("reference") == si
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "line"),
+    [
+        ("channels: {current: {topic: /a, field: data, unit: bar}}", "wrong dimension", 1),
+        ("channels: {current: {topic: /a, field: data, unit: amperes2x}}", "unit", 1),
+        ("channels: {motor_speed: {topic: /a, field: d, unit: Hz}}", "ambiguous|dimension", 1),
+        ("channels:\n  current: {topic: /a, unit: A}", "field are needed", 2),
+        ("channels:\n  current: {topic: /a, field: d, column: c, unit: A}", "not both", 2),
+        ("channels:\n  current: {topic: /a, field: 'a..b', unit: A}", "not a field path", 2),
+        (
+            "channels:\n  current: {topic: /a, field: d, unit: A, clock: wall}",
+            "'log', 'publish'",
+            2,
+        ),
+        ("channels:\n  current: {topic: /a, feld: d, unit: A}", "unknown key|feld", 2),
+        ("channels:\n  probe: {topic: /a, field: d}", "needs a unit", 1),
+        ("channels:\n  reference: {topic: /a, field: d}", "needs a unit", 1),
+        ("channels: {}", "at least 1", 1),
+        ("clock: log", "missing", 0),
+        ("base: x\nchannels: {current: {topic: /a, field: d, unit: A}}", "base", 0),
+        ("time: {column: t, unit: bar}\nchannels: {current: {column: c, unit: A}}", "dimension", 1),
+        ("sample_rate: -1 Hz\nchannels: {current: {column: c, unit: A}}", "positive", 1),
+        (
+            "channels:\n  current: {topic: /a, field: d, unit: A}\n  force: {column: c, unit: N}",
+            "either all channels",
+            0,
+        ),
+        ("channels: {time: {topic: /a, field: d, unit: s}}", "cannot be the name", 1),
+        ("repair: {gaps: fill}\nchannels: {current: {column: c, unit: A}}", "'nan'", 1),
+        ("channels:\n  current: {topic: /a, field: d, unit: A, scale: .nan}", "finite", 2),
+        ("channels:\n  current: {topic: /a, field: d, unit: 9**9**9**9}", "unit", 1),
+        ("channels:\n  probe: {topic: /a, field: d, unit: 9**9**9**9}", "unit", 1),
+    ],
+)
+def test_a_mistake_is_told_with_its_place(
+    tmp_path: Path, text: str, message: str, line: int
+) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        load(tmp_path, text)
+    assert "channels.yaml" in str(caught.value)
+    assert caught.value.where.line >= line
+
+
+def test_a_missing_map_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        load_channel_map(tmp_path / "none.yaml")
+
+
+def test_field_paths() -> None:
+    assert FieldPath.parse("velocity[0]").steps == (Attribute("velocity"), Element(0))
+    assert FieldPath.parse("pose.position.z").steps == tuple(
+        map(Attribute, ("pose", "position", "z"))
+    )
+    assert FieldPath.parse("velocity[motor]").steps == (
+        Attribute("velocity"),
+        NamedElement("motor"),
+    )
+    assert FieldPath.parse("velocity['left knee']").steps[1] == NamedElement("left knee")
+    assert len(FieldPath.parse("a.b[1].c[2]").steps) == 5
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.from_regex(r"[a-z][a-z0-9_]{0,5}", fullmatch=True).map(Attribute),
+            st.integers(0, 99).map(Element),
+        ),
+        max_size=5,
+    )
+)
+def test_a_path_is_read_as_it_is_written(steps: list[Any]) -> None:
+    path = FieldPath((Attribute("a"), *steps))
+    assert FieldPath.parse(str(path)) == path
+
+
+@pytest.mark.parametrize("text", ["", ".", "a.", "[0]", "a[", "a[]", "a b", "a[0", "9a", "a..b"])
+def test_what_is_no_path(text: str) -> None:
+    with pytest.raises(ValueError, match="not a field path"):
+        FieldPath.parse(text)

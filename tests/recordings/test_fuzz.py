@@ -1,0 +1,63 @@
+"""Damaged recordings of every format: one sentence, in time, within memory (more in fuzz.py)."""
+
+import importlib.util
+import random
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+
+@pytest.fixture(scope="module")
+def fuzz() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("fuzz", Path(__file__).with_name("fuzz.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["fuzz"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def material(fuzz: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Any]]:
+    folder = tmp_path_factory.mktemp("fuzz")
+    return folder, fuzz.seeds(folder)
+
+
+def test_the_seeds_are_sound(fuzz: Any, material: tuple[Path, list[Any]]) -> None:
+    folder, seeds = material
+    assert len(seeds) >= 14
+    for seed in seeds:
+        path = folder / f"sound-{seed.name}"
+        path.write_bytes(seed.content)
+        assert fuzz.attempt(path, seed.mapping) == "read", seed.name
+
+
+@given(number=st.integers(0, 2**32), kind=st.integers(0, 10**6))
+@settings(max_examples=500)
+def test_damage_is_an_error_of_one_sentence(
+    number: int, kind: int, fuzz: Any, material: tuple[Path, list[Any]]
+) -> None:
+    folder, seeds = material
+    seed = seeds[kind % len(seeds)]
+    path = folder / f"case-{seed.name}"
+    path.write_bytes(fuzz.damage(seed.content, random.Random(number)))
+    fuzz.attempt(path, seed.mapping)
+
+
+@given(content=st.binary(max_size=300), head=st.sampled_from([
+    b"", b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n", b"SQLite format 3\0", b"PAR1", b"MATLAB 5.0",
+    b"t,p\n", b"\x89MCAP0\r\n\x06",
+]))  # fmt: skip
+@settings(max_examples=200)
+def test_anything_may_be_given(
+    content: bytes, head: bytes, fuzz: Any, material: tuple[Path, list[Any]]
+) -> None:
+    path = material[0] / "anything"
+    path.write_bytes(head + content)
+    fuzz.attempt(path, None)
