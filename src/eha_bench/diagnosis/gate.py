@@ -13,7 +13,7 @@ difference, Ann. Math. Stat. 12 (1941) 153, doi:10.1214/aoms/1177731746.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ class Measured:
         valid: (n, m) whether a value may be believed.
         breaks: ticks before which inputs were not logged long enough to matter.
         notes: what was found, one sentence each.
+        held: channel -> value that the setup holds (a locked piston's position), SI.
     """
 
     run: Run
@@ -59,6 +60,7 @@ class Measured:
     valid: BoolArray
     breaks: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
+    held: Mapping[str, float] = field(default_factory=dict)
 
     def column(self, channel: str) -> FloatArray | None:
         """Return a valid channel with NaN where it may not be believed, or None."""
@@ -117,8 +119,20 @@ def pooled_noise(
     return noise
 
 
-def admit(run: Run, recording: Recording, inputs: Sequence[str], outputs: Sequence[str]) -> Measured:
+def admit(
+    run: Run,
+    recording: Recording,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    *,
+    strict: bool = True,
+) -> Measured:
     """Pass one recording through the gate.
+
+    Args:
+        run: where it is from. recording: what was read.
+        inputs: channels that drive the model. outputs: channels that the model gives.
+        strict: whether a recording without any output to compare is an error.
 
     Raises:
         MissingChannelError: an input is not in the recording.
@@ -141,6 +155,7 @@ def admit(run: Run, recording: Recording, inputs: Sequence[str], outputs: Sequen
             missing |= bad
         driven[name] = _filled(time, raw, held=name in _HELD)
     names, columns, masks = [], [], []
+    held: dict[str, float] = {}
     for name in outputs:
         if name in inputs or name not in recording:
             continue
@@ -149,6 +164,8 @@ def admit(run: Run, recording: Recording, inputs: Sequence[str], outputs: Sequen
         if not good.any():
             notes.append(f"{run.name}: '{name}' holds no finite value and is left out")
             continue
+        if run.locked and name == "piston_position":
+            held[name] = float(raw[int(np.argmax(good))])
         if np.ptp(raw[good]) == 0.0:
             if not (run.locked and name in _LOCKED_STILL):
                 notes.append(f"{run.name}: '{name}' never changes (dead sensor?) and is left out")
@@ -169,7 +186,7 @@ def admit(run: Run, recording: Recording, inputs: Sequence[str], outputs: Sequen
         names.append(name)
         columns.append(np.where(good, raw, 0.0))
         masks.append(good)
-    if not names:
+    if not names and strict:
         raise InputError("no channel of the plant is measured", where=where)
     steps = np.diff(time)
     usual = float(np.median(steps))
@@ -189,10 +206,11 @@ def admit(run: Run, recording: Recording, inputs: Sequence[str], outputs: Sequen
         time,
         driven,
         tuple(names),
-        np.column_stack(columns),
-        np.column_stack(masks),
+        np.column_stack(columns) if columns else np.zeros((time.size, 0)),
+        np.column_stack(masks) if masks else np.zeros((time.size, 0), dtype=np.bool_),
         breaks,
         tuple(notes),
+        held,
     )
 
 

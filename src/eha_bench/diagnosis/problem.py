@@ -146,6 +146,22 @@ class Problem:
 
         return np.concatenate(self._each(one))
 
+    def with_best_start(self, vector: FloatArray) -> FloatArray:
+        """Return the weighted residual with each window's start state at its best, (size,).
+
+        Needs `prepare` at this vector.
+        """
+
+        def one(part: _Prepared) -> FloatArray:
+            residual = self._weighted(part, vector, {})
+            if part.shrink.size == 0:
+                return residual
+            # 1 - 1 / (1 + s^2), from 1 - 1 / sqrt(1 + s^2)
+            share = 1.0 - (1.0 - part.shrink) ** 2
+            return residual - part.basis @ (share * (part.basis.T @ residual))
+
+        return np.concatenate(self._each(one))
+
     def fitted(self, vector: FloatArray) -> list[FloatArray]:
         """Return each window's simulated outputs with the start state's best correction, SI.
 

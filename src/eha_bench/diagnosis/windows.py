@@ -147,7 +147,7 @@ def _start(
     measured: Measured, first: int, noise: Mapping[str, float], *, rested: bool
 ) -> tuple[dict[str, float], dict[str, float]]:
     """State at a window's start from the measurement around it, and how far it may be off."""
-    state: dict[str, float] = {}
+    state: dict[str, float] = dict(measured.held)
     spread: dict[str, float] = {}
     lead = _rest_length(measured) if rested else 0
     for name in measured.outputs:

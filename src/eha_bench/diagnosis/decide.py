@@ -1,0 +1,108 @@
+"""The verdict: an effect, nothing, or something that no known effect explains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from eha_bench.diagnosis.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.evidence import SOFT_MEAN, Excess
+from eha_bench.diagnosis.fit import Fit
+from eha_bench.diagnosis.search import Search
+from eha_bench.diagnosis.unknown import Located, learn, locate_all
+
+Progress = Callable[[str, float], None]
+
+REST_RELATIVE = 0.03
+"""A rest below this share of the noise's cost is not worth a new cause."""
+REST_SIGNIFICANCE = 8.0
+_EXPLAINED = 0.5
+_TIED = 0.85
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A verdict with what it rests on.
+
+    Attributes:
+        verdict: effect, none or unknown. fit: of the revised model.
+        notes: sentences for the report. unknown: where something unexplained acts.
+        learned: whether the revised model carries a learned curve.
+    """
+
+    verdict: Verdict
+    fit: Fit
+    notes: tuple[str, ...]
+    unknown: Unknown | None
+    learned: bool = False
+
+
+def is_unexplained(rest: Excess) -> bool:
+    """Whether a residual holds more than noise and what a nearly right model leaves."""
+    return rest.relative > REST_RELATIVE and rest.significance > REST_SIGNIFICANCE
+
+
+def decide(search: Search, step: float, progress: Progress) -> Decision:
+    """Return the verdict on a finished search.
+
+    Args:
+        search: finished. step: integration step of the localisation, s. progress: called often.
+    """
+    rest = search.excess_left
+    unexplained = is_unexplained(rest)
+    before = max(search.excess_base.total, 1.0)
+    share = 1.0 - max(rest.total, 0.0) / before
+    notes = [
+        f"what remains is {max(rest.relative, 0.0):.1%} above the noise "
+        f"({max(search.excess_base.relative, 0.0):.1%} before)"
+    ]
+    if search.effects and (not unexplained or share >= _EXPLAINED):
+        if unexplained:
+            notes.append("what was found does not explain everything: something else is missing")
+        return Decision(Verdict.EFFECT, search.fit, tuple(notes), None)
+    if not unexplained:
+        return Decision(Verdict.NONE, search.fit, tuple(notes), None)
+    if search.effects:
+        notes.append(
+            "the best known effects explain less than half of it: "
+            + ", ".join(item.start.candidate for item in search.effects)
+        )
+        search.accepted = [item for item in search.accepted if item.start.mundane]
+        search.fit = search.base
+    _, located = locate_all(search.problem, search.fit, step, progress)
+    if not located:
+        unknown = Unknown("measurement", (), "nothing could be localised")
+        return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
+    progress("learn", 0.0)
+    return _learned(search, located, step, tuple(notes))
+
+
+def _learned(
+    search: Search, located: list[Located], step: float, notes: tuple[str, ...]
+) -> Decision:
+    best = located[0]
+    start, fit = learn(search.problem, search.fit, best, step)
+    for other in located[1:3]:
+        # a close second is fitted as well: over long windows an error travels further
+        if other.share < _TIED * best.share or other.template.equation == best.template.equation:
+            continue
+        again, other_fit = learn(search.problem, search.fit, other, step)
+        if other_fit.cost < fit.cost:
+            start, fit, best = again, other_fit, other
+    floor = SOFT_MEAN * search.problem.size
+    share = (search.fit.cost - fit.cost) / max(search.fit.cost - floor, 1.0)
+    template = best.template
+    text = f"something acts in the {template.equation} balance and depends on {template.variable}"
+    if best.period:
+        text += f", periodic with {best.period:.4g} (SI)"
+    if template.equation == "measurement":
+        text += f", in the sensor of {template.place}"
+    text += f"; a learned curve explains {share:.0%} of the excess"
+    learned = fit.cost < search.fit.cost
+    return Decision(
+        Verdict.UNKNOWN,
+        fit if learned else search.fit,
+        notes,
+        Unknown(template.equation, (template.variable,), text, share, best.period),
+        learned,
+    )

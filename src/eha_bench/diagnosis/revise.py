@@ -1,0 +1,43 @@
+"""From a parameter vector back to a model.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.plants.model import DeclaredEffect, Model
+
+FloatArray = NDArray[np.float64]
+
+
+def revised(
+    model: Model, vector: FloatArray, keys: Sequence[str], effects: Sequence[str] = ()
+) -> Model:
+    """Return a model with some parameters and effects as a vector has them.
+
+    Args:
+        model: the declared one.
+        vector: parameters, as the plant's layout orders them.
+        keys: parameters that were estimated (plant's, or `effect.name` of a declared effect).
+        effects: ids of effects that were added.
+    """
+    layout = model.plant.layout
+    own = [key for key in keys if "." not in key]
+    out = model.with_parameters({key: float(vector[layout.index[key]]) for key in own})
+    for name in effects:
+        out = out.with_effect(_declared(model, vector, name))
+    return out
+
+
+def _declared(model: Model, vector: FloatArray, name: str) -> DeclaredEffect:
+    layout = model.plant.layout
+    values: dict[str, float | str | list[float]] = {}
+    for parameter in layout.effect(name).parameters:
+        at = layout.index[f"{name}.{parameter.name}"]
+        if parameter.size > 1:
+            values[parameter.name] = [float(v) for v in vector[at : at + parameter.size]]
+        else:
+            values[parameter.name] = parameter.decode(float(vector[at]))
+    return DeclaredEffect(name, values)

@@ -1,0 +1,250 @@
+"""`diagnose` and `calibrate`: the whole way from a dataset to a verdict and a revised model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis import search as searching
+from eha_bench.diagnosis.baseline import COARSE, STEP, Baseline, calibrated, no_progress
+from eha_bench.diagnosis.candidates import LEARNED
+from eha_bench.diagnosis.dataset import Dataset, Run, load_dataset
+from eha_bench.diagnosis.decide import Decision, decide
+from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
+from eha_bench.diagnosis.errors_by_channel import ChannelError, channel_errors
+from eha_bench.diagnosis.evidence import groups_of
+from eha_bench.diagnosis.fit import Fit
+from eha_bench.diagnosis.gate import admit
+from eha_bench.diagnosis.problem import Problem
+from eha_bench.diagnosis.revise import revised
+from eha_bench.diagnosis.search import Search
+from eha_bench.diagnosis.uncertainty import Estimate, estimates, undetermined
+from eha_bench.diagnosis.windows import cut
+from eha_bench.plants.model import Model
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Parameters under `calibrate`, estimated on all training runs.
+
+    Attributes:
+        model: with the estimates. parameters: with 95 % intervals, SI.
+        undetermined: directions that the data do not determine, in words.
+        train: channel -> errors (before: declared; after: calibrated).
+        notes: what the data gate found.
+    """
+
+    model: Model
+    parameters: dict[str, Estimate]
+    undetermined: tuple[str, ...]
+    train: dict[str, ChannelError]
+    notes: tuple[str, ...]
+
+
+def calibrate(
+    dataset: Dataset | str | Path, out: str | Path | None = None, progress: Progress = no_progress
+) -> Calibration:
+    """Estimate the parameters under `calibrate` on all training runs by simulation error.
+
+    Args:
+        dataset: dataset.yaml, or as loaded.
+        out: folder that gets calibrated.yaml.
+        progress: called with the stage and the fraction of it done.
+
+    Raises:
+        InputError: a file is wrong or missing, or nothing can be compared.
+    """
+    loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    base = calibrated(loaded, progress)
+    model = revised(loaded.model, base.fit.vector, base.keys)
+    errors = channel_errors(
+        base.problem, [loaded.model.vector(), base.fit.vector, base.fit.vector]
+    )
+    errors = {name: replace(item, before=item.uncalibrated) for name, item in errors.items()}
+    found = Calibration(
+        model,
+        estimates(base.fit, groups_of(base.problem), _units(loaded.model)),
+        undetermined(base.fit),
+        errors,
+        base.notes,
+    )
+    if out is not None:
+        folder = Path(out)
+        folder.mkdir(parents=True, exist_ok=True)
+        model.write(folder / "calibrated.yaml", "Calibrated by eha-bench calibrate")
+    return found
+
+
+def diagnose(
+    dataset: Dataset | str | Path, out: str | Path | None = None, progress: Progress = no_progress
+) -> Diagnosis:
+    """Close the loop: residual, cause, revised model, errors before and after.
+
+    Runs for holdout are read only when everything is decided. Ctrl-C ends the search and keeps what
+    was found until then (`complete` is False).
+
+    Args:
+        dataset: dataset.yaml, or as loaded.
+        out: folder that gets diagnosis.json, revised.yaml and recalibrated.yaml.
+        progress: called with the stage and the fraction of it done.
+
+    Raises:
+        InputError: a file is wrong or missing, or nothing can be compared.
+    """
+    started = time.perf_counter()
+    loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    base = calibrated(loaded, progress)
+    search = searching.begin(base)
+    complete = True
+    decision = Decision(Verdict.NONE, search.fit, (), None)
+    try:
+        searching.run(search, progress)
+        decision = decide(search, COARSE, progress)
+    except KeyboardInterrupt:
+        complete = False
+        verdict = Verdict.EFFECT if search.effects else Verdict.UNKNOWN
+        nothing = search.excess_base.significance < 5.0
+        decision = Decision(Verdict.NONE if nothing else verdict, search.fit, (), None)
+    found = _assemble(loaded, base, search, decision)
+    try:
+        holdout = _score_holdout(loaded, base, search, decision, progress) if complete else {}
+    except KeyboardInterrupt:
+        complete, holdout = False, {}
+    found = replace(
+        found, holdout=holdout, complete=complete, seconds=time.perf_counter() - started
+    )
+    if out is not None:
+        found.write(Path(out))
+    progress("done", 1.0)
+    return found
+
+
+run_diagnosis = diagnose
+
+
+def _units(model: Model) -> dict[str, str]:
+    return {key: parameter.unit for key, parameter in model.plant.layout.items()}
+
+
+def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decision) -> Diagnosis:
+    model = dataset.model
+    layout = model.plant.layout
+    fit = decision.fit
+    added = [item.start.candidate for item in search.effects]
+    if decision.unknown is not None and decision.learned:
+        added.append(LEARNED)
+    mundane = [item.start.keys[0] for item in search.accepted if item.start.mundane]
+    keys = [*base.keys, *mundane]
+    values = estimates(fit, search.groups, _units(model))
+    effects = []
+    for item in search.effects:
+        effect = layout.effect(item.start.candidate)
+        at = {p.name: layout.index[f"{effect.id}.{p.name}"] for p in effect.parameters}
+        numbers = {p.name: float(fit.vector[at[p.name]]) for p in effect.parameters if p.size == 1}
+        effects.append(
+            FoundEffect(
+                effect.id,
+                str(effect.equation(layout.plant, numbers).value),
+                {
+                    key.split(".", 1)[1]: values[key]
+                    for key in item.start.keys
+                    if key in values
+                },
+                {
+                    p.name: str(p.decode(numbers[p.name]))
+                    for p in effect.parameters
+                    if p.choices
+                },
+                item.comparison.share_out,
+                item.comparison.p_value,
+            )
+        )
+    effects.sort(key=lambda item: -_share(search, item.id))
+    groups = tuple(
+        (item.start.candidate, *item.equivalent) for item in search.effects if item.equivalent
+    )
+    separate = {
+        name: layout.effect(name).separate for name in {n for group in groups for n in group}
+    }
+    notes = list(base.notes)
+    for key in base.nuisance:
+        text = f"friction at rest was estimated: {key} = {fit.vector[layout.index[key]]:.3g}"
+        notes.append(f"{text} {layout.by_key[key].unit}")
+    for key in mundane:
+        notes.append(
+            f"{key} is only assumed in the model; the data ask for "
+            f"{fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}"
+        )
+    notes += decision.notes
+    vectors = [model.vector(), search.base.vector, fit.vector]
+    return Diagnosis(
+        decision.verdict,
+        revised(model, fit.vector, keys, added),
+        revised(model, search.base.vector, base.keys),
+        tuple(effects) if decision.verdict is not Verdict.NONE else (),
+        decision.unknown,
+        groups,
+        dict(sorted(separate.items())),
+        _ranking(search),
+        channel_errors(base.problem, vectors),
+        {},
+        {key: item for key, item in values.items() if "." not in key},
+        undetermined(fit),
+        tuple(notes),
+    )
+
+
+def _share(search: Search, name: str) -> float:
+    """How much an effect explains: the gain when it was added."""
+    return next(i.comparison.gain for i in search.effects if i.start.candidate == name)
+
+
+def _ranking(search: Search) -> tuple[RankLine, ...]:
+    lines = []
+    size = max(1, search.problem.size)
+    chosen = {item.start.candidate for item in search.accepted}
+    same = {name for item in search.accepted for name in item.equivalent}
+    for item in search.ranking:
+        if item.candidate in chosen:
+            reason = "added"
+        elif item.candidate in same:
+            reason = "fits as well as what was added"
+        elif not item.refitted:
+            reason = f"predicted to explain {item.score:.1%} of the excess; not refitted"
+        else:
+            reason = f"refitted, it explains {item.score:.1%} of the excess on runs left out"
+        error = float(np.sqrt(max(item.cost, 0.0) / size))
+        lines.append(RankLine(item.candidate, item.score, item.p_value, error, reason))
+    order = {name: k for k, name in enumerate(i.start.candidate for i in search.accepted)}
+    return tuple(sorted(lines, key=lambda line: (order.get(line.id, 99), line.error_after)))
+
+
+def _score_holdout(
+    dataset: Dataset, base: Baseline, search: Search, decision: Decision, progress: Progress
+) -> dict[str, ChannelError]:
+    """Read the holdout runs, for the first time, and score them."""
+    plant = dataset.model.plant
+    windows = []
+    noise = base.problem.noise
+    runs: tuple[Run, ...] = dataset.holdout
+    for number, run in enumerate(runs):
+        progress("score", number / len(runs))
+        measured = admit(run, run.read(), dataset.inputs, plant.outputs, strict=False)
+        if measured.outputs:
+            windows += cut(measured, noise)
+    if not windows:
+        return {}
+    problem = Problem(plant, windows, noise, STEP)
+    fit: Fit = decision.fit
+    return channel_errors(problem, [dataset.model.vector(), search.base.vector, fit.vector])
+
+
+__all__ = ["Calibration", "Unknown", "calibrate", "diagnose", "run_diagnosis"]

@@ -1,0 +1,101 @@
+"""Intervals that respect correlated residuals, and directions that the data do not determine.
+
+The covariance is the larger of the usual one, scaled by the mean square of the residual, and the
+sandwich H^-1 (sum over blocks g g') H^-1 with blocks of 0.1 s, which stays right where residuals are
+correlated (White, Econometrica 48 (1980) 817, doi:10.2307/1912934; Liang, Zeger, Biometrika 73
+(1986) 13, doi:10.1093/biomet/73.1.13).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.evidence import Groups
+from eha_bench.diagnosis.fit import Fit
+from eha_bench.diagnosis.problem import soften
+
+FloatArray = NDArray[np.float64]
+
+_Z = 1.96
+_LOOSE = 0.3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval, SI."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+def deviations(fit: Fit, groups: Groups) -> dict[str, float]:
+    """Return the standard deviation of every fitted number, SI, by key (inf: not determined)."""
+    if not fit.free:
+        return {}
+    soft, weight = soften(fit.residual)
+    weighted = fit.jacobian * weight[:, None]
+    normal = weighted.T @ weighted
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    unit = normal / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(unit)
+    inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-12)) @ vectors.T
+    scores = np.array([(weighted[rows].T @ soft[rows]) / scale for rows in groups.blocks])
+    middle = scores.T @ scores
+    sandwich = np.diag(inverse @ middle @ inverse)
+    usual = np.diag(inverse) * max(1.0, float(soft @ soft) / max(1, soft.size - len(fit.free)))
+    variance = np.maximum(sandwich, usual) / scale**2
+    dead = np.diag(normal) < 1e-6
+    return {
+        item.key: float("inf") if dead[k] else float(np.sqrt(variance[k]) * item.scale)
+        for k, item in enumerate(fit.free)
+    }
+
+
+def estimates(fit: Fit, groups: Groups, units: dict[str, str]) -> dict[str, Estimate]:
+    """Return every fitted number with its 95 % interval inside its bounds, by key."""
+    spread = deviations(fit, groups)
+    found = {}
+    for item in fit.free:
+        value = float(fit.vector[item.at])
+        low = max(item.low, value - _Z * spread[item.key])
+        high = min(item.high, value + _Z * spread[item.key])
+        found[item.key] = Estimate(value, low, high, units.get(item.key, ""))
+    return found
+
+
+def undetermined(fit: Fit) -> tuple[str, ...]:
+    """Return, in words, the directions in which the parameters could move unnoticed.
+
+    A direction counts where one standard deviation along it changes parameters by 30 %.
+    """
+    free = [item for item in fit.free if "." not in item.key and "[" not in item.key]
+    columns = [k for k, item in enumerate(fit.free) if item in free]
+    if not columns:
+        return ()
+    _, weight = soften(fit.residual)
+    size = np.array([abs(fit.vector[item.at]) or item.scale for item in free])
+    scale = np.array([item.scale for item in free])
+    matrix = fit.jacobian[:, columns] * weight[:, None] * (size / scale)
+    level = float(np.sqrt(max(1.0, fit.cost / max(1, fit.residual.size))))
+    values, vectors = np.linalg.eigh(matrix.T @ matrix)
+    found = []
+    for k in range(values.size):
+        if level / np.sqrt(max(values[k], 1e-300)) < _LOOSE:
+            continue
+        direction = vectors[:, k]
+        order = np.argsort(-np.abs(direction))
+        main = [int(j) for j in order if abs(direction[j]) > 0.4 * abs(direction[order[0]])]
+        names = [free[j].key for j in main]
+        if len(names) == 1:
+            found.append(f"{names[0]} is not determined by these data")
+        elif len(names) == 2:
+            same = direction[main[0]] * direction[main[1]] > 0
+            found.append(f"{names[0]} and {names[1]} only as a {'ratio' if same else 'product'}")
+        else:
+            found.append(f"{', '.join(names[:-1])} and {names[-1]} only in combination")
+    return tuple(found)
