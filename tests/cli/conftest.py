@@ -1,12 +1,13 @@
-"""The command line as a user calls it: a process of its own."""
+"""The command line as a user calls it."""
 
-import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from eha_bench.cli.main import main
 
 Cli = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -20,7 +21,7 @@ trials:
     repeats: 2
     signal: {kind: step, final: 8 A, at: 10 ms}
     accept:
-      peak: {channel: pressure_difference, max: 60 MPa}
+      tracking_max: {channel: current, max: 12 A}
   - id: sine
     mode: current
     setup: {piston: locked}
@@ -31,22 +32,28 @@ trials:
 
 
 @pytest.fixture
-def cli(tmp_path: Path) -> Cli:
-    """Run `eha-bench` in an empty folder."""
+def cli(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Cli:
+    """Run `eha-bench` in an empty folder, as the entry point does."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CI", "true")
+    monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)
 
     def run(*arguments: object, check: int | None = None) -> subprocess.CompletedProcess[str]:
-        done = subprocess.run(
-            [sys.executable, "-m", "eha_bench", *(str(item) for item in arguments)],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            env={**os.environ, "CI": "true"},
-            timeout=120,
-        )
-        assert "Traceback" not in done.stderr, done.stderr
+        words = [str(item) for item in arguments]
+        monkeypatch.setattr(sys, "argv", ["eha-bench", *words])
+        capsys.readouterr()
+        status = 0
+        try:
+            main()
+        except SystemExit as left:
+            status = left.code if isinstance(left.code, int) else int(bool(left.code))
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err, said.err
         if check is not None:
-            assert done.returncode == check, done.stderr + done.stdout
-        return done
+            assert status == check, said.err + said.out
+        return subprocess.CompletedProcess(words, status, said.out, said.err)
 
     return run
 

@@ -46,9 +46,9 @@ def test_json_goes_to_standard_output_and_nothing_else_does(cli: Cli, suite: Pat
 
 
 def test_a_missed_limit_is_exit_status_1(cli: Cli, suite: Path) -> None:
-    suite.write_text(SUITE.replace("max: 60 MPa", "max: 1 MPa"), encoding="utf-8")
+    suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
     done = cli("run", suite, "--out", "out", check=1)
-    assert "peak failed" in done.stderr
+    assert "tracking_max failed" in done.stderr
 
 
 def test_a_safety_limit_is_exit_status_3_and_keeps_the_recording(
@@ -124,7 +124,8 @@ def test_ctrl_c_leaves_readable_recordings_and_an_incomplete_result(
     assert process.returncode == 130
     result = result_of(tmp_path / "out")
     assert result["status"] == "incomplete"
-    assert len(result["trials"]) >= 3
+    # the third may have been written and not yet scored
+    assert len(result["trials"]) >= 2
     for trial in result["trials"]:
         assert len(eb.read(tmp_path / "out" / trial["recording"])) > 0
     assert (tmp_path / "out" / "report.html").is_file()
@@ -145,7 +146,7 @@ def test_a_folder_with_other_things_is_left_alone(cli: Cli, suite: Path, tmp_pat
         ("8 A", "8 MPa", 8, "wrong dimension"),
         ("kind: step", "kind: stp", 8, "step"),
         ("mode: current", "mode: curent", 4, "current"),
-        ("peak:", "peek:", 10, "peak"),
+        ("tracking_max:", "tracking_mux:", 10, "tracking_max"),
         ("id: hold", "id: ../hold", 3, "id"),
         ("duration: 0.1 s", "duration: -1 s", 6, "duration|greater|negative"),
         ("name: tiny", "name: [", 1, "YAML|name"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -35,10 +36,16 @@ class _Run:
     target: Target
     folder: ResultFolder
     provenance: dict[str, str]
-    done: list[TrialResult] = field(default_factory=list)
+    done: dict[tuple[str, int], TrialResult] = field(default_factory=dict)
+
+    @property
+    def jobs(self) -> list[tuple[Trial, int]]:
+        """Every trial and repeat, in the order of the suite."""
+        return [(trial, n) for trial in self.suite.trials for n in range(trial.repeats)]
 
     def result(self, *, complete: bool) -> Result:
-        trials = tuple(self.done)
+        order = [(trial.id, repeat) for trial, repeat in self.jobs]
+        trials = tuple(self.done[key] for key in order if key in self.done)
         return Result(
             suite=self.suite.name,
             target=self.target.identity.name,
@@ -81,20 +88,23 @@ def run_suite(
     kept = _kept(folder, digests) if resume else {}
     folder.result.unlink(missing_ok=True)
     provenance = {**environment(suite.path.parent), "started": now(), **digests}
-    run = _Run(suite, target, folder, provenance)
-    jobs = [(trial, repeat) for trial in suite.trials for repeat in range(trial.repeats)]
+    run = _Run(suite, target, folder, provenance, dict(kept))
     run.save(complete=False)
-    with target:
-        for number, (trial, repeat) in enumerate(jobs):
-            progress(number, len(jobs), f"{trial.id} ({repeat + 1}/{trial.repeats})")
-            earlier = kept.get((trial.id, repeat))
-            result, ending = (earlier, Ending.COMPLETE) if earlier else _run_one(run, trial, repeat)
-            run.done.append(result)
-            if ending is not Ending.COMPLETE:
-                return run.save(complete=False)
-            run.save(complete=number + 1 == len(jobs))
+    jobs = [(trial, repeat) for trial, repeat in run.jobs if (trial.id, repeat) not in kept]
+    try:
+        with target:
+            for number, (trial, repeat) in enumerate(jobs):
+                progress(number, len(jobs), f"{trial.id} ({repeat + 1}/{trial.repeats})")
+                result, ending = _run_one(run, trial, repeat)
+                run.done[trial.id, repeat] = result
+                run.save(complete=False)
+                if ending is not Ending.COMPLETE:
+                    return run.result(complete=False)
+    except KeyboardInterrupt:
+        # between two runs, or while one was being scored: what is done stands
+        return run.save(complete=False)
     progress(len(jobs), len(jobs), "done")
-    return run.result(complete=True)
+    return run.save(complete=True)
 
 
 def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, int], TrialResult]:
@@ -113,9 +123,10 @@ def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, i
 
 
 def _run_one(run: _Run, trial: Trial, repeat: int) -> tuple[TrialResult, Ending]:
+    started = time.time_ns()
     outcome = run.target.run(trial, repeat)
     path = run.folder.recording(trial.id, repeat)
-    write(path, _described(run, trial, repeat, outcome))
+    write(path, _described(run, trial, repeat, outcome, started))
     relative = path.relative_to(run.folder.path).as_posix()
     if outcome.ending is not Ending.COMPLETE:
         status = _STATUS[outcome.ending]
@@ -126,7 +137,7 @@ def _run_one(run: _Run, trial: Trial, repeat: int) -> tuple[TrialResult, Ending]
     return replace(judged, recording=relative, sha256=file_sha256(path)), outcome.ending
 
 
-def _described(run: _Run, trial: Trial, repeat: int, outcome: Outcome) -> Recording:
+def _described(run: _Run, trial: Trial, repeat: int, outcome: Outcome, started: int) -> Recording:
     """Return the recording with all that is needed to score it again, alone."""
     metadata = {
         **outcome.recording.metadata,
@@ -144,4 +155,5 @@ def _described(run: _Run, trial: Trial, repeat: int, outcome: Outcome) -> Record
         "trial.json": trial.source.encode(),
         **run.target.identity.attachments,
     }
-    return replace(outcome.recording, metadata=metadata, attachments=attachments)
+    epoch = outcome.recording.epoch_ns or started
+    return replace(outcome.recording, metadata=metadata, attachments=attachments, epoch_ns=epoch)

@@ -37,7 +37,7 @@ def run(
     folder = out or Path("reports") / load_suite(suite).name
     with TerminalProgress() as progress:
         result = run_suite(suite, target, folder, resume=resume, progress=progress)
-    _finish(result, folder, json=json)
+    _finish(result, folder, json=json, interruptible=True)
 
 
 def score(
@@ -63,7 +63,9 @@ def score(
     _finish(result, out, json=json)
 
 
-def _finish(result: Result, folder: Path, *, json: bool) -> None:
+def _finish(
+    result: Result, folder: Path, *, json: bool, interruptible: bool = False
+) -> None:
     """Print the outcome and the report's path, and leave with the result's exit status."""
     from eha_bench.core.result import Status
 
@@ -89,7 +91,7 @@ def _finish(result: Result, folder: Path, *, json: bool) -> None:
         say(str(folder / "report.html"))
     else:
         typer.echo(str(folder / "report.html"))
-    if any(trial.reason.startswith("interrupted") for trial in result.trials):
+    if interruptible and result.status is Status.INCOMPLETE:
         raise typer.Exit(INTERRUPTED)
     if result.status is not Status.PASSED:
         raise typer.Exit(result.status.exit_status)

@@ -6,8 +6,9 @@ Three nested loops with the poles of (s + r)^3 while nothing is bounded::
     jerk = 3 r (a* - a)
 
 where v_t and a_t are the target's own speed and acceleration (0 at a jump): a smooth target is
-followed without lag, and the bounds hold for catching up with it. f is r/3 times the error near the target and sqrt(2 a |error|) farther away, the speed from which
-it can still stop with the acceleration it has (Biagiotti, Melchiorri, Trajectory Planning for
+followed without lag, and the bounds hold for catching up with it. f is r/3 times the error near the
+target and sqrt(2 a |error|) farther away, the speed from which it can still stop with the
+acceleration it has (Biagiotti, Melchiorri, Trajectory Planning for
 Automatic Machines and Robots, Springer 2008, section 4.6).
 """
 

@@ -140,7 +140,7 @@ class Simulator(Target):
             time=clock[:done] - clock[0],
             values=values,
             units={"reference": _REFERENCE_UNIT[trial.mode]},
-            metadata={"signal_start": repr(float(-clock[0]))},
+            metadata={"signal_start": repr(float(abs(clock[0])))},
         )
         return Outcome(recording, ending, reason)
 

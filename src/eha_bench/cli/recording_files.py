@@ -1,0 +1,95 @@
+"""`eha-bench info` and `eha-bench recover`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eha_bench.cli.console import say
+
+if TYPE_CHECKING:
+    from eha_bench.recordings import RecordingInformation
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
+
+
+def info(
+    recording: Annotated[Path, typer.Argument(metavar="FILE", help="Recording of any format.")],
+    json: Json = False,
+) -> None:
+    """Say what a recording holds: topics, types, rates, gaps, duration, metadata, health."""
+    from eha_bench.recordings import info as describe
+
+    found = describe(recording)
+    if json:
+        import json as encoder
+
+        typer.echo(encoder.dumps(found.as_dict(), indent=1, ensure_ascii=False))
+    else:
+        _show(found)
+
+
+def recover(
+    source: Annotated[Path, typer.Argument(help="Torn MCAP file.")],
+    target: Annotated[
+        Path | None, typer.Argument(help="Clean file to write (default: SOURCE-recovered.mcap).")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Write all that can be read of a torn MCAP file to a clean, indexed one."""
+    from eha_bench.recordings import recover as mend
+
+    clean = target or source.with_name(f"{source.stem}-recovered.mcap")
+    report = mend(source, clean)
+    for note in report.notes:
+        say(note)
+    total = sum(report.messages.values())
+    say(f"{total} messages over {report.duration:.3f} s saved from {len(report.messages)} topics")
+    if json:
+        import json as encoder
+        from dataclasses import asdict
+
+        typer.echo(encoder.dumps(asdict(report), indent=1, ensure_ascii=False))
+    else:
+        typer.echo(str(clean))
+
+
+def _show(found: RecordingInformation) -> None:
+    """Print a table of topics and what else was found."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("topic", "type", "messages", "rate / Hz", "gaps", "longest / s"):
+        table.add_column(name, justify="left" if name in ("topic", "type") else "right")
+    for topic in found.topics:
+        rate = f"{topic.rate:.6g}" if topic.rate == topic.rate else "-"
+        table.add_row(
+            topic.name, topic.type, str(topic.count), rate, str(topic.gaps),
+            f"{topic.longest_gap:.4g}" if topic.gaps else "-",
+        )  # fmt: skip
+    # into a pipe nothing is cut short
+    width = None if sys.stdout.isatty() else 240
+    console = Console(highlight=False, markup=False, soft_wrap=True, width=width)
+    console.print(f"{found.path}: {found.format}, {found.size} bytes, {found.duration:.3f} s")
+    console.print(table)
+    if found.channels:
+        channels = ", ".join(f"{name} [{unit}]" for name, unit in found.channels.items())
+        console.print(f"channels: {channels}")
+    for record, entries in found.metadata.items():
+        for key, value in entries.items():
+            console.print(f"{record}: {key} = {value}")
+    for name, size in found.attachments.items():
+        console.print(f"attachment: {name}, {size} bytes")
+    for note in found.notes:
+        console.print(f"note: {note}")
+    console.print(f"health: {found.health}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(info)
+    app.command()(recover)
