@@ -32,9 +32,7 @@ trials:
 
 
 @pytest.fixture
-def cli(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Cli:
+def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Cli:
     """Run `eha-bench` in an empty folder, as the entry point does."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CI", "true")

@@ -1,10 +1,15 @@
 """`eha-bench score` on logs that were made elsewhere."""
 
+import dataclasses
 import json
+import math
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+import eha_bench as eb
 
 from .conftest import Cli
 
@@ -51,19 +56,116 @@ def test_every_log_of_the_rig_is_scored_by_its_own_reference(
     assert (tmp_path / "scored" / "report.html").is_file()
 
 
-def test_bags_are_scored_too(cli: Cli, shared_data: Path, tmp_path: Path) -> None:
-    suite = tmp_path / "foreign.yaml"
-    suite.write_text(FOREIGN.format(mode="current"), encoding="utf-8")
-    cases = {
-        "rosbag2_mcap/cdr_test": None,
-        "rosbag1/example.bag": None,
+TURTLE_MAP = """\
+clock: log
+channels:
+  reference:   {topic: /turtle1/cmd_vel, field: angular.z, unit: rad/s}
+  motor_speed: {topic: /turtle1/pose, field: angular_velocity, unit: rad/s}
+"""
+
+
+def test_a_ros_1_bag_is_scored(cli: Cli, shared_data: Path, tmp_path: Path) -> None:
+    (tmp_path / "suite.yaml").write_text(FOREIGN.format(mode="motor_speed"), encoding="utf-8")
+    (tmp_path / "turtle.yaml").write_text(TURTLE_MAP, encoding="utf-8")
+    bag = shared_data / "bags" / "rosbag1" / "example.bag"
+    cli("score", bag, "--suite", "suite.yaml", "--channels", "turtle.yaml", "--out", "o", check=0)
+    result = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))
+    scores = {score["metric"]: score for score in result["trials"][0]["scores"]}
+    assert 0 < scores["tracking_rms"]["value"] < 2
+    assert result["trials"][0]["notes"]
+
+
+def test_a_rosbag2_written_by_another_library_is_scored(cli: Cli, tmp_path: Path) -> None:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    message = store.types["std_msgs/msg/Float64"]
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = {
+            name: writer.add_connection(f"/{name}", message.__msgtype__, typestore=store)
+            for name in ("p", "r")
+        }
+        for tick in range(600):
+            time = tick * 1e-3
+            wanted = 0.0 if time < 0.1 else 10.0
+            reached = 0.0 if time < 0.1 else 10 * (1 - math.exp(-(time - 0.1) / 0.02))
+            for name, value in (("p", reached), ("r", wanted)):
+                raw = store.serialize_cdr(message(data=value), message.__msgtype__)
+                writer.write(connections[name], 1_000_000_000 + tick * 1_000_000, raw)
+    (tmp_path / "suite.yaml").write_text(FOREIGN.format(mode="pressure"), encoding="utf-8")
+    (tmp_path / "map.yaml").write_text(
+        "channels:\n  pressure_difference: {topic: /p, field: data, unit: bar}\n"
+        "  reference: {topic: /r, field: data, unit: bar}\n",
+        encoding="utf-8",
+    )
+    cli("score", "bag", "--suite", "suite.yaml", "--channels", "map.yaml", "--out", "o", check=0)
+    result = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))
+    scores = {score["metric"]: score for score in result["trials"][0]["scores"]}
+    assert scores["rise_time"]["value"] == pytest.approx(0.02 * math.log(9), rel=0.01)
+
+
+def test_a_foreign_bag_without_a_map_names_the_way_out(
+    cli: Cli, shared_data: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "suite.yaml").write_text(FOREIGN.format(mode="current"), encoding="utf-8")
+    bag = shared_data / "bags" / "rosbag2_mcap" / "cdr_test"
+    done = cli("score", bag, "--suite", "suite.yaml", "--out", "o", check=2)
+    assert "channels" in done.stderr
+    assert not (tmp_path / "o").exists()
+
+
+def test_scoring_executes_nothing_that_a_recording_holds(
+    cli: Cli, suite: Path, tmp_path: Path
+) -> None:
+    cli("run", suite, "--out", "out", check=0)
+    recording = eb.read(tmp_path / "out" / "recordings" / "sine-0.mcap")
+    (tmp_path / "evil.py").write_text(
+        "from pathlib import Path\nPath('owned').touch()\n"
+        "from eha_bench.control.open_loop import OpenLoop as Evil\n",
+        encoding="utf-8",
+    )
+    attachments = {
+        **recording.attachments,
+        "controller.yaml": b"current: {controller: 'evil:Evil'}",
+        "suite.yaml": b"controller: evil.yaml",
     }
-    for name in cases:
-        bag = shared_data / "bags" / name
-        done = cli("score", bag, "--suite", suite, "--out", "scored")
-        # no channel map: the message names the way out
-        assert done.returncode == 2
-        assert "channels" in done.stderr
+    eb.write("held.mcap", dataclasses.replace(recording, attachments=attachments))
+    cli("score", "held.mcap", "--out", "o", check=0)
+    assert not (tmp_path / "owned").exists()
+    assert "evil" not in sys.modules
+
+
+def test_a_name_in_a_recording_never_becomes_a_path(cli: Cli, suite: Path, tmp_path: Path) -> None:
+    cli("run", suite, "--out", "out", check=0)
+    recording = eb.read(tmp_path / "out" / "recordings" / "sine-0.mcap")
+    trial = json.loads(recording.attachments["trial.json"])
+    trial["id"] = "../../outside"
+    attachments = {**recording.attachments, "trial.json": json.dumps(trial).encode()}
+    metadata = {**recording.metadata, "trial": "../../outside"}
+    changed = dataclasses.replace(recording, attachments=attachments, metadata=metadata)
+    eb.write("held.mcap", changed)
+    before = set(tmp_path.parent.iterdir())
+    done = cli("score", "held.mcap", "--out", "o", check=2)
+    assert "outside" in done.stderr
+    assert set(tmp_path.parent.iterdir()) == before
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_truncated_recording_is_scored_to_its_tear_or_refused_in_a_sentence(
+    cli: Cli, shared_data: Path, tmp_path: Path
+) -> None:
+    folder = shared_data / "rig_samples" / "D"
+    whole = (folder / "locked_sine.mcap").read_bytes()
+    (tmp_path / "torn.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+    (tmp_path / "suite.yaml").write_text(FOREIGN.format(mode="pressure"), encoding="utf-8")
+    done = cli(
+        "score", "torn.mcap", "--suite", "suite.yaml",
+        "--channels", folder / map_of(folder, "locked_sine"), "--out", "o",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    result = json.loads((tmp_path / "o" / "result.json").read_text(encoding="utf-8"))
+    assert any("torn" in note for note in result["trials"][0]["notes"])
 
 
 CSV_MAP = "time: {column: t, unit: s}\nchannels:\n  pressure_difference: {column: p, unit: MPa}\n" \
@@ -79,15 +181,11 @@ CSV_MAP = "time: {column: t, unit: s}\nchannels:\n  pressure_difference: {column
         ("t,p,r\n0,1,2\n1,x,3\n", "x|number"),
     ],
 )
-def test_a_broken_log_is_one_sentence(
-    cli: Cli, tmp_path: Path, content: str, message: str
-) -> None:
+def test_a_broken_log_is_one_sentence(cli: Cli, tmp_path: Path, content: str, message: str) -> None:
     (tmp_path / "log.csv").write_text(content, encoding="utf-8")
     (tmp_path / "channels.yaml").write_text(CSV_MAP, encoding="utf-8")
     (tmp_path / "s.yaml").write_text(FOREIGN.format(mode="pressure"), encoding="utf-8")
-    done = cli(
-        "score", "log.csv", "--suite", "s.yaml", "--channels", "channels.yaml", "--out", "o"
-    )
+    done = cli("score", "log.csv", "--suite", "s.yaml", "--channels", "channels.yaml", "--out", "o")
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert "log.csv" in done.stderr
@@ -117,7 +215,5 @@ def test_a_nan_in_a_log_is_said_and_not_guessed_over(cli: Cli, tmp_path: Path) -
 def test_a_log_that_belongs_to_no_trial_says_so(cli: Cli, tmp_path: Path, suite: Path) -> None:
     (tmp_path / "log.csv").write_text("t,p,r\n0,1,2\n0.001,2,3\n", encoding="utf-8")
     (tmp_path / "channels.yaml").write_text(CSV_MAP, encoding="utf-8")
-    done = cli(
-        "score", "log.csv", "--suite", suite, "--channels", "channels.yaml", check=2
-    )
+    done = cli("score", "log.csv", "--suite", suite, "--channels", "channels.yaml", check=2)
     assert "--trial" in done.stderr
