@@ -1,0 +1,176 @@
+"""The files are those of the sample rig: same layout, same bytes for the same values."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fixtures.rig.case import Conditions, record_case
+from fixtures.rig.mcap_log import write_log
+from fixtures.rig.plans import by_id, make_plans
+from fixtures.rig.sensors import COLUMNS, Bench
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+YAML_FILES = ["dataset.yaml", "model.yaml", *(f"channels_{i}.yaml" for i in range(3))]
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("rig")
+    plan = make_plans(5, 0, none=1)[0]
+    return record_case(plan, out, Conditions()).parent
+
+
+def description(path: Path) -> dict[str, object]:
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        header = reader.get_header()
+        assert summary is not None
+        assert summary.statistics is not None
+        return {
+            "profile": header.profile,
+            "library": header.library,
+            "schemas": {s.name: (s.encoding, s.data) for s in summary.schemas.values()},
+            "channels": [
+                (c.topic, c.message_encoding, summary.schemas[c.schema_id].name)
+                for c in summary.channels.values()
+            ],
+            "counts": summary.statistics.channel_message_counts,
+            "start": summary.statistics.message_start_time,
+            "end": summary.statistics.message_end_time,
+            "compression": {c.compression for c in summary.chunk_indexes},
+        }
+
+
+def test_yaml_is_the_samples_word_for_word(case: Path, shared_data: Path) -> None:
+    sample = shared_data / "rig_samples" / "D"
+    for name in YAML_FILES:
+        assert (case / name).read_text() == (sample / name).read_text(), name
+
+
+def test_logs_are_the_samples_in_form(case: Path, shared_data: Path) -> None:
+    sample = shared_data / "rig_samples" / "D"
+    assert {p.name for p in case.iterdir()} == {p.name for p in sample.iterdir()}
+    for path in sorted(sample.glob("*.mcap")):
+        assert description(case / path.name) == description(path), path.name
+
+
+def test_rewriting_a_sample_gives_its_messages_byte_for_byte(
+    shared_data: Path, tmp_path: Path
+) -> None:
+    path = shared_data / "rig_samples" / "D" / "free_sine.mcap"
+    values: dict[str, list[list[float]]] = {}
+    raw: dict[str, list[bytes]] = {}
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, message, ros in reader.iter_decoded_messages():
+            raw.setdefault(channel.topic, []).append(message.data)
+            if hasattr(ros, "data"):
+                row = [ros.data]
+            elif hasattr(ros, "fluid_pressure"):
+                row = [ros.fluid_pressure]
+            else:
+                row = [ros.effort[0], ros.velocity[0], ros.position[1], ros.velocity[1]]
+            values.setdefault(channel.topic, []).append(row)
+    state = np.array(values["/drive/state"])
+    measured = np.column_stack(
+        [
+            state[:, 0],
+            state[:, 1] * np.pi / 30.0,
+            np.array(values["/block/p_a"])[:, 0] * 1e5,
+            np.array(values["/block/p_b"])[:, 0] * 1e5,
+            state[:, 2],
+            state[:, 3],
+        ]
+    )
+    count = len(state)
+    out = tmp_path / "again.mcap"
+    write_log(
+        out,
+        np.array(values["/bench/reference"])[:, 0],
+        np.array(values["/drive/current_cmd"])[:, 0],
+        measured,
+        np.arange(count, dtype=np.int64) * 1_000_000,
+        np.ones(count, dtype=bool),
+    )
+    again: dict[str, list[bytes]] = {}
+    with out.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            again.setdefault(channel.topic, []).append(message.data)
+    for topic in ("/bench/reference", "/drive/current_cmd", "/block/p_a", "/block/p_b"):
+        a = np.frombuffer(b"".join(raw[topic]), np.uint8).reshape(count, -1)
+        b = np.frombuffer(b"".join(again[topic]), np.uint8).reshape(count, -1)
+        # The last bit of a decimal may round otherwise; everything else is equal.
+        assert a.shape == b.shape
+        assert np.mean(a != b) < 0.01, topic
+    joints = np.frombuffer(b"".join(raw["/drive/state"]), np.uint8).reshape(count, -1)
+    mine = np.frombuffer(b"".join(again["/drive/state"]), np.uint8).reshape(count, -1)
+    assert joints.shape == mine.shape
+    # Up to the speed, which went through rad/s and back, all bytes are the same.
+    assert np.array_equal(joints[:, :60], mine[:, :60])
+    assert np.array_equal(joints[:, 84:], mine[:, 84:])
+
+
+def test_the_same_plan_gives_the_same_bytes(tmp_path: Path) -> None:
+    plan = make_plans(9, 1, effects=["cogging_torque"])[0]
+    folders = [record_case(plan, tmp_path / name, Conditions()).parent for name in ("a", "b")]
+    for path in sorted(folders[0].iterdir()):
+        assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
+    truths = [(tmp_path / name / "truth" / f"{plan.name}.yaml").read_text() for name in ("a", "b")]
+    assert truths[0] == truths[1]
+
+
+def test_what_is_hidden_is_not_in_the_case_folder(tmp_path: Path) -> None:
+    plan = make_plans(2, 1, effects=["entrained_air"], strengths=["strong"])[0]
+    folder = record_case(plan, tmp_path, Conditions()).parent
+    for path in folder.iterdir():
+        assert b"entrained" not in path.read_bytes(), path.name
+    assert "entrained_air" in (tmp_path / "truth" / f"{plan.name}.yaml").read_text()
+    assert "entrained_air" not in folder.name
+
+
+def test_models_of_cases_that_change_the_declaration(tmp_path: Path) -> None:
+    plan = make_plans(2, 1, effects=["anti_cavitation"])[0]
+    text = (record_case(plan, tmp_path, Conditions()).parent / "model.yaml").read_text()
+    assert "anti_cavitation" not in text
+    plan = make_plans(3, 1, effects=["coulomb_friction"])[0]
+    text = (record_case(plan, tmp_path, Conditions()).parent / "model.yaml").read_text()
+    assert "coulomb_torque: 0.0" in text
+    assert "coulomb_torque" not in text.split("calibrate:")[1]
+
+
+def test_a_bench_in_poor_shape(tmp_path: Path) -> None:
+    plan = make_plans(4, 0, none=1)[0]
+    bench = Bench(noise=5.0, dead="pressure_b", gap_hz=10.0, jitter=5e-5)
+    conditions = Conditions(duration=0.8, closed_loop=True, bench=bench)
+    folder = record_case(plan, tmp_path, conditions).parent
+    d = description(folder / "locked_stairs.mcap")
+    counts = d["counts"]
+    assert isinstance(counts, dict)
+    assert counts[1] == 800
+    assert counts[3] == counts[4] < 800
+    with (folder / "locked_stairs.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        dead = {
+            ros.fluid_pressure
+            for _, channel, _, ros in reader.iter_decoded_messages()
+            if channel.topic == "/block/p_b"
+        }
+    assert len(dead) == 1
+    assert "channels_1.yaml" in (folder / "dataset.yaml").read_text().splitlines()[4]
+
+
+def test_sets_are_even_and_names_tell_nothing() -> None:
+    plans = make_plans(1, 66, two=5, none=7, foreign=24)
+    assert len(plans) == 102
+    assert [p.name for p in plans] == sorted(p.name for p in plans)
+    singles = [p for p in plans if p.kind == "single"]
+    assert len({(p.hidden[0].id, p.levels[0]) for p in singles}) == 66
+    assert [p.kind for p in plans] != sorted(p.kind for p in plans)
+    with pytest.raises(ValueError, match="there are"):
+        by_id("perpetual_motion")
+
+
+def test_columns_are_named_as_in_the_contract() -> None:
+    assert COLUMNS[0] == "current"
