@@ -119,9 +119,7 @@ def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
     )
 
 
-def friction_at_rest(
-    problem: Problem, fit: Fit, keys: tuple[str, ...]
-) -> tuple[Fit, list[str]]:
+def friction_at_rest(problem: Problem, fit: Fit, keys: tuple[str, ...]) -> tuple[Fit, list[str]]:
     """Try friction that creeps instead of sticking, and keep it where the data say so.
 
     Returns:

@@ -60,7 +60,7 @@ class Start:
         return self.candidate.startswith("parameter:")
 
 
-def effect_starts(layout: Layout, effect: Effect, vector: FloatArray) -> list[Start]:
+def effect_starts(layout: Layout, effect: Effect) -> list[Start]:
     """Return the starting points of an effect: its defaults, its `starts`, and every choice."""
     action = effect.action(layout.plant)
     words: dict[str, Sequence[int]] = {}
@@ -126,7 +126,7 @@ def all_starts(
         twin = effect.same_as.get(layout.plant)
         if twin is not None and vector[layout.index[twin]] != 0.0:
             continue
-        found += effect_starts(layout, effect, vector)
+        found += effect_starts(layout, effect)
     for parameter in layout.parameters:
         if not parameter.assumed or parameter.name in calibrated or parameter.size > 1:
             continue

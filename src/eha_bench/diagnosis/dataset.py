@@ -59,8 +59,12 @@ class DatasetFile(StrictModel):
     ] = None
     inputs: Annotated[
         list[str],
-        Field(min_length=1, description="measured signals that drive the model; also states"),
-    ] = ["current_command"]
+        Field(
+            default_factory=lambda: ["current_command"],
+            min_length=1,
+            description="measured signals that drive the model; also states",
+        ),
+    ]
     runs: Annotated[list[RunEntry], Field(min_length=1)]
 
 

@@ -81,14 +81,14 @@ def _learned(
     search: Search, located: list[Located], step: float, notes: tuple[str, ...]
 ) -> Decision:
     best = located[0]
-    start, fit = learn(search.problem, search.fit, best, step)
+    _, fit = learn(search.problem, search.fit, best, step)
     for other in located[1:3]:
         # a close second is fitted as well: over long windows an error travels further
         if other.share < _TIED * best.share or other.template.equation == best.template.equation:
             continue
-        again, other_fit = learn(search.problem, search.fit, other, step)
+        _, other_fit = learn(search.problem, search.fit, other, step)
         if other_fit.cost < fit.cost:
-            start, fit, best = again, other_fit, other
+            fit, best = other_fit, other
     floor = SOFT_MEAN * search.problem.size
     share = (search.fit.cost - fit.cost) / max(search.fit.cost - floor, 1.0)
     template = best.template

@@ -1,7 +1,7 @@
 """Simulation error by channel, before and after, beside the noise floor.
 
-Over the windows of a fit (locked and bypassed runs whole, free ones about 0.4 s), each from the start
-state that fits it best within what its measurement allows; root mean square, SI.
+Over the windows of a fit (locked and bypassed runs whole, free ones about 0.4 s), each from the
+start state that fits it best within what its measurement allows; root mean square, SI.
 """
 
 from __future__ import annotations

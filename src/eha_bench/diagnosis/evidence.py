@@ -1,9 +1,9 @@
 """How much of a residual is more than noise, and what a candidate would explain of it.
 
-The *excess* is the cost above what noise alone makes. A candidate's *share* is the part of the excess
-that its refit takes away, on the data fitted and, by leaving each run out in turn, on data that was
-not: a share is hard to reach by accident, where a likelihood ratio is not, since with 100,000
-correlated samples every wrong term gains something. Leaving a run out is done to first order from
+The *excess* is the cost above what noise alone makes. A candidate's *share* is the part of the
+excess that its refit takes away, on the data fitted and, by leaving each run out in turn, on data
+that was not: a share is hard to reach by accident, where a likelihood ratio is not, since with
+100,000 correlated samples every wrong term gains something. Leaving a run out is done to first order from
 the Jacobian at the optimum (one Gauss-Newton step without its rows), which costs no simulation.
 
 Significance is by resampling blocks of 0.1 s, which keeps the serial correlation (Künsch, Ann.
@@ -35,7 +35,9 @@ SOFT_MEAN = _soft_mean()
 """Mean soft-L1 cost of one residual that is standard normal noise."""
 
 
-def refined_noise(problem: Problem, residual: FloatArray, noise: Mapping[str, float]) -> dict[str, float]:
+def refined_noise(
+    problem: Problem, residual: FloatArray, noise: Mapping[str, float]
+) -> dict[str, float]:
     """Return the noise of each channel, estimated from a residual instead of the raw signal.
 
     What is smooth in the signal but not over four samples is mostly gone from the residual.
@@ -68,7 +70,7 @@ class Excess:
     Attributes:
         total: cost above the noise's.
         size: number of residuals.
-        structure: mean square of block means over what white noise makes, by block length; 1 = white.
+        structure: mean square of block means over that of white noise, by block length.
         significance: in standard deviations, of the most structured block length.
         by_channel: channel -> mean square.
     """

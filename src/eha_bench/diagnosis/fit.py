@@ -66,7 +66,10 @@ class Fit:
 
 
 def free_parameters(
-    layout: Layout, keys: Sequence[str], vector: FloatArray, spans: Mapping[str, float] | None = None
+    layout: Layout,
+    keys: Sequence[str],
+    vector: FloatArray,
+    spans: Mapping[str, float] | None = None,
 ) -> tuple[Free, ...]:
     """Return parameters of a layout as free numbers.
 

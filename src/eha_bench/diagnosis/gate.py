@@ -99,12 +99,11 @@ def quantum_of(values: FloatArray) -> float:
     if levels.size < 3 or levels.size > values.size / 2:
         return 0.0
     steps = np.diff(levels)
-    return float(np.median(steps[steps > 1e-12 * max(1e-300, np.abs(levels).max())]))
+    least = 1e-12 * max(1e-300, float(np.abs(levels).max()))
+    return float(np.median(steps[steps > least]))
 
 
-def pooled_noise(
-    measured: Sequence[Measured], outputs: Sequence[str]
-) -> dict[str, float]:
+def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[str, float]:
     """Return each channel's noise over all runs: the median of the runs' own estimates."""
     noise: dict[str, float] = {}
     for name in outputs:
@@ -188,6 +187,22 @@ def admit(
         masks.append(good)
     if not names and strict:
         raise InputError("no channel of the plant is measured", where=where)
+    breaks = _clock(run, time, missing, notes)
+    return Measured(
+        run,
+        time,
+        driven,
+        tuple(names),
+        np.column_stack(columns) if columns else np.zeros((time.size, 0)),
+        np.column_stack(masks) if masks else np.zeros((time.size, 0), dtype=np.bool_),
+        breaks,
+        tuple(notes),
+        held,
+    )
+
+
+def _clock(run: Run, time: FloatArray, missing: BoolArray, notes: list[str]) -> tuple[int, ...]:
+    """Say what is wrong with the clock; return ticks after which inputs were unknown for long."""
     steps = np.diff(time)
     usual = float(np.median(steps))
     jumps = np.flatnonzero(steps > 5.0 * usual) + 1
@@ -200,18 +215,7 @@ def admit(
     if uneven > 0.3:
         notes.append(f"{run.name}: the sampling period varies by {uneven:.0%}")
     holes = _long_holes(missing, time, 10.0 * usual)
-    breaks = tuple(sorted({*map(int, jumps), *holes}))
-    return Measured(
-        run,
-        time,
-        driven,
-        tuple(names),
-        np.column_stack(columns) if columns else np.zeros((time.size, 0)),
-        np.column_stack(masks) if masks else np.zeros((time.size, 0), dtype=np.bool_),
-        breaks,
-        tuple(notes),
-        held,
-    )
+    return tuple(sorted({*map(int, jumps), *holes}))
 
 
 def _filled(time: FloatArray, raw: FloatArray, *, held: bool) -> FloatArray:

@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 SHORT = 0.04
 """Length of a window in which the phase cannot be lost, s."""
 _BUDGET = 6.0
-_COUNTS = tuple(range(1, 49)) + (54, 56, 60, 66, 72, 80, 84, 90, 96)
+_COUNTS = (*range(1, 49), 54, 56, 60, 66, 72, 80, 84, 90, 96)
 _KEEP = 3
 
 
@@ -61,7 +61,10 @@ def short_problem(problem: Problem, noise: dict[str, float]) -> Problem | None:
         return None
     most = round(_BUDGET / SHORT)
     chosen = np.unique(np.linspace(0, len(places) - 1, min(most, len(places))).round().astype(int))
-    windows: list[Window] = [window_at(*places[k], noise) for k in chosen]
+    windows: list[Window] = []
+    for k in chosen:
+        measured, first, last = places[k]
+        windows.append(window_at(measured, first, last, noise))
     return Problem(problem.plant, windows, noise, problem.step)
 
 

@@ -45,10 +45,7 @@ class Prediction:
         columns = {"time": self.time, **self.values}
         units = {"time": "s", **{name: unit_of(name) for name in self.values}}
         schema = pa.schema(
-            [
-                pa.field(name, pa.float64(), metadata={"unit": units[name]})
-                for name in columns
-            ]
+            [pa.field(name, pa.float64(), metadata={"unit": units[name]}) for name in columns]
         )
         table = pa.table({name: pa.array(values) for name, values in columns.items()}, schema)
         temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -80,7 +77,10 @@ def first_state(measured: Measured, model: Model) -> dict[str, float]:
     charge = _charge_pressure(model)
     if all(name in state for name in _PRESSURES):
         sigma = max(noise.get(name, 0.0) for name in _PRESSURES)
-        if charge is not None and all(abs(state[name] - charge) < 4.0 * sigma for name in _PRESSURES):
+        charged = charge is not None and all(
+            abs(state[name] - charge) < 4.0 * sigma for name in _PRESSURES
+        )
+        if charge is not None and charged:
             state["pressure_a"] = state["pressure_b"] = charge
         elif abs(state["pressure_a"] - state["pressure_b"]) < 4.0 * sigma:
             middle = 0.5 * (state["pressure_a"] + state["pressure_b"])

@@ -11,9 +11,11 @@ Ljung 1999, section 5.3).
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,7 @@ from eha_bench.diagnosis.windows import Window
 from eha_bench.plants.plant import Drive, Plant
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 
 WORKERS = max(1, min(4, os.cpu_count() or 1))
 _SOFT = 5.0
@@ -76,7 +79,7 @@ class Problem:
         self._outputs = {name: at for at, name in enumerate(plant.outputs)}
         self._parts = [self._ready(window) for window in windows]
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
-        self._rows = [slice(int(a), int(b)) for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+        self._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
         self.size = int(offsets[-1])
 
     @property
@@ -96,9 +99,7 @@ class Problem:
         other.windows = tuple(self.windows[k] for k in keep)
         other._parts = [self._parts[k] for k in keep]
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in other._parts])])
-        other._rows = [
-            slice(int(a), int(b)) for a, b in zip(offsets[:-1], offsets[1:], strict=True)
-        ]
+        other._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
         other.size = int(offsets[-1])
         return other
 
@@ -139,7 +140,7 @@ class Problem:
         return np.concatenate(self._each(lambda part: self._weighted(part, vector, {})))
 
     def residual(self, vector: FloatArray) -> FloatArray:
-        """Return the whitened weighted residual, (size,): white with variance 1 where all is said."""
+        """Return the whitened weighted residual, (size,): white, variance 1 where all is said."""
 
         def one(part: _Prepared) -> FloatArray:
             return self._white(part, self._weighted(part, vector, {}))
@@ -169,7 +170,7 @@ class Problem:
         """
         return self._each(lambda part: self._simulated(part, vector, {}))
 
-    def _each(self, function):  # type: ignore[no-untyped-def]
+    def _each(self, function: Callable[[_Prepared], T]) -> list[T]:
         if len(self._parts) < 2 or WORKERS == 1:
             return [function(part) for part in self._parts]
         with ThreadPoolExecutor(WORKERS) as pool:
@@ -263,7 +264,7 @@ def start_of(
 def soften(residual: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return residuals and row weights under soft-L1 at 5 sigma.
 
-    rho(r) = 2 c^2 (sqrt(1 + (r / c)^2) - 1); rows of a Jacobian are to be multiplied by the weights.
+    rho(r) = 2 c^2 (sqrt(1 + (r / c)^2) - 1); the weights multiply the rows of a Jacobian.
     """
     ratio = residual / _SOFT
     root = np.sqrt(1.0 + ratio * ratio)

@@ -65,9 +65,7 @@ def calibrate(
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
     base = calibrated(loaded, progress)
     model = revised(loaded.model, base.fit.vector, base.keys)
-    errors = channel_errors(
-        base.problem, [loaded.model.vector(), base.fit.vector, base.fit.vector]
-    )
+    errors = channel_errors(base.problem, [loaded.model.vector(), base.fit.vector, base.fit.vector])
     errors = {name: replace(item, before=item.uncalibrated) for name, item in errors.items()}
     found = Calibration(
         model,
@@ -153,16 +151,8 @@ def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisi
             FoundEffect(
                 effect.id,
                 str(effect.equation(layout.plant, numbers).value),
-                {
-                    key.split(".", 1)[1]: values[key]
-                    for key in item.start.keys
-                    if key in values
-                },
-                {
-                    p.name: str(p.decode(numbers[p.name]))
-                    for p in effect.parameters
-                    if p.choices
-                },
+                {key.split(".", 1)[1]: values[key] for key in item.start.keys if key in values},
+                {p.name: str(p.decode(numbers[p.name])) for p in effect.parameters if p.choices},
                 item.comparison.share_out,
                 item.comparison.p_value,
             )

@@ -1,8 +1,8 @@
 """Ranks every candidate by one simulation each: what would it gain?
 
-The residual's change at a starting strength is projected off the sensitivities of what is calibrated
-anyway, so that a candidate is credited only with what the parameters cannot do; then the best
-amplitude within the strength's bounds gives the predicted fall of the cost. Predictions are a
+The residual's change at a starting strength is projected off the sensitivities of what is
+calibrated anyway, so that a candidate is credited only with what the parameters cannot do; then the
+best amplitude within the strength's bounds gives the predicted fall of the cost. Predictions are a
 fraction of what a refit gains, but their order holds.
 """
 

@@ -133,11 +133,11 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
     limits = thresholds or Thresholds()
     for number in range(MOST_EFFECTS):
         progress("search", number / MOST_EFFECTS)
-        if number > 0 and not _worth_a_look(search, limits):
+        if number > 0 and not _worth_a_look(search):
             break
         trials = look(search, first=number == 0)
         search.looks.append(trials)
-        chosen = _choose(trials, search, limits)
+        chosen = _choose(trials, limits)
         if chosen is None:
             break
         _add(search, chosen, trials)
@@ -161,9 +161,9 @@ class Thresholds:
     runs_better: float = 0.5
 
 
-def _worth_a_look(search: Search, limits: Thresholds) -> bool:
+def _worth_a_look(search: Search) -> bool:
     left = search.excess_left
-    return left.total > 0.005 * left.size or left.significance > 5.0
+    return left.total > 0.005 * left.size or left.significance > 6.0
 
 
 def look(search: Search, *, first: bool) -> list[Trial]:
@@ -172,9 +172,7 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     used = [item.start.candidate for item in search.accepted]
     starts = [
         start
-        for start in all_starts(
-            layout, search.fit.vector, [*search.declared, *used], search.keys
-        )
+        for start in all_starts(layout, search.fit.vector, [*search.declared, *used], search.keys)
         if start.candidate not in used
     ]
     # screening and first refits only compare candidates, so a coarser step is enough
@@ -218,12 +216,12 @@ def _confirm(search: Search, coarse: Problem, screened: Sequence[Screened]) -> l
     trials = _best_of_each([_refit(search, coarse, item) for item in shortlist])
     done: list[Trial] = []
     top = 0.0
-    for number, item in enumerate(trials):
-        rough_gain = search.fit.cost - item.fit.cost
+    for number, trial in enumerate(trials):
+        rough_gain = search.fit.cost - trial.fit.cost
         if number > 0 and (number >= _FINALISTS or rough_gain < 0.5 * top):
-            done.append(item)
+            done.append(trial)
             continue
-        done.append(replace(item, fit=_polish(search, item.fit, [item.start])))
+        done.append(replace(trial, fit=_polish(search, trial.fit, [trial.start])))
         top = max(top, search.fit.cost - done[-1].fit.cost)
     return done
 
@@ -323,19 +321,20 @@ def _compared(search: Search, trial: Trial) -> Trial:
     return replace(trial, comparison=found)
 
 
-def _choose(trials: Sequence[Trial], search: Search, limits: Thresholds) -> Trial | None:
-    good = [item for item in trials if _believed(item, search, limits)]
+def _choose(trials: Sequence[Trial], limits: Thresholds) -> Trial | None:
+    good = [item for item in trials if _believed(item, limits)]
     if not good:
         return None
     chosen = good[0]
     for item in good:
         # what is mundane is preferred where it explains as much
-        if item.start.mundane and item.fit.cost < chosen.fit.cost + 0.02 * chosen.comparison.gain:
+        behind = item.fit.cost - chosen.fit.cost
+        if item.start.mundane and behind < 0.02 * chosen.comparison.gain:
             return item
     return chosen
 
 
-def _believed(item: Trial, search: Search, limits: Thresholds) -> bool:
+def _believed(item: Trial, limits: Thresholds) -> bool:
     found = item.comparison
     return (
         found.gain > limits.gain
@@ -367,7 +366,9 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
     search.problem.prepare(chosen.fit.vector)
     residual = search.problem.residual(chosen.fit.vector)
     soft, _ = soften(residual)
-    search.fit = _polish(search, replace(chosen.fit, residual=residual, cost=float(soft @ soft)), [])
+    search.fit = _polish(
+        search, replace(chosen.fit, residual=residual, cost=float(soft @ soft)), []
+    )
     search.base = levenberg_marquardt(
         search.problem,
         search.base.vector,

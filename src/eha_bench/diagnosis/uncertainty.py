@@ -1,8 +1,8 @@
 """Intervals that respect correlated residuals, and directions that the data do not determine.
 
 The covariance is the larger of the usual one, scaled by the mean square of the residual, and the
-sandwich H^-1 (sum over blocks g g') H^-1 with blocks of 0.1 s, which stays right where residuals are
-correlated (White, Econometrica 48 (1980) 817, doi:10.2307/1912934; Liang, Zeger, Biometrika 73
+sandwich H^-1 (sum over blocks g g') H^-1 with blocks of 0.1 s, which stays right where residuals
+are correlated (White, Econometrica 48 (1980) 817, doi:10.2307/1912934; Liang, Zeger, Biometrika 73
 (1986) 13, doi:10.1093/biomet/73.1.13).
 """
 

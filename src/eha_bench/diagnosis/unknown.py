@@ -3,8 +3,8 @@
 In windows of 0.1 s, each from its own start state, an error cannot travel far from the balance it
 enters. For every balance a curve of one variable is offered (hat functions as the effect `learned`
 has them; for the time also a sine and its second harmonic at any frequency), its sensitivities are
-found by simulation, and the curve that explains most on runs left out says equation and variable. It
-is then fitted over the long windows.
+found by simulation, and the curve that explains most on runs left out says equation and variable.
+It is then fitted over the long windows.
 """
 
 from __future__ import annotations
@@ -76,12 +76,18 @@ TEMPLATES = (
     ),
     *(Template("flow", "additive", "chamber_a", u) for u in ("time", "pressure_a")),
     *(Template("flow", "additive", "chamber_b", u) for u in ("time", "pressure_b")),
-    *(Template("flow", "gain", "a_to_b", u) for u in ("time", "motor_speed", "pressure_difference")),
+    *(
+        Template("flow", "gain", "a_to_b", u)
+        for u in ("time", "motor_speed", "pressure_difference")
+    ),
     *(
         Template("force", "additive", "motor", u)
         for u in ("time", "piston_position", "piston_velocity")
     ),
-    *(Template("force", "friction", "motor", u) for u in ("time", "piston_position", "pressure_sum")),
+    *(
+        Template("force", "friction", "motor", u)
+        for u in ("time", "piston_position", "pressure_sum")
+    ),
     *(
         Template("measurement", "additive", sensor, u)
         for sensor in ("current", "motor_speed", "pressure_a", "pressure_b", "piston_position",
@@ -163,9 +169,9 @@ class Locator:
                         max(high, float(part.max())),
                     )
 
-    def vector(self, template: Template, low: float, high: float, values: FloatArray, period: float = 0.0) -> FloatArray:  # fmt: skip
+    def vector(self, template: Template, low: float, high: float, values: FloatArray) -> FloatArray:
         """Return the fit's vector with a curve on."""
-        return curve_on(self.plant, self.fit.vector, template, low, high, values, period)
+        return curve_on(self.plant, self.fit.vector, template, low, high, values)
 
     def locate(self, template: Template) -> Located | None:
         """Return what a template's curve explains, None where its variable does not vary."""
@@ -244,7 +250,7 @@ class Locator:
         answer = -np.linalg.lstsq(normal + ridge, weighted.T @ soft, rcond=1e-12)[0]
         after = _pseudo(free, residual + matrix @ answer, matrix, self.fit.vector)
         found = compare(self.before, after, self.groups, self.excess)
-        return found.share_out, answer[len(self.free) :]
+        return found.share_out, np.asarray(answer[len(self.free) :], dtype=np.float64)
 
     def _count(self) -> int:
         return self.plant.layout.by_key[f"{LEARNED}.values"].size

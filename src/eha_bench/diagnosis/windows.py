@@ -44,7 +44,9 @@ class Window:
     spread: Mapping[str, float]
 
 
-def cut(measured: Measured, noise: Mapping[str, float], length: float = FREE_WINDOW) -> list[Window]:
+def cut(
+    measured: Measured, noise: Mapping[str, float], length: float = FREE_WINDOW
+) -> list[Window]:
     """Return the windows of a run, in the order of time, without overlap.
 
     Args:
@@ -233,7 +235,8 @@ def _rest_length(measured: Measured) -> int:
     longest = min(200, measured.time.size)
     end = longest
     for values in measured.inputs.values():
-        moved = np.flatnonzero(np.abs(values[:longest] - values[0]) > 1e-3 * (np.ptp(values) or 1.0))
+        little = 1e-3 * (np.ptp(values) or 1.0)
+        moved = np.flatnonzero(np.abs(values[:longest] - values[0]) > little)
         if moved.size:
             end = min(end, int(moved[0]) + 1)
     return max(1, end) if measured.run.locked else 1
