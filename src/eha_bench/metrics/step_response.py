@@ -31,6 +31,7 @@ MOST_EDGES = 64
 """Edges up to which a signal is a sequence of steps."""
 
 _EXACT = 1e-6  # noise below this share of the step: crossings are interpolated between samples
+_LARGEST = 1e100
 _RESOLVED = 4  # samples from 25 to 75 % below which a polynomial cannot follow the response
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 
@@ -176,12 +177,18 @@ def initial_window(line: Timeline, edge: Edge, start: float) -> slice:
 
 
 def require_finite(line: Timeline, values: FloatArray, window: slice) -> None:
-    """Raise NotScored, with the time of the recording, if a sample in the window has no value."""
-    good = np.isfinite(values[window])
+    """Raise NotScored, with the time of the recording, if a sample in the window has no value.
+
+    Values whose squares are beyond the floating-point range count as none.
+    """
+    good = np.abs(values[window]) < _LARGEST  # not so for NaN
     if not np.all(good):
-        first = float(line.time[window][int(np.argmin(good))]) + line.offset
+        first = int(np.argmin(good))
+        at = float(line.time[window][first]) + line.offset
         missing = int(np.count_nonzero(~good))
-        raise NotScored(f"{missing} sample(s) without a value, the first at {first:.6g} s")
+        value = float(values[window][first])
+        what = f"as large as {value:.0e}" if math.isfinite(value) else "without a value"
+        raise NotScored(f"{missing} sample(s) {what}, the first at {at:.6g} s")
 
 
 def level(values: FloatArray, noise: Noise) -> Level:

@@ -197,6 +197,8 @@ def commanded_edges(line: Timeline, trial: Trial) -> tuple[Edge, ...]:
     The time of an edge is that of the first sample at the new level (a sampled command holds its
     value from there on); an edge ends where the reference leaves its level, or with the recording.
     """
+    if not trial.signal.edges:
+        raise NotScored("the signal has no edge")
     return tuple(_commanded(line, edge) for edge in trial.signal.edges)
 
 

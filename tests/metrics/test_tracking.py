@@ -1,0 +1,106 @@
+"""Tracking error, and loop overruns."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+
+def followed(kit, error):
+    """A sine whose measurement misses the reference by `error(time)`."""
+    recording, trial = kit.sine(2.0, amplitude=4.0, periods=6)
+    return recording.with_values(
+        {kit.channel: recording["reference"] - error(recording.time)}
+    ), trial
+
+
+def test_a_constant_error(kit):
+    recording, trial = followed(kit, lambda t: np.full(t.size, 0.5))
+    assert kit.measure("tracking_rms", recording, trial).value == pytest.approx(0.5)
+    assert kit.measure("tracking_max", recording, trial).value == pytest.approx(0.5)
+    assert kit.measure("tracking_nrmse", recording, trial).value == pytest.approx(
+        0.5 / 8.0, rel=1e-4
+    )
+    assert kit.measure("tracking_p95", recording, trial).value == pytest.approx(0.5)
+
+
+def test_a_sine_error(kit):
+    recording, trial = followed(kit, lambda t: 0.3 * np.sin(2 * np.pi * 5 * t))
+    assert kit.measure("tracking_rms", recording, trial).value == pytest.approx(0.3 / math.sqrt(2))
+    assert kit.measure("tracking_max", recording, trial).value == pytest.approx(0.3, rel=1e-3)
+
+
+def test_the_time_of_settling_is_not_scored(kit):
+    recording, trial = kit.step(np.ones_like, before=0.5, hold=0.5)
+    values = np.array(recording[kit.channel])
+    values[:400] = 77.0
+    moved = recording.with_values({kit.channel: values})
+    assert kit.measure("tracking_max", moved, trial).value == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_error_of_a_step_is_normalised_by_the_step(kit):
+    recording, trial = kit.step(lambda t: 0.9 * np.ones_like(t), size=5.0, before=0.1, hold=0.5)
+    assert kit.measure("tracking_nrmse", recording, trial).value == pytest.approx(0.1)
+
+
+def test_noise_gives_the_rms_an_interval(kit):
+    truth = math.hypot(0.3 / math.sqrt(2), 0.05)
+    inside = 0
+    for seed in range(40):
+        recording, trial = followed(kit, lambda t: 0.3 * np.sin(2 * np.pi * 5 * t))
+        found = kit.measure("tracking_rms", kit.noisy(recording, 0.05, seed), trial)
+        inside += found.low <= truth <= found.high
+    assert inside >= 34
+
+
+def test_another_channel_does_not_follow_the_reference(kit):
+    recording, trial = kit.sine(2.0)
+    other = recording.with_values({"motor_speed": recording[kit.channel]})
+    found = kit.measure("tracking_rms", other, trial, "motor_speed")
+    assert math.isnan(found.value)
+    assert "motor_speed" in found.reason
+
+
+def test_a_missing_value_is_placed(kit):
+    recording, trial = kit.sine(2.0)
+    values = np.array(recording[kit.channel])
+    values[1234] = np.inf
+    found = kit.measure("tracking_rms", recording.with_values({kit.channel: values}), trial)
+    assert math.isnan(found.value)
+    assert "1.234 s" in found.reason
+
+
+def test_a_recording_that_ends_early_is_scored_as_far_as_it_goes_and_says_so(kit):
+    recording, trial = kit.sine(2.0)
+    found = kit.measure("tracking_rms", recording.between(0.0, 4.0), trial)
+    assert "ends at 4 s" in found.reason
+    assert math.isnan(kit.measure("tracking_rms", recording.between(0.0, 1.0), trial).value)
+
+
+# --- loop overruns ---------------------------------------------------------------------------
+
+
+def test_late_ticks_are_counted(kit):
+    recording, trial = kit.sine(2.0)
+    assert kit.measure("loop_overruns", recording, trial, "").value == 0
+    time = np.array(recording.time)
+    time[100:] += 0.8e-3
+    time[200:] += 0.4e-3  # within half a period: not late
+    time[300:] += 2e-3
+    late = replace(recording, time=time)
+    assert kit.measure("loop_overruns", late, trial, "").value == 2
+
+
+def test_what_the_target_counted_comes_first(kit):
+    recording, trial = kit.sine(2.0)
+    own = replace(recording, metadata={**recording.metadata, "loop_overruns": "7"})
+    assert kit.measure("loop_overruns", own, trial, "").value == 7
+    odd = replace(recording, metadata={"loop_overruns": "many"})
+    assert "not a count" in kit.measure("loop_overruns", odd, trial, "").reason
+
+
+def test_resampled_time_stamps_hide_late_ticks(kit):
+    recording, trial = kit.sine(2.0)
+    resampled = replace(recording, notes=("resampled onto the clock of /drive/state",))
+    assert math.isnan(kit.measure("loop_overruns", resampled, trial, "").value)
