@@ -154,7 +154,8 @@ class Page:
 class Browser:
     """A Chromium with a fresh profile; ends with its `with` block."""
 
-    def __init__(self, executable: str) -> None:
+    def __init__(self, executable: str, timeout: float = TIMEOUT) -> None:
+        self.timeout = timeout
         self._profile = tempfile.mkdtemp(prefix="chromium-")
         reads, self._out = os.pipe()
         self._in, writes = os.pipe()
@@ -219,7 +220,7 @@ class Browser:
 
     def pump(self, done: Any) -> None:
         """Read messages until `done()`."""
-        end = time.monotonic() + TIMEOUT
+        end = time.monotonic() + self.timeout
         while not done():
             while b"\0" in self._buffer:
                 raw, _, self._buffer = self._buffer.partition(b"\0")
@@ -233,7 +234,7 @@ class Browser:
                     raise AssertionError("Chromium ended")
                 self._buffer += read
             elif time.monotonic() > end:
-                raise AssertionError(f"Chromium did not answer in {TIMEOUT:g} s")
+                raise AssertionError(f"Chromium did not answer in {self.timeout:g} s")
 
     def _take(self, message: dict[str, Any]) -> None:
         if "id" in message:

@@ -9,9 +9,9 @@ from sample_run import NASTY, SampleRun
 
 from eha_bench.core.recording import Recording
 from eha_bench.report.embed_svg import SHADES
-from eha_bench.report.figures import scene_svg
 from eha_bench.report.panels import panels_of
 from eha_bench.report.scene import Scene, scene_of
+from eha_bench.report.scene_figure import scene_svg
 
 
 def draw(sample: SampleRun, key: str = "k", points: int = 2000) -> str:

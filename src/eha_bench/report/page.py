@@ -11,6 +11,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -18,11 +19,11 @@ from typing import Any, Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from eha_bench import __version__
 from eha_bench.core.result import write_text
 
 _STYLES: Final = ("uPlot.min.css", "report.css")
-_SCRIPTS: Final = ("guard.js", "uPlot.iife.min.js", "unpack.js", "charts.js")
+_EARLY_SCRIPTS: Final = ("guard.js",)
+_SCRIPTS: Final = ("uPlot.iife.min.js", "unpack.js", "charts.js")
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def render_page(template: str, content: Mapping[str, Any], *, title: str) -> str
         title: of the window.
     """
     styles = [_asset(name) for name in _STYLES]
-    scripts = [_asset(name) for name in _SCRIPTS]
+    early, late = ([_asset(name) for name in names] for names in (_EARLY_SCRIPTS, _SCRIPTS))
     return (
         environment()
         .get_template(template)
@@ -91,9 +92,10 @@ def render_page(template: str, content: Mapping[str, Any], *, title: str) -> str
                 **content,
                 "title": title,
                 "styles": styles,
-                "scripts": scripts,
-                "policy": content_security_policy(styles, scripts),
-                "version": __version__,
+                "early_scripts": early,
+                "scripts": late,
+                "policy": content_security_policy(styles, [*early, *late]),
+                "version": version("eha-bench"),
             }
         )
     )

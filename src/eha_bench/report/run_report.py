@@ -9,25 +9,23 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from markupsafe import Markup
-
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import ScoreStatus
 from eha_bench.core.trial import Trial
-from eha_bench.report.charts import ChartData, chart_data
 from eha_bench.report.describe import describe
-from eha_bench.report.figures import POINTS, scene_svg
+from eha_bench.report.figure_view import FigureView, figure_of
 from eha_bench.report.limits import ScoreRow, anchor_of, limit_rows, score_rows, worst_first
 from eha_bench.report.page import Fact, write_page
 from eha_bench.report.scene import scene_of
+from eha_bench.report.scene_figure import POINTS
 
 REPORT_NAME: Final = "report.html"
 Loader = Callable[[], Recording]
 
 # All static curves of a page together: keeps a page of many trials light.
-_POINTS_A_PAGE: Final = 150_000
+_POINTS_A_PAGE: Final = 100_000
 _FEWEST_POINTS: Final = 300
 
 _GRAVITY: Final = {Status.FAULT: 0, Status.INCOMPLETE: 1, Status.FAILED: 2, Status.PASSED: 3}
@@ -43,15 +41,6 @@ _FACT_NAMES: Final = {
     "controller_sha256": "Controller, SHA-256",
     "suite_sha256": "Suite, SHA-256",
 }
-
-
-@dataclass(frozen=True)
-class FigureView:
-    """A run's static plot, and the data of its charts."""
-
-    key: str
-    svg: Markup
-    data: ChartData
 
 
 @dataclass(frozen=True)
@@ -271,5 +260,4 @@ def _figure(
     points = min(POINTS, max(_FEWEST_POINTS, _POINTS_A_PAGE // (share * curves)))
     headings = ", ".join(panel.heading for panel in scene.panels)
     title = f"{run.id}, repeat {run.repeat}: {headings}"
-    svg = scene_svg(scene, key=key, title=title, points=points)
-    return FigureView(key, svg, chart_data(scene)), ""
+    return figure_of(scene, key=key, title=title, points=points), ""

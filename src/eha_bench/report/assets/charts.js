@@ -2,7 +2,11 @@
 // Draws the runs' charts over their static plots: one uPlot a panel, made when it is scrolled to and
 // given up when it is far away. A run's panels share zoom, cursor and link.
 (() => {
-  if (typeof uPlot === "undefined" || typeof DecompressionStream === "undefined") return;
+  const root = document.documentElement.classList;
+  if (typeof uPlot === "undefined" || !root.contains("charted")) {
+    root.remove("charted");
+    return;
+  }
 
   const ROLES = { level: "muted", band: "good", limit: "limit", safety: "safety", measured: "text", unscored: "muted" };
   const DASHES = { level: [1, 3], limit: [7, 3], safety: [7, 3, 1, 3], measured: [1, 3] };
@@ -317,7 +321,6 @@
       charts.addEventListener("keydown", (event) => this.key(event));
       charts.addEventListener("pointerleave", () => this.point(null));
       this.element.prepend(charts);
-      this.element.classList.add("live");
       this.charts = charts;
       this.relink();
     }
@@ -446,8 +449,14 @@
     }
   }
 
-  readShades();
-  const figures = [...document.querySelectorAll(".figure")].map((element) => new Figure(element));
+  const figures = [];
+  try {
+    readShades();
+    for (const element of document.querySelectorAll(".figure")) figures.push(new Figure(element));
+  } catch (error) {
+    root.remove("charted");
+    throw error;
+  }
   if (figures.length === 0) return;
 
   const panels = new Map(figures.flatMap((figure) => figure.panels.map((panel) => [panel.element, panel])));

@@ -1,4 +1,6 @@
 "use strict";
+// Where charts can be drawn the static plots need no layout; charts.js takes the mark back if it fails.
+if (typeof DecompressionStream !== "undefined") document.documentElement.classList.add("charted");
 // uPlot asks Intl for navigator.language when it loads; some browsers report one that Intl refuses.
 (() => {
   try {

@@ -1,0 +1,33 @@
+"""A plot as a page embeds it: static for every reader, with the data of its charts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from eha_bench.report.charts import ChartData, chart_data
+from eha_bench.report.scene import Scene
+from eha_bench.report.scene_figure import POINTS, scene_svg
+
+
+@dataclass(frozen=True)
+class FigureView:
+    """What the macro `plot` of `parts/figure.html.j2` shows; `key` is unique on its page."""
+
+    key: str
+    svg: Markup
+    data: ChartData
+
+
+def figure_of(scene: Scene, *, key: str, title: str, points: int = POINTS) -> FigureView:
+    """Draw a scene and pack its curves.
+
+    Args:
+        scene: of at least one panel.
+        key: unique on its page; letters, digits and dashes.
+        title: what a screen reader says.
+        points: kept of each static curve, about.
+    """
+    svg = scene_svg(scene, key=key, title=title, points=points)
+    return FigureView(key, svg, chart_data(scene))
