@@ -48,6 +48,9 @@ class Plant(ABC):
     outputs: tuple[str, ...]
     """Channels that `simulate` returns, in the order of its columns."""
 
+    states: tuple[str, ...]
+    """Names that `Drive.initial` may give."""
+
     layout: Layout
 
     @abstractmethod

@@ -331,9 +331,27 @@ EFFECT = Effect(
         choice("form", FORMS),
         choice("variable", VARIABLES),
         choice("place", PLACES),
-        Parameter("period", "", 0.0, 0.0, 1e6, source="0: not periodic; in the variable's unit"),
-        Parameter("low", "", 0.0, -math.inf, math.inf, source="first knot, in the variable's unit"),
-        Parameter("high", "", 1.0, -math.inf, math.inf, source="last knot, in the variable's unit"),
+        Parameter(
+            "period", "", 0.0, 0.0, 1e6, source="0: none; in the variable's unit", searched=False
+        ),
+        Parameter(
+            "low",
+            "",
+            0.0,
+            -math.inf,
+            math.inf,
+            source="first knot, as the variable",
+            searched=False,
+        ),
+        Parameter(
+            "high",
+            "",
+            1.0,
+            -math.inf,
+            math.inf,
+            source="last knot, as the variable",
+            searched=False,
+        ),
         Parameter("values", "", 0.0, -math.inf, math.inf, size=KNOTS, source="SI"),
     ),
     actions={

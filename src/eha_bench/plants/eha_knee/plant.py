@@ -50,6 +50,8 @@ class EhaKnee(Plant):
         "piston_velocity",
     )
 
+    states = tuple(_STATE)
+
     def __init__(self) -> None:
         self.layout = Layout(self.id, PARAMETERS, effects_of(self.id), hook_names(hooks), SIGNALS)
 

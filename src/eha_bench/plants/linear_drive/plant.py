@@ -33,6 +33,8 @@ class LinearDrive(Plant):
     id = "linear_drive"
     outputs = ("voltage", "piston_position", "piston_velocity")
 
+    states = tuple(_STATE)
+
     def __init__(self) -> None:
         self.layout = Layout(self.id, PARAMETERS, effects_of(self.id), hook_names(hooks), SIGNALS)
 

@@ -1,0 +1,202 @@
+"""What holds of every effect: named, sourced, nested in the declared model, smooth, repeatable."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eha_bench.core import plugins, units
+from eha_bench.plants.effect import Effect, Equation
+from eha_bench.plants.eha_knee.plant import EhaKnee
+from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.plant import Drive, effects_of, get_plant
+
+# contract, section 5: public names that may not change
+CONTRACT_IDS = frozenset(
+    (
+        *("current_lag", "command_delay", "current_deadband", "torque_saturation"),
+        *("cogging_torque", "pump_ripple", "pressure_dependent_friction", "viscosity_drift"),
+        *("asymmetric_friction", "turbulent_leakage", "external_leakage", "entrained_air"),
+        *("anti_cavitation", "relief_valve", "presliding_friction", "seal_friction"),
+        *("joint_backlash", "gravity_load", "pressure_sensor_lag", "pressure_sensor_offset"),
+        *("unequal_areas", "coulomb_friction", "learned"),
+    )
+)
+EFFECTS: dict[str, Effect] = {
+    name: plugins.load("effects", name) for name in plugins.names("effects")
+}
+
+
+def _starts(effect: Effect) -> list[dict[str, float]]:
+    """The default start and one of each choice: further phases and counts are alike."""
+    kept: dict[tuple[object, ...], dict[str, float]] = {}
+    for start in ({}, *effect.starts):
+        words = tuple(
+            (p.name, start.get(p.name, p.default)) for p in effect.parameters if p.choices
+        )
+        kept.setdefault(words, dict(start))
+    return list(kept.values())
+
+
+CASES = [
+    pytest.param(effect.id, start, id=f"{effect.id}-{number}")
+    for effect in EFFECTS.values()
+    for number, start in enumerate(_starts(effect))
+]
+
+
+def test_every_id_of_the_contract_is_registered() -> None:
+    assert set(EFFECTS) >= CONTRACT_IDS
+
+
+@pytest.mark.parametrize("name", sorted(EFFECTS))
+def test_effect_says_what_it_is(name) -> None:
+    effect = EFFECTS[name]
+    assert effect.id == name
+    assert effect.summary.endswith(".")
+    assert effect.source
+    assert effect.separate, "which experiment tells it from its look-alikes?"
+    assert effect.actions
+    assert effect.strength.low <= effect.neutral <= effect.strength.high
+    assert effect.strength.default != effect.neutral, "a search cannot start where it is off"
+    for parameter in effect.parameters:
+        units.parse(f"1 {parameter.unit}" if parameter.unit else 1.0, parameter.unit)
+    for start in effect.starts:
+        for key, value in start.items():
+            parameter = effect.parameter(key)
+            assert parameter.low <= value <= parameter.high, key
+    for plant in effect.actions:
+        assert isinstance(effect.equation(plant), Equation)
+
+
+def _runs():
+    """A locked and a free run that visit both signs, rest, high and low pressure."""
+    time = np.arange(0.0, 0.25, 1e-3)
+    tone = np.sin(2 * np.pi * 5 * time)
+    locked = Drive(time, {"current_command": 16.0 * tone + 3.0}, {}, locked=True)
+    warm = {"oil_temperature": np.linspace(300.0, 330.0, time.size)}
+    free = Drive(time, {"current_command": 9.0 * tone, **warm}, {})
+    return locked, free
+
+
+def _base(*effects: DeclaredEffect) -> Model:
+    values = {
+        "rotor_inertia": 0.001, "leakage": 1e-13, "current_limit": 36.0,
+        "initial_pressure": 0.6e6, "external_force": 200.0,
+    }  # fmt: skip
+    return Model("eha_knee", values, (), (DeclaredEffect("anti_cavitation"), *effects))
+
+
+def _simulate(vector, step=50e-6):
+    return np.concatenate(
+        [get_plant("eha_knee").simulate(vector, drive, step) for drive in _runs()]
+    )
+
+
+def _of_knee(cases):
+    return [case for case in cases if "eha_knee" in EFFECTS[case.values[0]].actions]
+
+
+@pytest.mark.parametrize(("name", "start"), _of_knee(CASES))
+def test_neutral_strength_is_the_declared_model_to_the_last_bit(name, start) -> None:
+    effect = EFFECTS[name]
+    layout = get_plant("eha_knee").layout
+    vector = _base().vector()
+    expected = _simulate(vector)
+    if name == "anti_cavitation":
+        vector[layout.index["anti_cavitation.valve_conductance"]] = 0.0
+        expected = _simulate(vector)
+    for parameter in effect.parameters[1:]:
+        at = layout.index[f"{name}.{parameter.name}"]
+        value = start.get(parameter.name, parameter.default)
+        vector[at : at + parameter.size] = value
+    vector[layout.index[f"{name}.{effect.strength.name}"]] = effect.neutral
+    np.testing.assert_array_equal(_simulate(vector), expected)
+
+
+def test_kernel_without_any_effect_gives_the_same_bits() -> None:
+    """The hooks cost nothing but time: off, they leave every number as it was."""
+
+    class Bare(EhaKnee):
+        """The knee with no effects compiled in."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            old = self.layout
+            self.layout = type(old)(self.id, old.parameters, (), old.hooks, old.signals)
+
+    bare = Bare()
+    full = get_plant("eha_knee")
+    own = np.array([parameter.default for parameter in bare.layout.parameters])
+    for drive in _runs():
+        got = bare.simulate(own, drive, 50e-6)
+        np.testing.assert_array_equal(got, full.simulate(full.layout.defaults(), drive, 50e-6))
+
+
+@pytest.mark.parametrize(("name", "start"), _of_knee(CASES))
+def test_effect_at_its_starting_size_is_seen_and_finite(name, start) -> None:
+    curve = {"values": list(np.sin(np.arange(24.0)))} if name == "learned" else {}
+    declared = DeclaredEffect(name, {**start, **curve})
+    plain = Model("eha_knee", _base().parameters)
+    without = _simulate(plain.vector() if name == "anti_cavitation" else _base().vector())
+    got = _simulate(_base(*(() if name == "anti_cavitation" else (declared,))).vector())
+    assert np.all(np.isfinite(got))
+    span = np.ptp(without, axis=0)
+    assert np.max(np.abs(got - without) / span) > 1e-4
+
+
+@pytest.mark.parametrize(("name", "start"), _of_knee(CASES))
+def test_finite_differences_are_usable(name, start) -> None:
+    """Steps of 0.5 % and 1 % agree on the slope: a search by finite differences works.
+
+    Within 0.25 s: periodic effects lose their phase later, as any search on them has to know.
+    """
+    effect = EFFECTS[name]
+    layout = get_plant("eha_knee").layout
+    declared = DeclaredEffect(name, {**start})
+    if name == "learned":
+        declared = DeclaredEffect(name, {"values": list(np.sin(np.arange(24.0)))})
+    base = _base(*(() if name == "anti_cavitation" else (declared,)))
+    vector = base.vector()
+    middle = _simulate(vector, 25e-6)
+    span = np.ptp(middle, axis=0)
+    for parameter in effect.parameters:
+        if parameter.choices or not parameter.searched or parameter.size > 1:
+            continue
+        if parameter.name == "count":
+            continue  # whole numbers, to be scanned
+        at = layout.index[f"{name}.{parameter.name}"]
+        size = abs(vector[at]) or 1.0
+        slopes = []
+        for share in (0.005, 0.01):
+            moved = vector.copy()
+            moved[at] += share * size
+            slopes.append((_simulate(moved, 25e-6) - middle) / span / share)
+        if start.get("side") == 1.0:
+            slopes = [slope[:, :5] for slope in slopes]  # the velocity beyond a gap jumps
+        norm = np.linalg.norm(slopes[1])
+        if norm < 1e-3:
+            continue
+        # rest and slip make corners: alike to a third is enough to find the way downhill
+        assert np.linalg.norm(slopes[0] - slopes[1]) < 0.35 * norm, parameter.name
+
+
+def test_effects_of_a_plant_are_those_that_name_it() -> None:
+    assert {effect.id for effect in effects_of("eha_knee")} == {
+        name for name, effect in EFFECTS.items() if "eha_knee" in effect.actions
+    }
+    assert {"coulomb_friction", "asymmetric_friction"} <= {
+        effect.id for effect in effects_of("linear_drive")
+    }
+
+
+def test_same_input_gives_the_same_bits() -> None:
+    vector = _base(DeclaredEffect("presliding_friction"), DeclaredEffect("current_lag")).vector()
+    np.testing.assert_array_equal(_simulate(vector), _simulate(vector))
+
+
+def test_all_effects_at_once_stay_finite() -> None:
+    skip = {"anti_cavitation", "learned"}
+    every = [DeclaredEffect(name) for name, e in EFFECTS.items()
+             if "eha_knee" in e.actions and name not in skip]  # fmt: skip
+    assert np.all(np.isfinite(_simulate(_base(*every).vector())))
