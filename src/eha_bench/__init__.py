@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from eha_bench.api import run
-    from eha_bench.metrics import score
     from eha_bench.core.recording import Recording
+    from eha_bench.diagnosis.prediction import predict
+    from eha_bench.diagnosis.run import calibrate, diagnose
+    from eha_bench.metrics import score
     from eha_bench.recordings import read, write
 
 __version__ = "0.1.0"
@@ -21,11 +23,24 @@ _HOME = {
     "Recording": "eha_bench.core.recording",
     "read": "eha_bench.recordings",
     "write": "eha_bench.recordings",
+    "calibrate": "eha_bench.diagnosis.run",
+    "diagnose": "eha_bench.diagnosis.run",
+    "predict": "eha_bench.diagnosis.prediction",
     "run": "eha_bench.api",
     "score": "eha_bench.metrics",
 }
 
-__all__ = ["Recording", "__version__", "read", "run", "score", "write"]
+__all__ = [
+    "Recording",
+    "__version__",
+    "calibrate",
+    "diagnose",
+    "predict",
+    "read",
+    "run",
+    "score",
+    "write",
+]
 
 
 def __getattr__(name: str) -> Any:

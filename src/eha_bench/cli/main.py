@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from eha_bench.cli import files, recording_files, running
+from eha_bench.cli import closing, files, recording_files, running
 from eha_bench.cli.console import errors_as_sentences
 
 app = typer.Typer(
@@ -34,6 +34,7 @@ def root(
 running.register(app)
 files.register(app)
 recording_files.register(app)
+closing.register(app)
 
 
 def main() -> None:

@@ -120,7 +120,7 @@ class Diagnosis:
                 {
                     "id": item.id,
                     "equation": item.equation,
-                    "parameters": {name: _estimate(e) for name, e in item.parameters.items()},
+                    "parameters": {name: estimate_to_dict(e) for name, e in item.parameters.items()},
                     "settings": dict(item.settings),
                     "share": _number(item.share),
                     "p_value": _number(item.p_value),
@@ -147,9 +147,9 @@ class Diagnosis:
                 }
                 for line in self.ranking
             ],
-            "error": {"train": _errors(self.train), "holdout": _errors(self.holdout)},
+            "error": {"train": errors_to_dict(self.train), "holdout": errors_to_dict(self.holdout)},
             "model": "revised.yaml",
-            "calibrated": {name: _estimate(e) for name, e in self.calibrated.items()},
+            "calibrated": {name: estimate_to_dict(e) for name, e in self.calibrated.items()},
             "undetermined": list(self.undetermined),
             "notes": list(self.notes),
             "complete": self.complete,
@@ -177,7 +177,8 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _estimate(item: Estimate) -> dict[str, Any]:
+def estimate_to_dict(item: Estimate) -> dict[str, Any]:
+    """Return an estimate as it stands in JSON."""
     return {
         "value": _number(item.value),
         "low": _number(item.low),
@@ -186,7 +187,8 @@ def _estimate(item: Estimate) -> dict[str, Any]:
     }
 
 
-def _errors(items: Mapping[str, ChannelError]) -> dict[str, Any]:
+def errors_to_dict(items: Mapping[str, ChannelError]) -> dict[str, Any]:
+    """Return errors by channel as they stand in JSON."""
     return {
         name: {
             "before": _number(item.before),

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.result import write_text
 from eha_bench.diagnosis import search as searching
 from eha_bench.diagnosis.baseline import COARSE, STEP, Baseline, calibrated, no_progress
 from eha_bench.diagnosis.candidates import LEARNED
 from eha_bench.diagnosis.dataset import Dataset, Run, load_dataset
 from eha_bench.diagnosis.decide import Decision, decide
-from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
+from eha_bench.diagnosis.diagnosis import (
+    SCHEMA_VERSION,
+    Diagnosis,
+    FoundEffect,
+    RankLine,
+    Unknown,
+    Verdict,
+    errors_to_dict,
+    estimate_to_dict,
+)
 from eha_bench.diagnosis.errors_by_channel import ChannelError, channel_errors
 from eha_bench.diagnosis.evidence import groups_of
 from eha_bench.diagnosis.fit import Fit
@@ -48,6 +60,24 @@ class Calibration:
     train: dict[str, ChannelError]
     notes: tuple[str, ...]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of calibration.json; what is not computable is null."""
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "parameters": {name: estimate_to_dict(e) for name, e in self.parameters.items()},
+            "undetermined": list(self.undetermined),
+            "error": {"train": errors_to_dict(self.train)},
+            "model": "calibrated.yaml",
+            "notes": list(self.notes),
+        }
+
+    def write(self, folder: Path) -> None:
+        """Write calibration.json and calibrated.yaml into a folder."""
+        folder.mkdir(parents=True, exist_ok=True)
+        self.model.write(folder / "calibrated.yaml", "Calibrated by eha-bench calibrate")
+        text = json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
+        write_text(folder / "calibration.json", text + "\n")
+
 
 def calibrate(
     dataset: Dataset | str | Path, out: str | Path | None = None, progress: Progress = no_progress
@@ -56,7 +86,7 @@ def calibrate(
 
     Args:
         dataset: dataset.yaml, or as loaded.
-        out: folder that gets calibrated.yaml.
+        out: folder that gets calibration.json and calibrated.yaml.
         progress: called with the stage and the fraction of it done.
 
     Raises:
@@ -75,9 +105,7 @@ def calibrate(
         base.notes,
     )
     if out is not None:
-        folder = Path(out)
-        folder.mkdir(parents=True, exist_ok=True)
-        model.write(folder / "calibrated.yaml", "Calibrated by eha-bench calibrate")
+        found.write(Path(out))
     return found
 
 

@@ -1,0 +1,108 @@
+"""`eha-bench predict`, `calibrate` and `diagnose`: a model held against recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
+
+if TYPE_CHECKING:
+    from eha_bench.diagnosis.diagnosis import Diagnosis
+    from eha_bench.diagnosis.uncertainty import Estimate
+
+Dataset = Annotated[Path, typer.Argument(help="dataset.yaml: recordings and the model they meet.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result on standard output.")]
+_HUNDRED = 100
+
+
+def predict(
+    dataset: Dataset,
+    model: Annotated[Path, typer.Option("--model", help="model.yaml to simulate.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for one Parquet file a run.")],
+) -> None:
+    """Simulate every run freely, from its inputs and its first sample."""
+    from eha_bench.diagnosis.prediction import predict as simulate
+
+    with TerminalProgress() as bar:
+        found = simulate(dataset, model, out, progress=_stages(bar))
+    say(f"{len(found)} runs simulated")
+    typer.echo(str(out))
+
+
+def calibrate(
+    dataset: Dataset,
+    out: Annotated[Path, typer.Option("--out", help="Folder for calibrated.yaml.")],
+    json: Json = False,
+) -> None:
+    """Estimate the parameters under `calibrate`, with intervals and what is not identifiable."""
+    from eha_bench.diagnosis.run import calibrate as estimate
+
+    with TerminalProgress() as bar:
+        found = estimate(dataset, out, _stages(bar))
+    for note in found.notes:
+        say(note)
+    for name, item in found.parameters.items():
+        say(f"{name}: {_interval(item)}")
+    for direction in found.undetermined:
+        say(f"not identifiable: {direction}")
+    if json:
+        typer.echo((out / "calibration.json").read_text(encoding="utf-8"), nl=False)
+    else:
+        typer.echo(str(out / "calibrated.yaml"))
+
+
+def diagnose(
+    dataset: Dataset,
+    out: Annotated[Path, typer.Option("--out", help="Folder for diagnosis.json and models.")],
+    json: Json = False,
+) -> None:
+    """Close the loop: residual, cause, revised model, error before and after."""
+    from eha_bench.diagnosis.run import diagnose as close
+
+    with TerminalProgress() as bar:
+        found = close(dataset, out, _stages(bar))
+    for note in found.notes:
+        say(note)
+    _say_verdict(found)
+    if json:
+        typer.echo(found.to_json(), nl=False)
+    else:
+        typer.echo(str(out / "diagnosis.json"))
+    if not found.complete:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _say_verdict(found: Diagnosis) -> None:
+    """Print verdict, causes and the held-out error before and after."""
+    say(f"verdict: {found.verdict.value}{'' if found.complete else ' (interrupted)'}")
+    for effect in found.effects:
+        values = ", ".join(f"{key} = {_interval(v)}" for key, v in effect.parameters.items())
+        say(f"  {effect.id} in the {effect.equation} equation: {values}")
+    if found.unknown:
+        variables = ", ".join(found.unknown.variables) or "nothing that was measured"
+        say(f"  something in the {found.unknown.equation} equation, by {variables}")
+    for group in found.equivalent:
+        say(f"  these data cannot tell apart: {', '.join(group)}")
+    for channel, item in found.holdout.items():
+        say(f"  held out, {channel}: {item.before:.4g} -> {item.after:.4g} {item.unit} "
+            f"(noise {item.noise_floor:.4g})")  # fmt: skip
+
+
+def _interval(item: Estimate) -> str:
+    return f"{item.value:.5g} ({item.low:.5g} ... {item.high:.5g}) {item.unit}".rstrip()
+
+
+def _stages(bar: TerminalProgress) -> Callable[[str, float], None]:
+    """Return a progress callback by stage and fraction that draws on the bar."""
+    return lambda stage, fraction: bar(round(_HUNDRED * fraction), _HUNDRED, stage)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(predict)
+    app.command()(calibrate)
+    app.command()(diagnose)
