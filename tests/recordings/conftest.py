@@ -62,6 +62,7 @@ def typed_log(tmp_path: Path) -> LogMaker:
     return make
 
 
-def steps(count: int, period: int, offset: int = 0) -> list[int]:
-    """Stamps in ns at equal distances."""
-    return [offset + k * period for k in range(count)]
+@pytest.fixture
+def stamped() -> str:
+    """The definition of a message with a header and one number."""
+    return HEADER

@@ -21,6 +21,7 @@ from eha_bench.recordings.series import (
 )
 from eha_bench.recordings.track import Column, Stamps, Track
 
+_SLOWER = 0.75
 _SAME_TICK = 0.05
 """A command stamped this share of a period after a tick still belongs to that tick."""
 
@@ -78,7 +79,7 @@ def align(
                 column = track.columns[keys[name][1]]
                 columns[name] = column if rows is None else column[rows]
             continue
-        notes += _method_notes(mapping, topic, track, names, base)
+        notes += _method_notes(mapping, topic, track, names, base, stamps)
         if any(mapping.method(name) is Method.LINEAR for name in names):
             notes += gap_note(f"topic '{topic}'", track.stamps, epoch)
         for name in names:
@@ -91,18 +92,19 @@ def align(
 def _base(
     mapping: ChannelMap, tracks: Mapping[str, Track], keys: Mapping[str, tuple[str, str]]
 ) -> str:
-    """Return the topic whose ticks are the common clock: asked for, or with the most channels.
+    """Return the topic whose ticks are the common clock: asked for, or with the most numbers.
 
-    Among topics of as many channels the one with more samples wins, then the more regular one,
-    then the first; a topic that holds only commands is taken last.
+    Numbers are samples times channels, so that the least is lost or made up. Among equals the more
+    regular topic wins, then the first; one that holds only commands is taken last.
     """
     if mapping.base is not None:
         return keys[mapping.base][0]
 
-    def rank(topic: str) -> tuple[bool, int, int, float]:
+    def rank(topic: str) -> tuple[bool, int, float]:
         names = [name for name, (owner, _) in keys.items() if owner == topic]
         measured = any(mapping.method(name) is Method.LINEAR for name in names)
-        return measured, len(names), len(tracks[topic]), -irregularity(tracks[topic].stamps)
+        numbers = len(names) * len(tracks[topic])
+        return measured, numbers, -irregularity(tracks[topic].stamps)
 
     return max(tracks, key=rank)
 
@@ -161,7 +163,7 @@ def _rows(own: Stamps, stamps: Stamps) -> slice | None:
 
 
 def _method_notes(
-    mapping: ChannelMap, topic: str, track: Track, names: list[str], base: str
+    mapping: ChannelMap, topic: str, track: Track, names: list[str], base: str, stamps: Stamps
 ) -> list[str]:
     how = {Method.LINEAR: "interpolated linearly", Method.HOLD: "held until the next message"}
     step = typical_step(track.stamps) / 1e9
@@ -173,6 +175,11 @@ def _method_notes(
                 f"topic '{topic}' (every {step:.6g} s) was carried onto the clock of '{base}': "
                 f"{', '.join(affected)} {text}"
             )
+    if step * 1e9 < _SLOWER * typical_step(stamps):
+        notes.append(
+            f"topic '{topic}' ticks faster than the clock of '{base}', so that samples of it were "
+            f"left out; 'base: {names[0]}' keeps them"
+        )
     return notes
 
 

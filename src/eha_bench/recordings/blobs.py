@@ -10,7 +10,7 @@ import numpy as np
 from eha_bench.recordings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.payloads import Payloads
 from eha_bench.recordings.source import Source, Wanted
-from eha_bench.recordings.topic_reader import Part, TopicReader
+from eha_bench.recordings.topic_reader import Part, TopicReader, finished
 from eha_bench.recordings.track import Track
 
 _BATCH = 8192
@@ -55,7 +55,7 @@ def collect(
             deliver(topic)
     for topic in list(waiting):
         deliver(topic)
-    return {topic: reader.finish() for topic, reader in readers.items()}
+    return finished(source, readers)
 
 
 def _parts(messages: list[tuple[int, int, bytes]]) -> list[Part]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +46,10 @@ class Decoder(ABC):
     @abstractmethod
     def kinds(self) -> Mapping[int, str]:
         """Return the NumPy types that the paths were seen with, by their number."""
+
+    @abstractmethod
+    def found(self) -> Set[int]:
+        """Return the numbers of the paths that led to something in at least one message."""
 
     @abstractmethod
     def decode(self, payloads: Payloads, columns: list[Column]) -> None:

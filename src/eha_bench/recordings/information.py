@@ -111,7 +111,7 @@ def info(path: str | Path) -> RecordingInformation:
     start = min((int(times.min()) for times in stamps.values() if times.size), default=0)
     end = max((int(times.max()) for times in stamps.values() if times.size), default=start)
     records = source.metadata()
-    notes = source.notes
+    notes = (*source.notes, *source.skipped())
     return RecordingInformation(
         path=str(file),
         format=source.format,

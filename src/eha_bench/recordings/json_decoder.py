@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Any
 
 from eha_bench.recordings.decoder import Column, Decoder, UnreadableTopic, number
@@ -16,10 +16,15 @@ class JsonDecoder(Decoder):
 
     def __init__(self, paths: tuple[FieldPath, ...]) -> None:
         self._paths = paths
+        self._found: set[int] = set()
 
     def kinds(self) -> Mapping[int, str]:
         """Return no types: JSON has only numbers."""
         return {}
+
+    def found(self) -> Set[int]:
+        """Return the numbers of the paths that led to something in at least one message."""
+        return self._found
 
     def decode(self, payloads: Payloads, columns: list[Column]) -> None:
         """Write one value a message into each column.
@@ -32,8 +37,11 @@ class JsonDecoder(Decoder):
                 message = json.loads(bytes(payloads.payload(row)))
             except (ValueError, RecursionError) as error:
                 raise UnreadableTopic(f"a message is not JSON ({error})") from error
-            for column, path in zip(columns, self._paths, strict=True):
-                column[row] = number(follow(message, path))
+            for index, path in enumerate(self._paths):
+                value = follow(message, path)
+                if value is not None:
+                    self._found.add(index)
+                columns[index][row] = number(value)
 
 
 def follow(message: Any, path: FieldPath) -> Any:

@@ -74,11 +74,15 @@ class LiveWriter:
         self._shift: int | None = None
         try:
             self._stream = self._path.open("wb", buffering=0)
+        except OSError as error:
+            raise self._unwritable(error) from error
+        try:
             self._sink = McapSink(self._stream, level=1)
             self._channel = begin(
                 self._sink, self._message, epoch_ns, metadata or {}, attachments or {}
             )
         except OSError as error:
+            self._stream.close()
             raise self._unwritable(error) from error
         size = self._message.record.itemsize
         self._rows = max(CHUNK_SIZE // size, 1)

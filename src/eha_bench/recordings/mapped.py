@@ -43,7 +43,7 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
     if isinstance(source, TableSource) and epoch < 0:
         epoch = 0  # a table's time that starts below zero has its zero at an event: keep it
     time = _time(aligned.stamps, epoch)
-    notes = [*source.notes, *_skipped_notes(source), *aligned.notes]
+    notes = [*source.notes, *source.skipped(), *aligned.notes]
     values: dict[str, Column] = {}
     for name, entry in mapping.channels.items():
         topic, column = keys[name]
@@ -163,11 +163,6 @@ def _missing_topic(
         where=Place(file=source.path, topic=topic),
         hint=f"its topics are: {listed}",
     )
-
-
-def _skipped_notes(source: Source) -> list[str]:
-    skipped = [topic.name for topic in source.topics() if topic.skipped]
-    return [f"skipped topics with service events: {', '.join(skipped)}"] if skipped else []
 
 
 def _metadata(source: Source) -> dict[str, str]:

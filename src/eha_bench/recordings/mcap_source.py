@@ -19,7 +19,7 @@ from eha_bench.recordings.mcap_file import (
 )
 from eha_bench.recordings.payloads import Payloads
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
-from eha_bench.recordings.topic_reader import Part, TopicReader, in_order
+from eha_bench.recordings.topic_reader import Part, TopicReader, finished, in_order
 from eha_bench.recordings.track import StampColumn, Track
 
 _SCHEMA, _CHANNEL = 3, 4
@@ -81,7 +81,7 @@ class McapSource(Source):
         for part in self._reader.splits(ids, span):
             self._collect(part, ids, readers)
             del part  # or there would be three chunks in memory
-        return {topic: reader.finish() for topic, reader in readers.items()}
+        return finished(self, readers)
 
     def first_stamp(self, wanted: Mapping[str, Wanted]) -> int | None:
         """Return the log time in ns of the first wanted message, None if only a full scan tells."""

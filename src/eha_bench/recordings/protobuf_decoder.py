@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Any
 
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet  # type: ignore[import-untyped]
@@ -20,6 +20,7 @@ class ProtobufDecoder(Decoder):
 
     def __init__(self, encoded: Encoded, paths: tuple[FieldPath, ...]) -> None:
         self._paths = paths
+        self._found: set[int] = set()
         self._class = _message_class(encoded)
         for path in paths:
             _check(self._class, path)
@@ -27,6 +28,10 @@ class ProtobufDecoder(Decoder):
     def kinds(self) -> Mapping[int, str]:
         """Return no types: Protobuf's integers do not wrap at a fixed number of bits."""
         return {}
+
+    def found(self) -> Set[int]:
+        """Return the numbers of the paths that led to something in at least one message."""
+        return self._found
 
     def decode(self, payloads: Payloads, columns: list[Column]) -> None:
         """Write one value a message into each column.
@@ -40,8 +45,11 @@ class ProtobufDecoder(Decoder):
                 message.ParseFromString(bytes(payloads.payload(row)))
             except DecodeError as error:
                 raise UnreadableTopic("a message does not fit its Protobuf descriptor") from error
-            for column, path in zip(columns, self._paths, strict=True):
-                column[row] = number(_follow(message, path))
+            for index, path in enumerate(self._paths):
+                value = _follow(message, path)
+                if value is not None:
+                    self._found.add(index)
+                columns[index][row] = number(value)
 
 
 def _message_class(encoded: Encoded) -> type[Message]:

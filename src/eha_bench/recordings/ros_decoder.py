@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,10 @@ class RosDecoder(Decoder):
     def kinds(self) -> Mapping[int, str]:
         """Return the NumPy types that the paths were seen with, by their number."""
         return self._kinds
+
+    def found(self) -> Set[int]:
+        """Return the numbers of the paths that led to something in at least one message."""
+        return self._kinds.keys()
 
     def decode(self, payloads: Payloads, columns: list[Column]) -> None:
         """Write one value a message into each column.

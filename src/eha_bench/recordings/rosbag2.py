@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
+import weakref
 from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Any
@@ -26,7 +28,6 @@ class Rosbag2Source(Source):
         self._path = path
         self._notes: list[str] = []
         self._torn = False
-        self._unpacked: list[tempfile.TemporaryDirectory[str]] = []
         described = self._describe()
         self._message_mode = str(described.get("compression_mode", "")).upper() == "MESSAGE"
         self._parts = [self._open(file) for file in self._files(described)]
@@ -154,9 +155,9 @@ class Rosbag2Source(Source):
         """Decompress a file into a temporary folder that goes when the source goes."""
         import zstandard
 
-        folder = tempfile.TemporaryDirectory(prefix="eha-bench-")
-        self._unpacked.append(folder)
-        target = Path(folder.name) / file.stem
+        folder = tempfile.mkdtemp(prefix="eha-bench-")
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        target = Path(folder) / file.stem
         written = 0
         try:
             with file.open("rb") as source, target.open("wb") as sink:

@@ -106,6 +106,11 @@ class Source(ABC):
         """Files inside the log, by name."""
         return {}
 
+    def skipped(self) -> tuple[str, ...]:
+        """Say which topics are left out because of what they are."""
+        names = [topic.name for topic in self.topics() if topic.skipped]
+        return (f"skipped topics with service events: {', '.join(names)}",) if names else ()
+
     def refuse(self, topic: str, error: UnreadableTopic) -> RecordingError:
         """Return the error that says why a topic cannot be decoded."""
         return RecordingError(

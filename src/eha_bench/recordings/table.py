@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
@@ -206,14 +207,22 @@ class CsvSource(TableSource):
                 hint="give a CSV file with a line of column names",
             )
         decimal = "," if delimiter != "," and re.search(r"\d,\d", text[:100_000]) else "."
-        text = self._without_torn_end(text, delimiter)
+        text = _without_last_delimiter(self._without_torn_end(text, delimiter), delimiter)
         from io import StringIO
 
         try:
-            frame = pd.read_csv(
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", pd.errors.ParserWarning)
+                frame = pd.read_csv(
                 StringIO(text), sep=delimiter, decimal=decimal, skiprows=self._skipped,
                 skipinitialspace=True, index_col=False, low_memory=False, comment="#",
             )  # fmt: skip
+        except pd.errors.ParserWarning as error:
+            raise RecordingError(
+                "its lines hold more cells than the line of names",
+                where=Place(file=self.path, line=self._skipped + 1),
+                hint="give every column a name",
+            ) from error
         except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
             reason = " ".join(str(error).split())
             raise RecordingError(f"cannot be read as CSV ({reason})", where=where) from error
@@ -249,6 +258,16 @@ class CsvSource(TableSource):
                     hint="correct or remove the line",
                 )
         return RecordingError(f"column '{name}' does not hold numbers", where=Place(file=self.path))
+
+
+def _without_last_delimiter(text: str, delimiter: str) -> str:
+    """Remove the delimiter that some programs write behind the last cell, but not behind names."""
+    lines = [line for line in text.split("\n", 200) if line.strip() and line[0] not in "#%"][:2]
+    if len(lines) < 2 or not lines[1].rstrip("\r").endswith(delimiter):
+        return text
+    if lines[0].count(delimiter) >= lines[1].count(delimiter):
+        return text
+    return re.sub(re.escape(delimiter) + r"(?=\r?$)", "", text, flags=re.MULTILINE)
 
 
 def _first_line(text: str) -> tuple[str, int]:

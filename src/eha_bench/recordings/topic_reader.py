@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.decoder import Decoder, Encoded, UnreadableTopic, make_decoder
 from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.payloads import Payloads
-from eha_bench.recordings.source import Wanted
+from eha_bench.recordings.source import Source, Wanted
 from eha_bench.recordings.track import Column, Growing, StampColumn, Stamps, Track
 
 _STAMPS = (
@@ -123,7 +123,16 @@ class TopicReader:
         return self._stamps
 
     def finish(self) -> Track:
-        """Return the track."""
+        """Return the track.
+
+        Raises:
+            UnreadableTopic: no message at all has one of the wanted elements.
+        """
+        if self._decoders:
+            found = {index for decoder in self._decoders.values() for index in decoder.found()}
+            for index, path in enumerate(self._wanted.fields):
+                if index not in found:
+                    raise UnreadableTopic(f"no message has an element {path}")
         stamps = np.empty(0, np.int64) if self.clock is None else self.stamps.finish()
         columns = [column.finish() for column in self._columns]
         names = [str(path) for path in self._wanted.fields]
@@ -166,3 +175,18 @@ def in_order(groups: list[Payloads]) -> list[Rows | None]:
     return [
         rows[stop - group.count : stop] for stop, group in zip(stops.tolist(), groups, strict=True)
     ]
+
+
+def finished(source: Source, readers: Mapping[str, TopicReader]) -> dict[str, Track]:
+    """Return the tracks of all readers.
+
+    Raises:
+        RecordingError: no message of a topic has one of the wanted elements.
+    """
+    tracks = {}
+    for topic, reader in readers.items():
+        try:
+            tracks[topic] = reader.finish()
+        except UnreadableTopic as error:
+            raise source.refuse(topic, error) from error
+    return tracks

@@ -1,0 +1,294 @@
+"""MCAP with JSON, Protobuf and ROS 1 messages, and the odd ends of CDR."""
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, Writer
+
+from eha_bench import recordings
+from eha_bench.core.errors import RecordingError
+from eha_bench.recordings.decoder import Encoded, make_decoder
+from eha_bench.recordings.definitions import DefinitionError, parse_idl, parse_msg
+from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.payloads import Payloads
+
+
+def one(topic: str, field: str, **options: Any) -> dict[str, Any]:
+    return {"channels": {"probe": {"topic": topic, "field": field, "unit": "V"}}, **options}
+
+
+def raw_log(
+    path: Path, encoding: str, schema: tuple[str, str, bytes], payloads: list[bytes]
+) -> Path:
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=700, compression=CompressionType.LZ4)
+        writer.start()
+        name, kind, data = schema
+        channel = writer.register_channel("/x", encoding, writer.register_schema(name, kind, data))
+        for k, payload in enumerate(payloads):
+            writer.add_message(channel, k * 1_000_000, payload, k * 1_000_000)
+        writer.finish()
+    return path
+
+
+def decode(encoded: Encoded, payloads: list[bytes], *fields: str) -> list[list[float]]:
+    """Decode messages one after the other through one decoder."""
+    decoder = make_decoder(encoded, tuple(map(FieldPath.parse, fields)))
+    rows = []
+    for payload in payloads:
+        columns = [np.empty(1) for _ in fields]
+        buffer = np.frombuffer(payload, dtype=np.uint8)
+        decoder.decode(Payloads(buffer, 1, buffer.size, 0, buffer.size), columns)
+        rows.append([float(column[0]) for column in columns])
+    return rows
+
+
+def test_json(tmp_path: Path) -> None:
+    payloads = [
+        json.dumps(
+            {
+                "header": {"stamp": {"sec": 5 + k, "nanosec": 3}},
+                "pose": {"position": {"z": k / 3}},
+                "name": ["a", "motor"],
+                "velocity": [0, k],
+                "on": k % 2 == 0,
+            }
+        ).encode()
+        for k in range(100)
+    ]
+    path = raw_log(tmp_path / "j.mcap", "json", ("x", "jsonschema", b"{}"), payloads)
+    for field, expected in (
+        ("pose.position.z", [k / 3 for k in range(100)]),
+        ("velocity[1]", list(range(100))),
+        ("velocity[motor]", list(range(100))),
+        ("on", [float(k % 2 == 0) for k in range(100)]),
+    ):
+        assert recordings.read(path, channels=one("/x", field))["probe"].tolist() == expected
+    by_header = recordings.read(path, channels=one("/x", "pose.position.z", clock="header"))
+    assert by_header.epoch_ns == 5_000_000_003
+    assert by_header.time[1] == 1.0
+    with pytest.raises(RecordingError, match="no message has an element pose"):
+        recordings.read(path, channels=one("/x", "pose.z"))
+    with pytest.raises(RecordingError, match="is list, not a number"):
+        recordings.read(path, channels=one("/x", "velocity"))
+
+
+def test_protobuf(tmp_path: Path) -> None:
+    from google.protobuf.timestamp_pb2 import Timestamp
+    from mcap_protobuf.writer import Writer as ProtobufWriter
+
+    path = tmp_path / "p.mcap"
+    with path.open("wb") as stream, ProtobufWriter(stream) as writer:
+        for k in range(50):
+            writer.write_message("/x", Timestamp(seconds=k, nanos=7), k * 1000, k * 1000)
+    assert recordings.read(path, channels=one("/x", "seconds"))["probe"].tolist() == list(range(50))
+    with pytest.raises(RecordingError, match="no field 'second'; its fields are seconds, nanos"):
+        recordings.read(path, channels=one("/x", "second"))
+
+
+def test_ros1_in_mcap(tmp_path: Path) -> None:
+    from mcap_ros1.writer import Writer as Ros1Writer
+
+    del Ros1Writer  # it needs ROS's own classes: the bytes are made here instead
+    definition = (
+        b"Header header\nfloat32[] v\ntime at\n" + b"=" * 80
+        + b"\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n"
+    )  # fmt: skip
+    payloads = []
+    for k in range(60):
+        frame = b"f" * (k % 4)
+        values = [k / 8, -k / 4][: 1 + k % 2]
+        payloads.append(
+            struct.pack("<III", k, 100 + k, 5)
+            + struct.pack("<I", len(frame)) + frame
+            + struct.pack("<I", len(values)) + struct.pack(f"<{len(values)}f", *values)
+            + struct.pack("<II", 9, k)
+        )  # fmt: skip
+    path = raw_log(tmp_path / "r.mcap", "ros1", ("my/Thing", "ros1msg", definition), payloads)
+    assert recordings.read(path, channels=one("/x", "v[0]"))["probe"].tolist() == [
+        k / 8 for k in range(60)
+    ]
+    second = recordings.read(path, channels=one("/x", "v[1]", clock="header"))
+    assert np.array_equal(
+        second["probe"], [-k / 4 if k % 2 else np.nan for k in range(60)], equal_nan=True
+    )
+    assert second.epoch_ns == 100_000_000_005
+    for name in ("at.nsecs", "at.nanosec"):
+        assert recordings.read(path, channels=one("/x", name))["probe"][7] == 7.0
+
+
+DEFINITION = """
+uint8 a
+float64 b
+int16[3] c
+string s
+Inner[] d
+bool flag
+wstring<=5 w
+float32[<=4] e
+uint64 BIG=5 # a constant
+string note "has a # in it"
+================================================================================
+MSG: pkg/Inner
+int32 x
+string label
+float64[2] y
+"""
+ENCODED = Encoded("cdr", "pkg/msg/Outer", "ros2msg", DEFINITION.encode())
+
+
+class Cdr:
+    """Plain CDR written by the book, to check the reader against."""
+
+    def __init__(self, order: str) -> None:
+        self.order = order
+        self.body = b""
+
+    def put(self, code: str, value: Any) -> "Cdr":
+        size = struct.calcsize(code)
+        self.body += bytes(-len(self.body) % size) + struct.pack(self.order + code, value)
+        return self
+
+    def text(self, value: str) -> "Cdr":
+        raw = value.encode() + b"\0"
+        self.put("I", len(raw))
+        self.body += raw
+        return self
+
+    def finish(self) -> bytes:
+        return bytes([0, self.order == "<", 0, 0]) + self.body
+
+
+texts = st.text(st.characters(codec="ascii", exclude_characters="\0"), max_size=9)
+numbers = st.floats(allow_nan=False, width=32)
+inner = st.tuples(st.integers(-(2**31), 2**31 - 1), texts, numbers)
+
+
+@given(
+    order=st.sampled_from("<>"),
+    rows=st.lists(st.tuples(texts, st.lists(inner, max_size=3), texts), min_size=1, max_size=12),
+)
+def test_cdr_by_the_book(order: str, rows: list[Any]) -> None:
+    payloads, expected = [], []
+    for label, members, wide in rows:
+        cdr = Cdr(order).put("B", 7).put("d", 1.5)
+        for value in (-1, 2, -3):
+            cdr.put("h", value)
+        cdr.text(label).put("I", len(members))
+        for x, name, y in members:
+            cdr.put("i", x).text(name).put("d", y).put("d", -y)
+        cdr.put("?", True).put("I", len(wide))
+        cdr.body += wide.encode("utf-16-le" if order == "<" else "utf-16-be")
+        cdr.put("I", 2).put("f", 0.25).put("f", 8.0).text("")
+        payloads.append(cdr.finish())
+        second = members[1] if len(members) > 1 else None
+        expected.append(
+            [1.5, -3.0, second[2] * -1 if second else np.nan, 1.0, 8.0,
+             float(second[0]) if second else np.nan]
+        )  # fmt: skip
+    found = decode(ENCODED, payloads, "b", "c[2]", "d[1].y[1]", "flag", "e[1]", "d[1].x")
+    assert np.array_equal(found, expected, equal_nan=True)
+
+
+def test_messages_of_ever_changing_shape(tmp_path: Path) -> None:
+    payloads = []
+    generator = np.random.default_rng(2)
+    for k in range(300):
+        cdr = Cdr("<").put("I", 0)
+        cdr.body = b""
+        names = [f"j{n}" * int(generator.integers(1, 4)) for n in range(generator.integers(0, 5))]
+        names.insert(int(generator.integers(0, len(names) + 1)), "motor")
+        cdr.put("I", len(names))
+        for name in names:
+            cdr.text(name)
+        cdr.put("I", len(names))
+        for name in names:
+            cdr.put("d", float(k) if name == "motor" else -1.0)
+        payloads.append(cdr.finish())
+    schema = ("pkg/msg/State", "ros2msg", b"string[] name\nfloat64[] position")
+    path = raw_log(tmp_path / "s.mcap", "cdr", schema, payloads)
+    back = recordings.read(path, channels=one("/x", "position[motor]"))
+    assert back["probe"].tolist() == list(range(300))
+
+
+def test_a_message_that_does_not_fit_is_an_error(tmp_path: Path) -> None:
+    good = Cdr("<").put("d", 1.0).finish()
+    schema = ("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+    for bad, message in (
+        (good[:-1], "ends after 11 bytes"),
+        (b"\x00\x0b\x00\x00" + good[4:], "not those of plain CDR"),
+        (b"", "first bytes are missing"),
+    ):
+        path = raw_log(tmp_path / "b.mcap", "cdr", schema, [good] * 5 + [bad])
+        with pytest.raises(RecordingError, match=message):
+            recordings.read(path, channels=one("/x", "data"))
+    endless = Cdr("<").put("I", 2**32 - 1).finish()
+    schema = ("p/msg/S", "ros2msg", b"E[] e\nfloat64 data\n" + b"=" * 80 + b"\nMSG: p/E\nint8 a\n")
+    path = raw_log(tmp_path / "e.mcap", "cdr", schema, [endless] * 3)
+    with pytest.raises(RecordingError, match="claims 4294967295 elements"):
+        recordings.read(path, channels=one("/x", "data"))
+
+
+def test_a_type_that_holds_itself_is_an_error(tmp_path: Path) -> None:
+    schema = ("p/msg/A", "ros2msg", b"A inner\nfloat64 data")
+    path = raw_log(tmp_path / "r.mcap", "cdr", schema, [Cdr("<").put("d", 1.0).finish()] * 3)
+    with pytest.raises(RecordingError, match="nested deeper"):
+        recordings.read(path, channels=one("/x", "data"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("float64 a\n---\nbool b", "service"),
+        ("float64", "not a field"),
+        ("? not a message", "not a field"),
+    ],
+)
+def test_what_is_no_definition(text: str, message: str) -> None:
+    with pytest.raises(DefinitionError, match=message):
+        parse_msg("p/msg/A", text)
+
+
+def test_idl_and_msg_say_the_same() -> None:
+    idl = """module pkg { module msg {
+      struct Outer { double a; sequence<float> b; long c[3]; string d; pkg::msg::Inner e; };
+      struct Inner { @verbatim (language="comment", text="x") unsigned short x; };
+    }; };"""
+    text = "float64 a\nfloat32[] b\nint32[3] c\nstring d\nInner e\n" + "=" * 80
+    text += "\nMSG: pkg/Inner\nuint16 x\n"
+    assert parse_idl(idl) == parse_msg("pkg/msg/Outer", text)
+
+
+def test_numbers_are_equal_to_those_of_rosbags_for_all_standard_types() -> None:
+    from rosbags.typesys import Stores, get_typestore
+
+    from eha_bench.recordings.definitions import standard
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind = store.types["sensor_msgs/msg/Imu"]
+    nested = store.types
+    vector = nested["geometry_msgs/msg/Vector3"]
+    message = kind(
+        header=nested["std_msgs/msg/Header"](
+            stamp=nested["builtin_interfaces/msg/Time"](sec=3, nanosec=4), frame_id="odd"
+        ),
+        orientation=nested["geometry_msgs/msg/Quaternion"](x=1.0, y=2.0, z=3.0, w=4.0),
+        orientation_covariance=np.arange(9.0),
+        angular_velocity=vector(x=5.0, y=6.0, z=7.0),
+        angular_velocity_covariance=np.arange(9.0),
+        linear_acceleration=vector(x=8.0, y=9.0, z=10.0),
+        linear_acceleration_covariance=np.arange(9.0),
+    )
+    raw = bytes(store.serialize_cdr(message, kind.__msgtype__))
+    assert "sensor_msgs/Imu" in standard()
+    encoded = Encoded("cdr", "sensor_msgs/msg/Imu", "", b"")
+    found = decode(
+        encoded, [raw], "orientation.w", "orientation_covariance[8]", "linear_acceleration.y"
+    )
+    assert found == [[4.0, 8.0, 9.0]]

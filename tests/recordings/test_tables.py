@@ -1,0 +1,177 @@
+"""CSV, Parquet and MAT: columns instead of topics."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import savemat
+
+from eha_bench import recordings
+from eha_bench.core.errors import EhaBenchError, RecordingError
+from eha_bench.core.recording import Recording
+
+CHANNELS = {
+    "pressure_a": {"column": "p", "unit": "bar"},
+    "piston_position": {"column": "pos_mm", "unit": "mm", "scale": 2.0, "offset": 1.0},
+}
+MAP: dict[str, Any] = {"time": {"column": "t", "unit": "ms"}, "channels": CHANNELS}
+COUNT = 100
+
+
+@pytest.fixture
+def frame() -> pd.DataFrame:
+    index = np.arange(COUNT)
+    return pd.DataFrame({"t": index * 2.0 + 30, "p": index / 7, "pos_mm": index.astype(float)})
+
+
+def check(back: Recording) -> None:
+    index = np.arange(COUNT)
+    assert np.allclose(back.time, index * 0.002)
+    assert back.epoch_ns == 30_000_000
+    assert np.allclose(back["pressure_a"], index / 7 * 1e5, rtol=1e-12)
+    assert np.allclose(back["piston_position"], (index * 2.0 + 1.0) * 1e-3, rtol=1e-12)
+
+
+def test_csv(tmp_path: Path, frame: pd.DataFrame) -> None:
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    check(recordings.read(tmp_path / "a.csv", channels=MAP))
+
+
+@pytest.mark.parametrize(
+    "options", [{"sep": ";", "decimal": ","}, {"sep": "\t"}, {"sep": "|"}, {"sep": ";"}]
+)
+def test_csv_as_others_write_it(tmp_path: Path, frame: pd.DataFrame, options: Any) -> None:
+    text = frame.to_csv(index=False, **options)
+    (tmp_path / "a.txt").write_text("\ufeff# rig 2\n\n" + text.replace("\n", "\r\n"))
+    check(recordings.read(tmp_path / "a.txt", channels=MAP))
+
+
+def test_csv_with_a_delimiter_behind_the_last_cell(tmp_path: Path, frame: pd.DataFrame) -> None:
+    head, *rows = frame.to_csv(index=False).splitlines()
+    (tmp_path / "a.csv").write_text("\n".join([head, *(f"{row}," for row in rows)]) + "\n")
+    check(recordings.read(tmp_path / "a.csv", channels=MAP))
+
+
+def test_parquet(tmp_path: Path, frame: pd.DataFrame) -> None:
+    frame.to_parquet(tmp_path / "a.parquet")
+    check(recordings.read(tmp_path / "a.parquet", channels=MAP))
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_mat(tmp_path: Path, frame: pd.DataFrame, packed: bool) -> None:
+    columns = {name: frame[name].to_numpy() for name in frame}
+    savemat(tmp_path / "a.mat", columns, do_compression=packed)
+    check(recordings.read(tmp_path / "a.mat", channels=MAP))
+
+
+def test_mat_structs_and_matrices(tmp_path: Path, frame: pd.DataFrame) -> None:
+    content = {
+        "log": {"t": frame["t"].to_numpy(), "inner": {"p": frame["p"].to_numpy()}},
+        "y": np.column_stack([np.zeros(COUNT), frame["pos_mm"].to_numpy()]),
+        "text": "hello",
+        "cells": np.array([np.zeros(3), "x"], dtype=object),
+    }
+    savemat(tmp_path / "a.mat", content)
+    channels = {
+        "pressure_a": {**CHANNELS["pressure_a"], "column": "log.inner.p"},
+        "piston_position": {**CHANNELS["piston_position"], "column": "y[1]"},
+    }
+    mapping = {"time": {"column": "log.t", "unit": "ms"}, "channels": channels}
+    check(recordings.read(tmp_path / "a.mat", channels=mapping))
+    for column in ("text", "cells", "y[2]", "log.q", "y"):
+        wrong = {**mapping, "channels": {"pressure_a": {"column": column, "unit": "bar"}}}
+        with pytest.raises(RecordingError, match="column"):
+            recordings.read(tmp_path / "a.mat", channels=wrong)
+
+
+def test_a_sample_rate_instead_of_a_time(tmp_path: Path, frame: pd.DataFrame) -> None:
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    back = recordings.read(
+        tmp_path / "a.csv", channels={"sample_rate": "3 kHz", "channels": CHANNELS}
+    )
+    assert np.allclose(back.time, np.arange(COUNT) / 3000, atol=1e-9)
+    with pytest.raises(RecordingError, match=r"needs a clock.*sample_rate"):
+        recordings.read(tmp_path / "a.csv", channels={"channels": CHANNELS})
+
+
+def test_a_time_that_starts_below_zero_keeps_its_zero(tmp_path: Path, frame: pd.DataFrame) -> None:
+    frame["t"] -= 50
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    back = recordings.read(tmp_path / "a.csv", channels=MAP)
+    assert back.time[0] == pytest.approx(-0.02)
+    assert back.epoch_ns == 0
+
+
+def test_what_eha_bench_writes_as_a_table_needs_no_map(tmp_path: Path) -> None:
+    clock = np.arange(50) / 1000 - 0.01
+    recording = Recording(clock, {"current": np.sin(clock), "pressure_a": clock * 1e6})
+    table = recording.to_frame()
+    table.reset_index().to_parquet(tmp_path / "a.parquet")
+    table.to_csv(tmp_path / "a.csv")
+    for name in ("a.parquet", "a.csv"):
+        back = recordings.read(tmp_path / name)
+        assert np.allclose(back.time, clock, atol=1e-9)
+        assert np.allclose(back["current"], recording["current"], rtol=1e-12)
+        assert any("by their names, in SI" in note for note in back.notes)
+    with pytest.raises(RecordingError, match="no channel map says"):
+        recordings.read(tmp_path / "b.csv") if (tmp_path / "b.csv").write_text("a,b\n1,2\n") else 0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t,p,pos_mm\n0,1,2\n1,x,3\n2,1,1\n", r"a\.csv:3: 'x' in column 'p' is not a number"),
+        ("t,p,pos_mm\n0,1,2\n1,2,3\n1,2,3\n", r"1 samples repeat the stamp"),
+        ("t,p,pos_mm\n0,1,2\n2,2,3\n1,2,3\n", r"once the time steps back"),
+        ("t,p,pos_mm\n0,1,2\n,2,3\n", r"time is not a number in 1 of 2 rows, first in row 2"),
+        ("t,p,pos_mm\n", "the table is empty"),
+        ("t,p\n0,1\n", "there is no column 'pos_mm'.*its columns are: t, p"),
+        ("t,p,pos_mm\n0,1,2,9\n1,2,3,9\n", "more cells than the line of names"),
+        ("t,p,pos_mm\n5,1,2\n5,2,3\n5,2,4\n", "time stands still"),
+        ("just one column\n1\n2\n", "no delimiter"),
+    ],
+)
+def test_mistakes_in_a_table(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(EhaBenchError, match=message) as caught:
+        recordings.read(tmp_path / "a.csv", channels=MAP)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_torn_table(tmp_path: Path, frame: pd.DataFrame) -> None:
+    text = frame.to_csv(index=False)
+    lines = text.splitlines(keepends=True)
+    (tmp_path / "a.csv").write_text("".join(lines[:50]) + lines[50][:3])
+    back = recordings.read(tmp_path / "a.csv", channels=MAP)
+    assert len(back) == 49
+    assert any("last line was cut off" in note for note in back.notes)
+    frame.to_parquet(tmp_path / "a.parquet")
+    content = (tmp_path / "a.parquet").read_bytes()
+    (tmp_path / "a.parquet").write_bytes(content[:-100])
+    with pytest.raises(RecordingError, match="torn"):
+        recordings.read(tmp_path / "a.parquet", channels=MAP)
+
+
+def test_empty_cells_are_nan_and_said(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,p,pos_mm\n0,1,2\n1,,3\n2,3,4\n")
+    back = recordings.read(tmp_path / "a.csv", channels=MAP)
+    assert np.isnan(back["pressure_a"][1])
+    assert any("'pressure_a': 1 of 3 samples are not finite" in note for note in back.notes)
+
+
+def test_counts_that_wrapped_in_a_table(tmp_path: Path) -> None:
+    counts = np.arange(30_000, 36_000, 50).astype(np.uint16).view(np.int16)
+    pd.DataFrame({"c": counts, "d": 0}).to_csv(tmp_path / "a.csv", index=False)
+    mapping = {"sample_rate": 1000, "channels": {"probe": {"column": "c", "unit": ""}}}
+    back = recordings.read(tmp_path / "a.csv", channels=mapping)
+    assert any("16-bit integer wraps around once" in note for note in back.notes)
+
+
+def test_time_as_dates(tmp_path: Path, frame: pd.DataFrame) -> None:
+    frame["t"] = pd.to_datetime((frame["t"] * 1e6).astype("int64") + 1_760_000_000_000_000_000)
+    frame.to_parquet(tmp_path / "a.parquet")
+    back = recordings.read(tmp_path / "a.parquet", channels=MAP)
+    assert np.allclose(back.time, np.arange(COUNT) * 0.002)
+    assert back.epoch_ns == 1_760_000_000_030_000_000
