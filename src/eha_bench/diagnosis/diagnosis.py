@@ -120,7 +120,9 @@ class Diagnosis:
                 {
                     "id": item.id,
                     "equation": item.equation,
-                    "parameters": {name: estimate_to_dict(e) for name, e in item.parameters.items()},
+                    "parameters": {
+                        name: estimate_to_dict(e) for name, e in item.parameters.items()
+                    },
                     "settings": dict(item.settings),
                     "share": _number(item.share),
                     "p_value": _number(item.p_value),
