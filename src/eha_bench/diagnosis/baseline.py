@@ -25,7 +25,11 @@ STEP = 1e-4
 COARSE = 2e-4
 """Integration step while searching, where only differences between candidates count, s."""
 
-FRICTION_AT_REST = {"rod_creep_speed": (1e-5, 1e-4, 1e-3), "pump_creep_speed": (1e-3, 1e-2, 1e-1)}
+FRICTION_AT_REST = {
+    "rod_creep_speed": (1e-5, 1e-4, 1e-3),
+    "pump_creep_speed": (1e-3, 1e-2, 1e-1),
+    "creep_speed": (1e-5, 1e-4, 1e-3),
+}
 """How friction behaves at rest is nobody's declared knowledge: fitted always, never an effect."""
 
 

@@ -120,7 +120,7 @@ class Problem:
             base = self._weighted(part, vector, {})
             columns = []
             for name, spread in part.window.spread.items():
-                if not np.isfinite(spread) or spread <= 0:
+                if not np.isfinite(spread) or spread <= 0 or name not in self.plant.states:
                     continue
                 # half a spread: a compromise between noise of stick events and curvature
                 moved = self._weighted(part, vector, {name: 0.2 * spread})
@@ -244,6 +244,7 @@ def start_of(
     A sensor with an offset reads another value than the state has: one tick is simulated, and the
     state is moved by what the sensor adds.
     """
+    measured = {name: value for name, value in measured.items() if name in plant.states}
     initial = dict(measured)
     first = drive.first
     tick = Drive(
