@@ -1,7 +1,7 @@
 """Signals found in a recording's own reference, for trials that do not describe theirs.
 
 A trial with the signal `recorded` asks for whatever the `reference` channel did. Its jumps become
-edges; where it does not jump and one sine explains it to within 2 % (RMS of the rest over the
+edges; where it does not jump and one sine of at least two periods explains it to within 2 % (RMS of the rest over the
 amplitude, four-parameter fit of IEEE Std 1057), it becomes a tone. Anything else has no features:
 it is then scored for tracking only.
 """
@@ -20,6 +20,7 @@ from eha_bench.metrics.sine_fit import fit4
 from eha_bench.metrics.window import SIGNAL_START, jumps
 
 _SINE_REST = 0.02
+_PERIODS = 2
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,9 @@ class SampledSignal(Signal):
         strongest = int(np.argmax(spectrum))
         fit = fit4(self.time, self.values, strongest / self.duration)
         rest = float(np.sqrt(np.mean(fit.residual**2)))
+        # a slow arc of a huge sine fits any smooth stretch: ask for whole periods that are there
+        if fit.frequency * self.duration < _PERIODS or fit.amplitude > np.ptp(self.values):
+            return ()
         if not rest <= _SINE_REST * fit.amplitude:
             return ()
         return (Tone(0.0, self.duration, fit.frequency, fit.amplitude, fit.offset, fit.phase),)
