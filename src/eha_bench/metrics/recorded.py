@@ -1,9 +1,9 @@
 """Signals found in a recording's own reference, for trials that do not describe theirs.
 
 A trial with the signal `recorded` asks for whatever the `reference` channel did. Its jumps become
-edges; where it does not jump and one sine of at least two periods explains it to within 2 % (RMS of the rest over the
-amplitude, four-parameter fit of IEEE Std 1057), it becomes a tone. Anything else has no features:
-it is then scored for tracking only.
+edges; where it does not jump and one sine of at least two periods explains it to within 2 % (RMS
+of the rest over the amplitude, four-parameter fit of IEEE Std 1057), it becomes a tone. Anything
+else has no features: it is then scored for tracking only.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.metric import METRICS
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure, Score
+from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.acceptance import judge
 from eha_bench.metrics.metric import Metric, NotScored
@@ -96,6 +97,8 @@ def _score(
 
 def measure_safely(found: Metric, recording: Recording, trial: Trial, channel: str) -> Measure:
     """Return what a metric finds; whatever goes wrong becomes a reason."""
+    if isinstance(trial.signal, FromRecording):
+        return Measure.none("no usable reference in the recording, and the trial describes none")
     try:
         with warnings.catch_warnings():
             # numbers near the ends of the floating-point range overflow inside; what is not finite
