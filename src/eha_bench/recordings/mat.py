@@ -1,4 +1,4 @@
-"""MATLAB v4 and v5 files as tables; only plain numeric arrays are taken."""
+"""MATLAB v5 files as tables; only plain numeric arrays are taken."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ from eha_bench.recordings.mat_check import check_sizes
 from eha_bench.recordings.mcap_file import map_file
 from eha_bench.recordings.table import TableSource
 
-MAT5 = (b"\x00\x01IM", b"\x01\x00MI")
-"""Version and byte order of a MAT v5 file."""
-
 
 class MatSource(TableSource):
     """A MAT file: a variable, a field of a struct (`log.p`), or a column of a matrix (`y[0]`)."""
@@ -27,8 +24,7 @@ class MatSource(TableSource):
 
         try:
             raw = map_file(path).data
-            if bytes(raw[124:128]) in MAT5:
-                check_sizes(raw)
+            check_sizes(raw)
             content = loadmat(str(path), squeeze_me=True, struct_as_record=True)
         except NotImplementedError as error:
             raise RecordingError(

@@ -25,8 +25,12 @@ def check_sizes(content: memoryview) -> None:
     """Check a MAT v5 file.
 
     Raises:
-        ImpossibleSize: an element is longer than what holds it.
+        ImpossibleSize: an element is longer than what holds it, or it is not of version 5.
     """
+    version = bytes(content[124:128])
+    # SciPy takes a file for v4, which has no such checks, if one of its first bytes is zero
+    if version not in {b"\x00\x01IM", b"\x01\x00MI"} or 0 in bytes(content[:4]):
+        raise ImpossibleSize("its header is not that of MAT v5")
     order = "<" if bytes(content[126:128]) == b"IM" else ">"
     _check(content[_HEADER:], order, 0)
 
