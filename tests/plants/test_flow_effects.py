@@ -1,0 +1,189 @@
+"""Known answers of leakage, valves, air and areas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eha_bench.plants.effects import entrained_air, relief_valve, turbulent_leakage
+
+BETA, VOLUME = 9e8, 1.2535e-5
+
+
+def _resting(knee, time, effects, p_a, p_b, **options):
+    """Decay of both pressures with the piston locked and the shaft held at rest."""
+    inputs = {"motor_speed": np.zeros(time.size)}
+    start = {"pressure_a": p_a, "pressure_b": p_b}
+    return knee.run(time, inputs, *effects, initial=start, **options)
+
+
+def test_orifice_decays_linearly_in_the_root(bare_knee, effect) -> None:
+    """d sqrt(dp) / dt = -k beta / V while the flow is turbulent."""
+    time = np.arange(0.0, 0.05, 1e-3)
+    k = 3e-10
+    out = _resting(bare_knee, time, [effect("turbulent_leakage", orifice_coefficient=k)], 12e6, 2e6)
+    root = np.sqrt(out["pressure_a"] - out["pressure_b"])
+    expected = np.sqrt(10e6) - k * BETA / VOLUME * time
+    assert expected[-1] > 1000
+    np.testing.assert_allclose(root, expected, rtol=1e-5)
+
+
+@given(dp=st.floats(1e5, 4e7))
+def test_orifice_follows_the_root_law_and_is_odd(dp) -> None:
+    flow = turbulent_leakage.into_b(0.0, dp, 0.0, 1e-9, 1e3)
+    assert flow == pytest.approx(1e-9 * np.sqrt(dp), rel=1e-3)
+    assert turbulent_leakage.into_b(0.0, 0.0, dp, 1e-9, 1e3) == -flow
+    assert turbulent_leakage.into_a(0.0, dp, 0.0, 1e-9, 1e3) == -flow
+
+
+def test_external_leakage_drains_each_chamber_at_its_rate(bare_knee, effect) -> None:
+    time = np.arange(0.0, 0.2, 1e-3)
+    rate = 1e-13 * BETA / VOLUME
+    for chamber in ("both", "a", "b"):
+        drain = effect("external_leakage", leakage_coefficient=1e-13, chamber=chamber)
+        out = _resting(bare_knee, time, [drain], 10e6, 4e6)
+        for name, start, drains in (
+            ("pressure_a", 10e6, chamber != "b"), ("pressure_b", 4e6, chamber != "a"),
+        ):  # fmt: skip
+            expected = start * np.exp(-rate * time) if drains else np.full(time.size, start)
+            np.testing.assert_allclose(out[name], expected, rtol=1e-6)
+
+
+def test_check_valve_keeps_the_low_side_near_its_charge(bare_knee, effect) -> None:
+    time = np.arange(0.0, 0.1, 1e-3)
+    valves = effect("anti_cavitation")
+    with_valves = bare_knee.run(time, 15.0, valves)
+    without = bare_knee.run(time, 15.0)
+    assert without["pressure_b"].min() < -5e6
+    assert with_valves["pressure_b"].min() > 0.55e6
+    assert with_valves["pressure_b"].max() <= 0.6e6 + 1.0
+
+
+@pytest.mark.parametrize("route", ["tank", "ports"])
+def test_relief_valve_opens_at_its_setting(bare_knee, effect, route) -> None:
+    time = np.arange(0.0, 0.02, 1e-4)
+    opening = 10e6
+    valve = effect("relief_valve", valve_conductance=1e-10, setting=opening, route=route)
+    base = 5e6
+    over = opening if route == "tank" else opening + base
+    shut = _resting(bare_knee, time, [valve], over - 1e4, base)
+    np.testing.assert_allclose(shut["pressure_a"], over - 1e4, rtol=1e-12)
+    open_ = _resting(bare_knee, time, [valve], over + 2e6, base)
+    if route == "tank":
+        rate = 1e-10 * BETA / VOLUME
+        expected = opening + 2e6 * np.exp(-rate * time)
+        np.testing.assert_allclose(open_["pressure_a"], expected, rtol=2e-3)
+        np.testing.assert_allclose(open_["pressure_b"], base)
+    else:
+        total = open_["pressure_a"] + open_["pressure_b"]
+        np.testing.assert_allclose(total, total[0], rtol=1e-9)
+        assert open_["pressure_a"][-1] - open_["pressure_b"][-1] == pytest.approx(opening, rel=1e-3)
+
+
+def test_relief_valve_limits_the_pump(knee, effect) -> None:
+    time = np.arange(0.0, 0.3, 1e-3)
+    limited = knee.run(time, 30.0, effect("relief_valve", valve_conductance=1e-8, setting=12e6))
+    assert limited["pressure_a"].max() < 12.5e6
+    assert knee.run(time, 30.0)["pressure_a"].max() > 20e6
+
+
+@given(p_a=st.floats(0, 4e7), p_b=st.floats(0, 4e7), route=st.sampled_from([0.0, 1.0]))
+def test_relief_valve_only_lets_oil_down(p_a, p_b, route) -> None:
+    a = relief_valve.from_a(0.0, p_a, p_b, 1e-9, 5e6, route)
+    b = relief_valve.from_b(0.0, p_a, p_b, 1e-9, 5e6, route)
+    assert a * p_a + b * p_b <= 0.0
+
+
+def test_oil_with_air_has_its_limits() -> None:
+    def modulus(p, air=0.02, index=1.0):
+        return entrained_air.softened(BETA, p, air, index, 1e5, 0.0)
+
+    assert modulus(1e12) == pytest.approx(BETA, rel=1e-3)
+    # at p_0 the volumes are as declared: compliances add in proportion
+    expected = 1.0 / ((1 - 0.02) / BETA + 0.02 / 1e5)
+    assert modulus(1e5) == pytest.approx(expected, rel=1e-12)
+    assert modulus(1e5, index=1.4) == pytest.approx(
+        1.0 / ((1 - 0.02) / BETA + 0.02 / 1.4e5), rel=1e-12
+    )
+    assert modulus(5e6, air=0.0) == BETA
+    assert modulus(-1e6) == modulus(0.0) > 0.0
+
+
+@given(p=st.floats(1e5, 4e7), air=st.floats(1e-4, 0.3))
+def test_air_only_softens_and_less_at_high_pressure(p, air) -> None:
+    here = entrained_air.softened(BETA, p, air, 1.0, 1e5, 0.0)
+    higher = entrained_air.softened(BETA, p * 1.1, air, 1.0, 1e5, 0.0)
+    assert 0 < here <= higher <= BETA
+
+
+def test_compressing_oil_with_air_follows_the_mixture_law(bare_knee, effect) -> None:
+    """The volume pumped in is that by which oil and air together shrink (isothermal air).
+
+    dV/V = -dp/beta_e integrated against the mixture: V(p) = V_oil + V_air p_0 / p.
+    """
+    time = np.arange(0.0, 0.05, 1e-3)
+    air = effect("entrained_air", air_fraction=0.05)
+    omega = 30.0
+    out = bare_knee.run(time, {"motor_speed": np.full(time.size, omega)}, air, step=2e-6)
+    pumped = bare_knee.model().value("pump_displacement") * omega * time
+    p = out["pressure_a"]
+    # integrate V / beta_e dp with the fixed chamber volume of the model, Eq. (4)
+    grid = np.linspace(p[0], p[-1], 200001)
+    beta = np.array([entrained_air.softened(BETA, q, 0.05, 1.0, 1e5, 0.0) for q in grid[::100]])
+    compliance = np.interp(grid, grid[::100], VOLUME / beta)
+    taken = np.concatenate(([0], np.cumsum(0.5 * (compliance[1:] + compliance[:-1]))))
+    taken *= grid[1] - grid[0]
+    np.testing.assert_allclose(np.interp(p, grid, taken), pumped, atol=2e-4 * pumped[-1])
+
+
+def test_single_rod_cylinder_moves_less_oil_on_side_b(bare_knee, effect) -> None:
+    """With the pump held and the rod pushed, each chamber is squeezed by its own area."""
+    time = np.arange(0.0, 0.01, 1e-4)
+    inputs = {
+        "motor_speed": np.zeros(time.size),
+        "piston_position": 0.1 * time,
+        "piston_velocity": np.full(time.size, 0.1),
+    }
+    out = bare_knee.run(
+        time, inputs, effect("unequal_areas", area_difference=0.2), locked=False, step=1e-6,
+        initial={"pressure_a": 20e6, "pressure_b": 20e6},
+    )  # fmt: skip
+    area = bare_knee.model().value("piston_area_a")
+    x = 0.1 * time
+    np.testing.assert_allclose(
+        out["pressure_a"], 20e6 - BETA * np.log1p(area * x / VOLUME), rtol=1e-4
+    )
+    np.testing.assert_allclose(
+        out["pressure_b"], 20e6 - BETA * np.log1p(-0.8 * area * x / VOLUME), rtol=1e-4
+    )
+
+
+def test_single_rod_cylinder_pushes_with_the_difference_of_areas(knee, effect) -> None:
+    """Equal pressures extend it: F = p A delta, against the rod's own friction."""
+    time = np.arange(0.0, 0.02, 1e-3)
+    area = knee.model().value("piston_area_a")
+    edge = 60.0 / (area * 0.1)
+    for pressure, moves in ((edge * 0.99, False), (edge * 1.01, True)):
+        out = knee.run(
+            time, 0.0, effect("unequal_areas", area_difference=0.1), locked=False,
+            initial={"pressure_a": pressure, "pressure_b": pressure}, leakage=0.0,
+        )  # fmt: skip
+        assert (np.max(out["piston_velocity"]) > 0) == moves
+
+
+def test_warm_oil_leaks_more(bare_knee, effect) -> None:
+    time = np.arange(0.0, 0.05, 1e-3)
+    inputs = {
+        "motor_speed": np.zeros(time.size),
+        "oil_temperature": np.full(time.size, 313.15 + np.log(2) / 0.02),
+    }
+    start = {"pressure_a": 5e6, "pressure_b": 3e6}
+    out = bare_knee.run(
+        time, inputs, effect("viscosity_temperature", temperature_coefficient=0.02),
+        initial=start, leakage=1e-13,
+    )  # fmt: skip
+    rate = 2 * 1e-13 * BETA * 2 / VOLUME
+    expected = 2e6 * np.exp(-rate * time)
+    np.testing.assert_allclose(out["pressure_a"] - out["pressure_b"], expected, rtol=1e-5)

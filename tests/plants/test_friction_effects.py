@@ -1,0 +1,318 @@
+"""Known answers of friction, ripple, backlash and load: torque and force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eha_bench.core.linkage import Linkage
+from eha_bench.plants.effects import (
+    gravity_load,
+    joint_backlash,
+    presliding_friction,
+    pump_ripple,
+    seal_friction,
+)
+
+LONG = np.arange(0.0, 1.5, 1e-3)
+# the shaft settles within 20 ms, against an open bypass
+LIGHT = {"rotor_inertia": 1e-4, "bypass_conductance": 1e-8}
+
+
+def _terminal_speed(knee, current, *effects, **parameters):
+    """Steady speed of the shaft with the bypass wide open and no load."""
+    out = knee.run(LONG, current, *effects, bypass=True, **LIGHT, **parameters)
+    return out["motor_speed"][-1]
+
+
+def _current_for(torque, knee, omega):
+    ratio = omega / 18.0
+    level = 0.16 + (0.2537 - 0.16) * np.exp(-ratio * ratio)
+    # the open bypass takes D^2 w / G
+    back = knee.model().value("pump_displacement") ** 2 * abs(omega) / 1e-8
+    return (np.sign(omega) * level + 0.00498 * omega + np.sign(omega) * (torque + back)) / 0.13
+
+
+@pytest.mark.parametrize("omega", [60.0, -60.0])
+def test_steady_speed_obeys_the_friction_curve(knee, omega) -> None:
+    """Eq. (23): with the ports connected K_T i is the friction at that speed."""
+    assert _terminal_speed(knee, _current_for(0.0, knee, omega)) == pytest.approx(omega, rel=1e-3)
+
+
+@pytest.mark.parametrize("omega", [60.0, -60.0])
+@pytest.mark.parametrize("kind", ["dry", "viscous", "all"])
+def test_asymmetry_of_the_pump_takes_its_share(knee, effect, omega, kind) -> None:
+    dry = 0.16 + (0.2537 - 0.16) * np.exp(-((omega / 18.0) ** 2))
+    share = {"dry": dry, "viscous": 0.00498 * abs(omega), "all": dry + 0.00498 * abs(omega)}[kind]
+    current = _current_for(0.2 * np.sign(omega) * share, knee, omega)
+    got = _terminal_speed(
+        knee, current, effect("asymmetric_friction", asymmetry=0.2, part="pump", kind=kind)
+    )
+    assert got == pytest.approx(omega, rel=1e-3)
+
+
+def test_pump_coulomb_friction_adds_its_torque(knee, effect) -> None:
+    current = _current_for(0.1, knee, 60.0)
+    got = _terminal_speed(knee, current, effect("pump_coulomb_friction", friction_torque=0.1))
+    assert got == pytest.approx(60.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_loaded_pump_takes_friction_in_proportion_to_pressure(knee, effect, sign) -> None:
+    """At rest the pump holds T_sf + mu D dp: a larger band of currents holds one pressure."""
+    time = np.arange(0.0, 0.05, 1e-3)
+    dp = 10e6
+    start = {"pressure_a": 0.6e6 + dp, "pressure_b": 0.6e6}
+    load = knee.model().value("pump_displacement") * dp
+    edge = (load + sign * (0.2537 + 0.05 * load)) / 0.13
+    friction = effect("pressure_dependent_friction", friction_coefficient=0.05)
+    for shift, moves in ((-0.02, False), (0.02, True)):
+        out = knee.run(time, edge + sign * shift, friction, initial=start, leakage=0.0)
+        assert (np.max(np.abs(out["motor_speed"])) > 0) == moves
+
+
+def test_viscosity_falls_exponentially(knee, effect) -> None:
+    """Slow drift: the torque for a steady speed falls with the coefficient."""
+    rate, end = 0.2, LONG[-1]
+    torque = 0.00498 * 60.0 * (np.exp(-rate * end) - 1.0)
+    got = _terminal_speed(
+        knee, _current_for(torque, knee, 60.0), effect("viscosity_drift", rate=rate)
+    )
+    assert got == pytest.approx(60.0, rel=0.03)
+
+
+def test_warm_oil_is_as_thin_as_the_law_says(knee, effect) -> None:
+    inputs = {
+        "current_command": np.full(LONG.size, _current_for(-0.5 * 0.00498 * 60.0, knee, 60.0)),
+        "oil_temperature": np.full(LONG.size, 313.15 + np.log(2) / 0.02),
+    }
+    out = knee.run(
+        LONG, inputs, effect("viscosity_temperature", temperature_coefficient=0.02), bypass=True,
+        **LIGHT,
+    )  # fmt: skip
+    assert out["motor_speed"][-1] == pytest.approx(60.0, rel=1e-3)
+
+
+def test_cogging_repeats_with_the_angle(knee, effect) -> None:
+    """The period of the speed's ripple, times the mean speed, is a full turn over the count."""
+    out = knee.run(
+        LONG, 8.0, effect("cogging_torque", amplitude=0.05, count=24.0), bypass=True,
+        **LIGHT,
+    )  # fmt: skip
+    speed = out["motor_speed"][-1000:]
+    spectrum = np.abs(np.fft.rfft((speed - speed.mean()) * np.hanning(1000)))
+    peak = np.argmax(spectrum[3:]) + 3
+    expected = 24.0 * speed.mean() / (2 * np.pi)
+    # sampled at 1 kHz: the ripple may be folded
+    folded = abs(expected - 1000.0 * np.round(expected / 1000.0))
+    assert peak == pytest.approx(folded, abs=2.0)
+
+
+def test_cogging_holds_the_shaft_in_its_valleys(bare_knee, effect) -> None:
+    """Without friction the rotor swings about the angle where the cogging torque vanishes."""
+    time = np.arange(0.0, 0.5, 2.5e-4)
+    cogging = effect("cogging_torque", amplitude=0.05, count=12.0, phase=np.pi)
+    initial = {"shaft_angle": 0.0, "motor_speed": 0.1}
+    out = bare_knee.run(time, 0.0, cogging, initial=initial, bypass=True, bypass_conductance=0.0)
+    oil = 2 * 9e8 * bare_knee.model().value("pump_displacement") ** 2 / 1.2535e-5
+    frequency = np.sqrt((0.05 * 12.0 + oil) / 0.001)
+    np.testing.assert_allclose(out["motor_speed"], 0.1 * np.cos(frequency * time), atol=2e-3)
+
+
+def test_pump_ripple_moves_the_oil_of_its_angle(bare_knee, effect) -> None:
+    """The oil delivered is the integral of D (1 + r cos(z theta)), in closed form."""
+    time = np.arange(0.0, 0.1, 1e-3)
+    omega, ripple, count = 15.0, 0.2, 7.0
+    out = bare_knee.run(
+        time, {"motor_speed": np.full(time.size, omega)},
+        effect("pump_ripple", ripple=ripple, count=count), step=5e-6,
+    )  # fmt: skip
+    theta = omega * time
+    oil = theta + ripple * np.sin(count * theta) / count
+    displacement = bare_knee.model().value("pump_displacement")
+    expected = 0.6e6 + 9e8 / 1.2535e-5 * displacement * oil
+    np.testing.assert_allclose(out["pressure_a"], expected, atol=1e-4 * np.ptp(expected))
+
+
+@given(theta=st.floats(-20, 20), dp=st.floats(-3e7, 3e7), omega=st.floats(-300, 300))
+def test_ideal_ripple_gives_the_oil_what_it_takes_from_the_shaft(theta, dp, omega) -> None:
+    flow = pump_ripple.delivery(1e-7 * omega, theta, 0.1, 9.0, 0.3)
+    torque = pump_ripple.reaction(-1e-7 * dp, theta, dp, 0.0, 1e-7, 0.1, 9.0, 0.3, 1.0)
+    assert flow * dp == pytest.approx(-torque * omega, rel=1e-12, abs=1e-12)
+
+
+def test_rod_friction_of_each_effect_holds_up_to_its_level(knee, effect) -> None:
+    """The external force at which the resting rod gives way is the sum of all dry friction."""
+    area = knee.model().value("piston_area_a")
+    time = np.arange(0.0, 0.03, 1e-3)
+    cases = (
+        (effect("coulomb_friction", friction_force=40.0), 100.0),
+        (effect("asymmetric_friction", asymmetry=-0.5, part="rod", kind="dry"), 90.0),
+        (effect("seal_friction", friction_coefficient=0.05, pressure="sum"),
+         60.0 + 0.05 * area * 1.2e6),
+        (effect("seal_friction", friction_coefficient=0.05, pressure="higher"),
+         60.0 + 0.05 * area * 0.6e6),
+        (effect("seal_friction", friction_coefficient=0.05, pressure="difference"), 60.0),
+    )  # fmt: skip
+    for friction, level in cases:
+        for force, moves in ((level - 0.5, False), (level + 0.5, True)):
+            out = knee.run(time, 0.0, friction, locked=False, external_force=force)
+            assert (np.min(out["piston_velocity"]) < 0) == moves, friction
+
+
+def test_asymmetry_scales_what_other_effects_add(knee, effect) -> None:
+    time = np.arange(0.0, 0.03, 1e-3)
+    effects = (
+        effect("coulomb_friction", friction_force=40.0),
+        effect("asymmetric_friction", asymmetry=-0.5, part="rod"),
+    )
+    for force, moves in ((149.5, False), (150.5, True)):
+        out = knee.run(time, 0.0, *effects, locked=False, external_force=force)
+        assert (np.min(out["piston_velocity"]) < 0) == moves
+
+
+@given(p_a=st.floats(-1e6, 4e7), p_b=st.floats(-1e6, 4e7), which=st.sampled_from([0.0, 1.0, 2.0]))
+def test_seal_friction_never_pushes(p_a, p_b, which) -> None:
+    assert seal_friction.pressed(60.0, p_a, p_b, 3e-4, 0.02, which) >= 60.0
+
+
+@given(
+    steps=st.lists(st.tuples(st.floats(-0.5, 0.5), st.floats(1e-5, 1e-2)), min_size=1, max_size=30),
+    start=st.floats(-1, 1),
+)
+def test_bristles_stay_within_their_friction_and_take_energy_from_a_closed_path(
+    steps, start
+) -> None:
+    z = start
+    for v, h in steps:
+        z = presliding_friction.bend(z, v, h, 1e-4)
+        assert -1.0 <= z <= 1.0
+
+
+def test_bristles_are_a_spring_at_first_and_full_friction_later() -> None:
+    s = 1e-4
+    short = presliding_friction.bend(0.0, 1e-3, 1e-4, s)  # 1e-7 m
+    assert short == pytest.approx(1e-7 / s, rel=1e-3)
+    assert presliding_friction.bend(0.0, 1e-2, 1.0, s) == pytest.approx(1.0, abs=1e-9)
+    assert presliding_friction.bend(1.0, -1e-2, 1.0, s) == pytest.approx(-1.0, abs=1e-9)
+
+
+@given(amplitude=st.floats(1e-5, 2e-3), distance=st.floats(1e-5, 1e-3))
+@settings(max_examples=30)
+def test_bristles_do_work_on_nothing_over_a_cycle(amplitude, distance) -> None:
+    """Once round a closed path the bristles take energy (Dahl's loop turns one way)."""
+    phase = np.linspace(0, 4 * np.pi, 4001)
+    x = amplitude * np.sin(phase)
+    z, work = 0.0, []
+    for dx in np.diff(x):
+        after = presliding_friction.bend(z, np.sign(dx), abs(dx), distance)
+        work.append(0.5 * (z + after) * dx)
+        z = after
+    assert sum(work[2000:]) >= -1e-12
+
+
+def test_narrow_bristles_are_stiction(knee, effect) -> None:
+    time = np.arange(0.0, 0.3, 1e-3)
+    command = 4.0 * np.sin(2 * np.pi * 4 * time)
+    plain = knee.run(time, command, locked=False)
+    bristles = effect("presliding_friction", distance=1e-7)
+    bent = knee.run(time, command, bristles, locked=False, step=5e-6)
+    worst = np.max(np.abs(plain["piston_position"] - bent["piston_position"]))
+    assert worst < 2e-3 * np.ptp(plain["piston_position"])
+
+
+@given(moves=st.lists(st.floats(-2e-3, 2e-3), min_size=1, max_size=50), gap=st.floats(1e-5, 1e-3))
+def test_play_keeps_within_half_the_gap_and_only_moves_when_driven(moves, gap) -> None:
+    x, y = 0.0, 0.0
+    for move in moves:
+        x += move
+        later = joint_backlash.drag(y, x, gap)
+        assert abs(x - later) <= gap / 2 + 1e-15
+        if later != y:
+            assert abs(x - later) == pytest.approx(gap / 2)
+        y = later
+
+
+def test_play_lags_by_half_the_gap_each_way(knee, effect) -> None:
+    time = np.arange(0.0, 0.5, 1e-3)
+    command = 10.0 * np.sin(2 * np.pi * 4 * time)
+    plain = knee.run(time, command, locked=False)
+    for side, velocity in (("position_sensor", False), ("joint", True)):
+        got = knee.run(time, command, effect("joint_backlash", gap=4e-4, side=side), locked=False)
+        lag = plain["piston_position"] - got["piston_position"]
+        assert np.max(np.abs(lag)) == pytest.approx(2e-4, rel=1e-6)
+        fast = np.abs(plain["piston_velocity"]) > 0.9 * np.max(plain["piston_velocity"])
+        expected = 2e-4 * np.sign(plain["piston_velocity"][fast])
+        np.testing.assert_allclose(lag[fast], expected, atol=1e-9)
+        zeros = np.sum((got["piston_velocity"] == 0) & (plain["piston_velocity"] != 0))
+        assert (zeros > 0) == velocity
+
+
+def test_first_reading_beyond_a_play_fixes_where_the_rod_is(knee, effect) -> None:
+    time = np.arange(0.0, 0.01, 1e-3)
+    gap = effect("joint_backlash", gap=4e-4)
+    start = {"piston_position": 1e-3, "piston_velocity": 0.1}
+    out = knee.run(time, 0.0, gap, locked=False, initial=start)
+    assert out["piston_position"][0] == pytest.approx(1e-3)
+    assert out["piston_position"][1] > 1e-3, "it moves on at once: the joint was driven"
+
+
+def test_load_beyond_a_play_coasts_while_the_gap_is_crossed(knee, effect) -> None:
+    """Reversing, the rod alone is light: it crosses the gap faster than it moves its load."""
+    time = np.arange(0.0, 0.5, 1e-3)
+    command = 10.0 * np.sin(2 * np.pi * 4 * time)
+    plain = knee.run(time, command, locked=False)
+    play = effect("joint_backlash", gap=1e-3, side="load")
+    got = knee.run(time, command, play, locked=False)
+    assert np.all(np.isfinite(got["piston_position"]))
+    jump = np.max(np.abs(np.diff(got["piston_velocity"])))
+    assert jump > 3 * np.max(np.abs(np.diff(plain["piston_velocity"])))
+    # the load's coasting carries no more than the gap to the rod's reading
+    worst = np.max(np.abs(got["piston_position"] - plain["piston_position"]))
+    assert worst < 2e-3
+
+
+def test_tight_joint_moves_as_one_mass(knee, effect) -> None:
+    time = np.arange(0.0, 0.3, 1e-3)
+    command = 10.0 * np.sin(2 * np.pi * 4 * time)
+    plain = knee.run(time, command, locked=False, external_force=300.0)
+    play = effect("joint_backlash", gap=1e-9, side="load", rod_mass=0.5, joint_stiffness=1e8)
+    got = knee.run(time, command, play, locked=False, external_force=300.0, step=2e-6)
+    worst = np.max(np.abs(got["piston_position"] - plain["piston_position"]))
+    assert worst < 0.02 * np.ptp(plain["piston_position"])
+
+
+def test_weight_needs_the_force_of_the_linkage() -> None:
+    """The virtual work of the rod's force is that of the weight about the knee."""
+    linkage = Linkage(0.3208, 0.0462, 0.280, 0.04)
+    for x in (-0.02, 0.0, 0.02):
+        position = np.array([x - 1e-6, x + 1e-6])
+        angle = linkage.angle(position)
+        height = 25.0 * np.sin(angle - 0.7)  # potential energy of G cos(alpha - alpha_0)
+        expected = -(height[1] - height[0]) / 2e-6
+        got = gravity_load.weighed(
+            0.0, x, 0.3208, 0.0462, 0.280, 1.2535e-5, 1.2535e-5 / 0.04, 25.0, 0.7
+        )
+        assert got == pytest.approx(expected, rel=1e-6)
+
+
+def test_heavier_rod_friction_only_takes_energy(bare_knee, effect) -> None:
+    """A rod let go without drive comes to rest: no friction effect keeps it going."""
+    time = np.arange(0.0, 0.3, 1e-3)
+    start = {"piston_velocity": 0.3}
+    for friction in (
+        effect("coulomb_friction", friction_force=50.0),
+        effect("presliding_friction", distance=1e-4),
+        effect("seal_friction", friction_coefficient=0.05),
+        effect("asymmetric_friction", asymmetry=0.5, part="rod", kind="all"),
+    ):
+        out = bare_knee.run(
+            time, {"motor_speed": np.zeros(time.size)}, friction, locked=False, bypass=True,
+            initial=start, bypass_conductance=1e-8, rod_coulomb=30.0, rod_viscous=100.0,
+            initial_pressure=5e6, step=5e-6,
+        )  # fmt: skip
+        speed = np.abs(out["piston_velocity"])
+        assert speed.max() <= 0.3 * (1 + 1e-6), friction
+        assert speed[-1] < 0.1, friction

@@ -1,0 +1,73 @@
+"""Known answers of the sensors' effects: the machine moves on as before."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def run(knee):
+    time = np.arange(0.0, 0.2, 1e-3)
+    command = 14.0 * np.sin(2 * np.pi * 6 * time) + 4.0
+
+    def simulate(*effects, **options):
+        return knee.run(time, command, *effects, **options)
+
+    return simulate
+
+
+def test_sensor_lag_is_a_first_order_filter_of_the_true_pressure(run, knee, effect) -> None:
+    tau = 3e-3
+    true, read = run(), run(effect("pressure_sensor_lag", time_constant=tau))
+    np.testing.assert_array_equal(read["motor_speed"], true["motor_speed"])
+    fine = knee.run(
+        np.arange(0.0, 0.1, 5e-5), np.repeat(14.0 * np.sin(2 * np.pi * 6 * np.arange(0, 0.1, 1e-3))
+        + 4.0, 20),
+    )["pressure_a"]  # fmt: skip
+    lagging, filtered = fine[0], [fine[0]]
+    for left, right in itertools.pairwise(fine):
+        middle = 0.5 * (left + right)
+        lagging = middle + (lagging - middle) * np.exp(-5e-5 / tau)
+        filtered.append(lagging)
+    np.testing.assert_allclose(
+        read["pressure_a"][:100], np.array(filtered)[::20], atol=2e-4 * np.ptp(fine)
+    )
+
+
+def test_sensor_lag_reaches_63_percent_of_a_step(knee, effect) -> None:
+    """A pressure that jumps (as imposed by a measured channel) is read with the lag."""
+    time = np.arange(0.0, 0.02, 1e-3)
+    pressure = np.where(time > 0.5e-3, 5e6, 0.6e6)
+    inputs = {"motor_speed": np.zeros(time.size), "pressure_a": pressure}
+    out = knee.run(time, inputs, effect("pressure_sensor_lag", time_constant=4e-3), step=1e-6)
+    # the imposed pressure runs up within the first millisecond
+    read = (out["pressure_a"] - 0.6e6) / 4.4e6
+    np.testing.assert_allclose(
+        1 - read[1:], (1 - read[1]) * np.exp(-(time[1:] - 1e-3) / 4e-3), rtol=1e-3
+    )
+
+
+@pytest.mark.parametrize(("sensor", "a", "b"), [("a", 1, 0), ("b", 0, 1), ("both", 1, 1)])
+def test_offset_is_added_to_the_reading_alone(run, effect, sensor, a, b) -> None:
+    true = run()
+    read = run(effect("pressure_sensor_offset", offset=0.3e6, sensor=sensor))
+    np.testing.assert_array_equal(read["motor_speed"], true["motor_speed"])
+    np.testing.assert_allclose(read["pressure_a"] - true["pressure_a"], a * 0.3e6, rtol=1e-9)
+    np.testing.assert_allclose(read["pressure_b"] - true["pressure_b"], b * 0.3e6, rtol=1e-9)
+
+
+def test_first_reading_with_an_offset_starts_the_true_pressure(run, effect) -> None:
+    offset = effect("pressure_sensor_offset", offset=0.3e6)
+    read = run(offset, initial={"pressure_a": 3.3e6, "pressure_b": 1e6})
+    true = run(initial={"pressure_a": 3.0e6, "pressure_b": 1e6})
+    assert read["pressure_a"][0] == pytest.approx(3.3e6)
+    np.testing.assert_allclose(read["motor_speed"], true["motor_speed"], rtol=1e-9)
+
+
+def test_offset_comes_after_the_lag(run, effect) -> None:
+    lag, offset = effect("pressure_sensor_lag"), effect("pressure_sensor_offset", offset=0.3e6)
+    both, lagging = run(lag, offset), run(lag)
+    np.testing.assert_allclose(both["pressure_a"] - lagging["pressure_a"], 0.3e6, rtol=1e-9)
