@@ -3,8 +3,10 @@
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from sample_run import NASTY, SampleRun
 
+from eha_bench.core.errors import InputError
 from eha_bench.report import append_step_summary, markdown_summary
 from eha_bench.report.markdown import STEP_SUMMARY_BYTES
 
@@ -44,6 +46,11 @@ def test_appends_only_where_asked(sample: SampleRun, tmp_path: Path) -> None:
     path.write_text("before\n", encoding="utf-8")
     assert append_step_summary("text\n", {"GITHUB_STEP_SUMMARY": str(path)})
     assert path.read_text(encoding="utf-8") == "before\ntext\n"
+
+
+def test_a_summary_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="GITHUB_STEP_SUMMARY"):
+        append_step_summary("text", {"GITHUB_STEP_SUMMARY": str(tmp_path)})
 
 
 def test_stays_below_the_limit(tmp_path: Path) -> None:

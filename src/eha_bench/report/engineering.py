@@ -174,12 +174,12 @@ def limit_text(text: str) -> str:
 
 
 def decimals_for(value: float, spread: float = math.nan) -> int:
-    """Digits after the point: four significant ones, or two of an interval's half-width."""
+    """Digits after the point: four significant ones, or up to five as the interval asks."""
     if not math.isfinite(value):
         return 0
     by_value = SIGNIFICANT_DIGITS - 1 - _exponent(value)
     if math.isfinite(spread) and spread > 0.0:
-        return max(0, min(by_value + 2, 1 - _exponent(spread), 9))
+        return max(0, min(by_value + 1, 1 - _exponent(spread), 9))
     return max(0, min(by_value, 9))
 
 
@@ -206,9 +206,19 @@ def number(value: float, decimals: int | None = None, *, sign: bool = False) -> 
     return text.replace("-", _MINUS)
 
 
-def quantity(value: float, si: str, *, metric: str = "", written: str = "") -> str:
-    """Write an SI value with its display unit, e.g. (0.0391, "s") -> `39.10 ms`."""
+def quantity(
+    value: float, si: str, *, metric: str = "", written: str = "", spread: float = math.nan
+) -> str:
+    """Write an SI value with its display unit, e.g. (0.0391, "s") -> `39.10 ms`.
+
+    Args:
+        value, spread: the value and the half-width of its interval (NaN: unknown), SI.
+        si: their unit.
+        metric, written: as for `display_unit`.
+    """
     if not math.isfinite(value):
         return number(value)
     unit = display_unit(si, (value,), metric=metric, written=written)
-    return number(unit.shown(value), 0 if metric in COUNTS else None) + unit.suffix
+    shown = unit.shown(value)
+    decimals = 0 if metric in COUNTS else decimals_for(shown, unit.difference(spread))
+    return number(shown, decimals) + unit.suffix

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from markupsafe import Markup
 
@@ -13,14 +13,22 @@ from eha_bench.report.scene_figure import POINTS, scene_svg
 
 @dataclass(frozen=True)
 class FigureView:
-    """What the macro `plot` of `parts/figure.html.j2` shows; `key` is unique on its page."""
+    """What the macro `plot` of `parts/figure.html.j2` shows.
+
+    Attributes:
+        key: unique on its page.
+        svg: the static plot.
+        data: of the charts that take its place where scripts run; None for a static plot only.
+    """
 
     key: str
     svg: Markup
-    data: ChartData
+    data: ChartData | None = None
 
 
-def figure_of(scene: Scene, *, key: str, title: str, points: int = POINTS) -> FigureView:
+def figure_of(
+    scene: Scene, *, key: str, title: str, points: int = POINTS, static_panels: int | None = None
+) -> FigureView:
     """Draw a scene and pack its curves.
 
     Args:
@@ -28,6 +36,8 @@ def figure_of(scene: Scene, *, key: str, title: str, points: int = POINTS) -> Fi
         key: unique on its page; letters, digits and dashes.
         title: what a screen reader says.
         points: kept of each static curve, about.
+        static_panels: how many panels, from the top, are drawn for readers without scripts.
     """
-    svg = scene_svg(scene, key=key, title=title, points=points)
+    drawn = replace(scene, panels=scene.panels[:static_panels])
+    svg = scene_svg(drawn, key=key, title=title, points=points)
     return FigureView(key, svg, chart_data(scene))

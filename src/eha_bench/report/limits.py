@@ -101,6 +101,12 @@ def worst_first(rows: Iterable[ScoreRow]) -> tuple[ScoreRow, ...]:
     return tuple(sorted((row for row in rows if row.status.rejects), key=_badness))
 
 
+def closest(rows: Iterable[ScoreRow]) -> ScoreRow | None:
+    """Return the kept limit with the least left of it, relative to the limit."""
+    kept = [row for row in rows if not row.status.rejects and row.margin]
+    return max(kept, key=lambda row: row.severity, default=None)
+
+
 def _badness(row: ScoreRow) -> tuple[int, float]:
     return _WORST_FIRST.index(row.status), -row.severity
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
+from eha_bench.core.errors import InputError, Place
 from eha_bench.core.result import Result, Status
 from eha_bench.core.trial import Trial
 from eha_bench.report.limits import ScoreRow, limit_rows, worst_first
@@ -80,14 +81,24 @@ def append_step_summary(text: str, environment: Mapping[str, str] | None = None)
     """Append Markdown to the file that `GITHUB_STEP_SUMMARY` names; return whether it is named.
 
     Stays below the 1 MiB that GitHub takes, cutting at the end of a line.
+
+    Raises:
+        InputError: the file cannot be written.
     """
     named = (os.environ if environment is None else environment).get("GITHUB_STEP_SUMMARY", "")
     if not named:
         return False
     path = Path(named)
-    used = path.stat().st_size if path.exists() else 0
-    with path.open("a", encoding="utf-8") as file:
-        file.write(_fitting(text, STEP_SUMMARY_BYTES - 1 - used))
+    try:
+        used = path.stat().st_size if path.exists() else 0
+        with path.open("a", encoding="utf-8") as file:
+            file.write(_fitting(text, STEP_SUMMARY_BYTES - 1 - used))
+    except OSError as error:
+        raise InputError(
+            f"cannot append the step summary ({error.strerror})",
+            where=Place(file=named),
+            hint="let GITHUB_STEP_SUMMARY name a file that can be written, or unset it",
+        ) from error
     return True
 
 

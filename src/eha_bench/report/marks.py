@@ -179,7 +179,13 @@ def _measured(step: Step, scores: Sequence[Score], followed: str) -> Iterator[Ma
     for score in scores:
         if not math.isfinite(score.value):
             continue
-        value = quantity(score.value, score.unit, metric=score.metric, written=score.limit)
+        value = quantity(
+            score.value,
+            score.unit,
+            metric=score.metric,
+            written=score.limit,
+            spread=(score.measure.high - score.measure.low) / 2.0,
+        )
         label = f"{_short(score.metric)} {value}"
         if score.metric in _SHARE_AT and score.channel == followed:
             level = step.initial + _SHARE_AT[score.metric] * step.size

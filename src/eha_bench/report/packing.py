@@ -52,12 +52,11 @@ class Stretch:
         """Where the stored values are drawn, s: a group's two at a quarter and three quarters."""
         if self.group == 1:
             return time[self.start : self.stop]
-        starts = self.starts()
-        ends = np.append(starts[1:], self.stop) - 1
-        first, last = time[starts], time[ends]
-        return np.column_stack(
-            (first + 0.25 * (last - first), first + 0.75 * (last - first))
-        ).ravel()
+        first = time[self.starts()]
+        # The last group is longer; drawn as wide as the others, the spacing stays even.
+        width = np.diff(first)
+        width = np.append(width, width[-1] if width.size else time[self.stop - 1] - first[-1])
+        return np.column_stack((first + 0.25 * width, first + 0.75 * width)).ravel()
 
     def values(self, values: FloatArray) -> FloatArray:
         """What is stored of a channel."""
@@ -119,9 +118,7 @@ def packed_clock(time: FloatArray, parts: Sequence[Stretch]) -> list[dict[str, A
         if times.size > 1:
             period = float((times[-1] - times[0]) / (times.size - 1))
         even = start + period * np.arange(times.size)
-        # An envelope's last group is longer than the others: nobody sees it.
-        loose = 1.0 if part.group > 1 else _UNEVEN
-        if np.max(np.abs(times - even)) <= loose * period or times.size <= 2:
+        if np.max(np.abs(times - even)) <= _UNEVEN * period or times.size <= 2:
             entry |= {"start": _short(start), "period": _short(period)}
         else:
             span = float(times[-1] - times[0])

@@ -2,6 +2,12 @@
 
 A content security policy in the page allows only the styles and scripts that stand in it, by
 their digests. Templates escape all that they are given; a name is never markup.
+
+Another kind of page is a template that extends `base.html.j2` (blocks `masthead`, `main`, `foot`)
+and a call of `write_page`. It shares the macros of `templates/parts`: `badge` and `verdict`
+(status), `score_table`, `score_list` and `fact_list` (tables), `plot` (figure). What `plot` shows
+is a `FigureView`: from `figure_of` for curves over time, or `FigureView(key, render_svg(...))` for
+any figure drawn within `plot_style` in the colours of `SHADES`.
 """
 
 from __future__ import annotations

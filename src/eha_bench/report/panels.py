@@ -127,7 +127,7 @@ def _panel(recording: Recording, names: list[str], heading: str) -> Panel:
     # The reference carries the unit of what follows it.
     si = recording.unit(names[-1])
     values = [v for name in names for v in _range(recording, name)]
-    unit = display_unit(si, values)
+    unit = display_unit(si, [*values, _LEAST_SPANS.get(si, 0.0)])
     known = [name for name in names if name != "reference"]
     traces = tuple(
         Trace(

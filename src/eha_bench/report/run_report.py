@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
@@ -16,7 +17,14 @@ from eha_bench.core.score import ScoreStatus
 from eha_bench.core.trial import Trial
 from eha_bench.report.describe import describe
 from eha_bench.report.figure_view import FigureView, figure_of
-from eha_bench.report.limits import ScoreRow, anchor_of, limit_rows, score_rows, worst_first
+from eha_bench.report.limits import (
+    ScoreRow,
+    anchor_of,
+    closest,
+    limit_rows,
+    score_rows,
+    worst_first,
+)
 from eha_bench.report.page import Fact, write_page
 from eha_bench.report.scene import scene_of
 from eha_bench.report.scene_figure import POINTS
@@ -104,6 +112,8 @@ def write_report(
             if view.status in (Status.FAULT, Status.INCOMPLETE)
         ],
         "missed": worst_first(limits),
+        "closest": closest(limits) if result.status is Status.PASSED else None,
+        "started": moment(result.provenance.get("started", "")),
         "limits": limits,
         "trials": views,
         "facts": facts(result),
@@ -149,6 +159,14 @@ def headline(result: Result) -> str:
     return text[0].upper() + text[1:]
 
 
+def moment(text: str) -> str:
+    """Return an ISO 8601 instant to the minute, with its zone; any other text as it is."""
+    try:
+        return datetime.fromisoformat(text).strftime("%Y-%m-%d %H:%M %Z").strip()
+    except ValueError:
+        return text
+
+
 def facts(result: Result) -> tuple[Fact, ...]:
     """Return the provenance as the foot of the page lists it."""
     found = [Fact("Suite", result.suite), Fact("Target", result.target)]
@@ -182,7 +200,8 @@ def _trial_views(
                 trial,
                 recordings.get((run.id, run.repeat)),
                 key=f"t{place}-r{number}",
-                share=len(result.trials) * (1 if number == 0 else 2),
+                share=len(result.trials),
+                first=number == 0,
                 repeats=len(runs),
             )
             for number, run in enumerate(ordered)
@@ -211,6 +230,7 @@ def _run_view(
     *,
     key: str,
     share: int,
+    first: bool,
     repeats: int,
 ) -> RunView:
     rows = score_rows(run, trial)
@@ -221,7 +241,7 @@ def _run_view(
             missing = "No plot: the recording is not there."
         else:
             recording = load()
-            figure, missing = _figure(recording, run, trial, key, share)
+            figure, missing = _figure(recording, run, trial, key, share, first)
             notes = (*notes, *(note for note in recording.notes if note not in notes))
     except EhaBenchError as error:
         missing = f"No plot: {error}."
@@ -251,7 +271,7 @@ def recording_href(folder: Path, recording: str) -> str:
 
 
 def _figure(
-    recording: Recording, run: TrialResult, trial: Trial | None, key: str, share: int
+    recording: Recording, run: TrialResult, trial: Trial | None, key: str, share: int, first: bool
 ) -> tuple[FigureView | None, str]:
     scene = scene_of(recording, run, trial)
     if not scene.panels:
@@ -260,4 +280,5 @@ def _figure(
     points = min(POINTS, max(_FEWEST_POINTS, _POINTS_A_PAGE // (share * curves)))
     headings = ", ".join(panel.heading for panel in scene.panels)
     title = f"{run.id}, repeat {run.repeat}: {headings}"
-    return figure_of(scene, key=key, title=title, points=points), ""
+    static = None if first else 1
+    return figure_of(scene, key=key, title=title, points=points, static_panels=static), ""

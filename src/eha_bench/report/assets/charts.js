@@ -111,7 +111,7 @@
         ticks: { stroke: shades.axis, width: 1, size: 4 },
       };
       const scaled = (factor) => (u, splits, _axis, _space, step) => {
-        const decimals = Math.max(0, -Math.floor(Math.log10(step * factor) + 1e-9));
+        const decimals = (String(Number((step * factor).toPrecision(3))).split(".")[1] ?? "").length;
         return splits.map((value) => text(value * factor, decimals));
       };
       const labelled = this.last
@@ -196,7 +196,8 @@
             ctx.moveTo(x(mark.start), y(mark.value));
             ctx.lineTo(x(mark.stop), y(mark.value));
             ctx.stroke();
-            const inside = y(mark.value) > box.top && y(mark.value) < box.top + box.height;
+            const inside = y(mark.value) > box.top && y(mark.value) < box.top + box.height &&
+              x(mark.start) < box.left + box.width && x(mark.stop) > box.left;
             const right = Math.min(x(mark.stop), box.left + box.width) - 3 * dpr;
             if (inside) this.label(u, taken, mark.label, shade, [[right, y(mark.value) - dpr, "right"]], dpr);
           } else if (mark.kind === "TimeLine") {
@@ -204,7 +205,7 @@
             ctx.lineTo(x(mark.time), box.top + box.height);
             ctx.stroke();
             const bottom = box.top + box.height - 2 * dpr;
-            if (x(mark.time) > box.left) this.label(u, taken, mark.label, shade, [[x(mark.time) + 3 * dpr, bottom, "left"]], dpr);
+            if (x(mark.time) > box.left && x(mark.time) < box.left + box.width) this.label(u, taken, mark.label, shade, [[x(mark.time) + 3 * dpr, bottom, "left"]], dpr);
           } else if (mark.kind === "Point") {
             ctx.setLineDash([]);
             ctx.lineWidth = 1.5 * dpr;
@@ -298,7 +299,7 @@
       const charts = make("div", "charts");
       charts.tabIndex = 0;
       charts.setAttribute("role", "group");
-      charts.setAttribute("aria-label", `Charts of ${this.element.dataset.trial}, repeat ${this.element.dataset.repeat}`);
+      charts.setAttribute("aria-label", this.element.dataset.label);
       const tools = make("div", "tools");
       this.when = make("span", "when");
       this.link = make("a", "permalink", "Link to this view");
@@ -452,7 +453,7 @@
   const figures = [];
   try {
     readShades();
-    for (const element of document.querySelectorAll(".figure")) figures.push(new Figure(element));
+    for (const element of document.querySelectorAll(".with-charts")) figures.push(new Figure(element));
   } catch (error) {
     root.remove("charted");
     throw error;
