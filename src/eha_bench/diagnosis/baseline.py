@@ -96,17 +96,21 @@ def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
     rough = Problem(plant, windows, noise, COARSE)
     progress("calibrate", 0.1)
     rough.prepare(vector)
-    declared_cost = float(np.sum(rough.residual(vector) ** 2))
+    first = rough.residual(vector)
+    rough.scale_to(first)
+    declared_cost = float(np.sum(first**2))
     layout = plant.layout
     fit = levenberg_marquardt(
         rough, vector, free_parameters(layout, keys, vector), iterations=6, refresh=1
     )
+    rough.scale_to(fit.residual)
     progress("calibrate", 0.4)
     fit, nuisance = friction_at_rest(rough, fit, keys)
     progress("calibrate", 0.6)
     noise = refined_noise(rough, fit.residual, noise)
     problem = Problem(plant, windows, noise, STEP)
     problem.prepare(fit.vector)
+    problem.scale_to(problem.residual(fit.vector))
     everything = (*keys, *nuisance)
     known = {item.key: fit.jacobian[:, k] for k, item in enumerate(fit.free)}
     fit = levenberg_marquardt(
@@ -140,7 +144,7 @@ def friction_at_rest(problem: Problem, fit: Fit, keys: tuple[str, ...]) -> tuple
             for size in sizes:
                 trial = fit.vector.copy()
                 trial[at] = size
-                soft, _ = soften(problem.residual(trial))
+                soft, _ = soften(problem.residual(trial), problem.soft)
                 if float(soft @ soft) < cost:
                     best, cost = trial, float(soft @ soft)
             if best is fit.vector:

@@ -3,8 +3,9 @@
 The *excess* is the cost above what noise alone makes. A candidate's *share* is the part of the
 excess that its refit takes away, on the data fitted and, by leaving each run out in turn, on data
 that was not: a share is hard to reach by accident, where a likelihood ratio is not, since with
-100,000 correlated samples every wrong term gains something. Leaving a run out is done to first order from
-the Jacobian at the optimum (one Gauss-Newton step without its rows), which costs no simulation.
+100,000 correlated samples every wrong term gains something. Leaving a run out is done to first
+order from the Jacobian at the optimum (one Gauss-Newton step without its rows), which costs no
+simulation.
 
 Significance is by resampling blocks of 0.1 s, which keeps the serial correlation (Künsch, Ann.
 Statist. 17 (1989) 1217, doi:10.1214/aos/1176347265).
@@ -163,7 +164,7 @@ def groups_of(problem: Problem, block: float = 0.1, most: int = 8) -> Groups:
 
 def left_out(fit: Fit, groups: Groups) -> FloatArray:
     """Return the soft cost of every residual when its run was left out of the fit, (N,)."""
-    soft, weight = soften(fit.residual)
+    soft, weight = soften(fit.residual, fit.soft)
     costs = soft**2
     if not fit.free:
         return costs
@@ -179,7 +180,7 @@ def left_out(fit: Fit, groups: Groups) -> FloatArray:
         step = -np.linalg.lstsq(left, gradient - part.T @ soft[rows], rcond=1e-10)[0]
         # beyond the range of the linearisation nothing is learnt from a larger step
         step = np.clip(step, -0.5, 0.5)
-        moved, _ = soften(fit.residual[rows] + fit.jacobian[rows] @ step)
+        moved, _ = soften(fit.residual[rows] + fit.jacobian[rows] @ step, fit.soft)
         out[rows] = moved**2
     return out
 
@@ -208,8 +209,8 @@ def compare(
     before: Fit, after: Fit, groups: Groups, excess_before: float, seed: int = 0
 ) -> Comparison:
     """Return what `after` gains over `before`, fitted and left out."""
-    soft_b, _ = soften(before.residual)
-    soft_a, _ = soften(after.residual)
+    soft_b, _ = soften(before.residual, before.soft)
+    soft_a, _ = soften(after.residual, after.soft)
     gain = float(soft_b @ soft_b - soft_a @ soft_a)
     difference = left_out(before, groups) - left_out(after, groups)
     gain_out = float(difference.sum())

@@ -51,6 +51,7 @@ class Fit:
         jacobian: (N, p) its derivative by scaled parameters (last one computed).
         cost: sum of soft-L1 losses of the residual.
         steps: accepted steps.
+        soft: scale of the soft-L1 loss.
     """
 
     vector: FloatArray
@@ -59,6 +60,7 @@ class Fit:
     jacobian: FloatArray
     cost: float
     steps: int = 0
+    soft: float = 1.0
 
     def values(self) -> dict[str, float]:
         """Return the fitted values by key."""
@@ -144,10 +146,10 @@ def levenberg_marquardt(
     free = tuple(free)
     vector = vector.copy()
     residual = problem.residual(vector)
-    soft, weight = soften(residual)
+    soft, weight = soften(residual, problem.soft)
     cost = float(soft @ soft)
     if not free:
-        return Fit(vector, free, residual, np.zeros((residual.size, 0)), cost)
+        return Fit(vector, free, residual, np.zeros((residual.size, 0)), cost, 0, problem.soft)
     scales = np.array([item.scale for item in free])
     matrix = jacobian(problem, vector, free, residual, known)
     fresh = not known
@@ -170,7 +172,7 @@ def levenberg_marquardt(
             if length == 0.0:
                 break
             new_residual = problem.residual(trial)
-            new_soft, new_weight = soften(new_residual)
+            new_soft, new_weight = soften(new_residual, problem.soft)
             new_cost = float(new_soft @ new_soft)
             change_of = new_residual - residual
             matrix = matrix + np.outer(change_of - matrix @ done, done / length)
@@ -199,7 +201,7 @@ def levenberg_marquardt(
             damping = 1e-3
         elif gain:
             fresh = False
-    return Fit(vector, free, residual, matrix, cost, taken)
+    return Fit(vector, free, residual, matrix, cost, taken, problem.soft)
 
 
 def _bounded_step(

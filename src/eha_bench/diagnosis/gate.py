@@ -90,7 +90,7 @@ def noise_of(values: FloatArray) -> float:
         middle = float(np.median(np.mean(whole**2, axis=1)))
         spread = float(np.sqrt(middle / _MEDIAN / _THIRD))
     step = quantum_of(values[good])
-    return max(spread, step / np.sqrt(12.0))
+    return max(spread, step / float(np.sqrt(12.0)))
 
 
 def quantum_of(values: FloatArray) -> float:

@@ -85,7 +85,8 @@ def scan(
     at_count, at_phase = layout.index[f"{name}.count"], layout.index[f"{name}.phase"]
     short.prepare(vector)
     base = short.residual(vector)
-    soft, weight = soften(base)
+    short.scale_to(base)
+    soft, weight = soften(base, short.soft)
     free = free_parameters(layout, keys, vector)
     matrix = jacobian(short, vector, free, base) * weight[:, None]
     norms = np.linalg.norm(matrix, axis=0)
@@ -118,10 +119,16 @@ def scan(
         moved = levenberg_marquardt(
             short, here, free_parameters(layout, start.keys, here), iterations=4, refresh=1
         )
-        settings = tuple((at, float(moved.vector[at])) for at, _ in start.settings)
         strength = float(moved.vector[start.strength_at])
-        if strength != start.neutral:
-            refined.append(replace(start, settings=settings, strength=strength))
+        if strength == start.neutral:
+            continue
+        # a shaft has a whole number of poles, slots or pistons: with it the phase cannot run away
+        whole = float(round(moved.vector[at_count]))
+        settings = tuple(
+            (at, whole if at == at_count else float(moved.vector[at])) for at, _ in start.settings
+        )
+        keys = tuple(key for key in start.keys if key != f"{name}.count")
+        refined.append(replace(start, settings=settings, strength=strength, keys=keys))
     return refined
 
 

@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 WORKERS = max(1, min(4, os.cpu_count() or 1))
 _SOFT = 5.0
-_BAD = 1e6
+_BAD = 1e9
 
 
 @dataclass
@@ -76,6 +76,7 @@ class Problem:
         self.windows = tuple(windows)
         self.noise = dict(noise)
         self.step = step
+        self.soft = 1.0
         self._outputs = {name: at for at, name in enumerate(plant.outputs)}
         self._parts = [self._ready(window) for window in windows]
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
@@ -95,6 +96,7 @@ class Problem:
         """Return the problem over some of the windows; start-state bases are shared."""
         other = object.__new__(Problem)
         other.plant, other.noise, other.step = self.plant, self.noise, self.step
+        other.soft = self.soft
         other._outputs = self._outputs
         other.windows = tuple(self.windows[k] for k in keep)
         other._parts = [self._parts[k] for k in keep]
@@ -108,6 +110,13 @@ class Problem:
         other = self.subset(range(len(self.windows)))
         other.step = step
         return other
+
+    def scale_to(self, residual: FloatArray) -> None:
+        """Set what counts as an outlier by a residual's usual size, never below the noise.
+
+        Where the model is far off everywhere, 5 sigma of the noise would make outliers of all.
+        """
+        self.soft = max(1.0, float(np.median(np.abs(residual)) / 0.6745))
 
     def rows_of(self, keep: Sequence[int]) -> NDArray[np.intp]:
         """Return the places in the stacked residual of some windows."""
@@ -262,14 +271,15 @@ def start_of(
     return initial
 
 
-def soften(residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return residuals and row weights under soft-L1 at 5 sigma.
+def soften(residual: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and row weights under soft-L1 at 5 sigma, or 5 times a larger scale.
 
     rho(r) = 2 c^2 (sqrt(1 + (r / c)^2) - 1); the weights multiply the rows of a Jacobian.
     """
-    ratio = residual / _SOFT
+    limit = _SOFT * scale
+    ratio = residual / limit
     root = np.sqrt(1.0 + ratio * ratio)
-    soft = np.sign(residual) * np.sqrt(2.0 * _SOFT**2 * (root - 1.0))
+    soft = np.sign(residual) * np.sqrt(2.0 * limit**2 * (root - 1.0))
     with np.errstate(invalid="ignore", divide="ignore"):
         weight = np.where(np.abs(residual) > 1e-6, residual / (root * soft), 1.0)
     return soft, np.where(np.isfinite(weight), weight, 1.0)

@@ -37,6 +37,7 @@ from eha_bench.diagnosis.revise import revised
 from eha_bench.diagnosis.search import Search
 from eha_bench.diagnosis.uncertainty import Estimate, estimates, undetermined
 from eha_bench.diagnosis.windows import cut
+from eha_bench.plants.effect import Effect
 from eha_bench.plants.model import Model
 
 FloatArray = NDArray[np.float64]
@@ -179,7 +180,7 @@ def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisi
             FoundEffect(
                 effect.id,
                 str(effect.equation(layout.plant, numbers).value),
-                {key.split(".", 1)[1]: values[key] for key in item.start.keys if key in values},
+                _numbers(effect, item.start.keys, values, numbers),
                 {p.name: str(p.decode(numbers[p.name])) for p in effect.parameters if p.choices},
                 item.comparison.share_out,
                 item.comparison.p_value,
@@ -218,6 +219,21 @@ def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisi
         undetermined(fit),
         tuple(notes),
     )
+
+
+def _numbers(
+    effect: Effect, keys: tuple[str, ...], values: dict[str, Estimate], numbers: dict[str, float]
+) -> dict[str, Estimate]:
+    """What was fitted, with its interval; a count that a scan found is exact."""
+    found = {}
+    for parameter in effect.parameters:
+        key = f"{effect.id}.{parameter.name}"
+        if key in keys and key in values:
+            found[parameter.name] = values[key]
+        elif parameter.name == "count":
+            number = numbers[parameter.name]
+            found[parameter.name] = Estimate(number, number, number, parameter.unit)
+    return found
 
 
 def _share(search: Search, name: str) -> float:

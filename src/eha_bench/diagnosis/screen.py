@@ -52,7 +52,7 @@ class Screen:
     def __init__(self, problem: Problem, fit: Fit) -> None:
         self.problem = problem
         self.fit = fit
-        soft, self._weight = soften(fit.residual)
+        soft, self._weight = soften(fit.residual, fit.soft)
         weighted = fit.jacobian * self._weight[:, None]
         norms = np.linalg.norm(weighted, axis=0)
         keep = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
@@ -66,8 +66,9 @@ class Screen:
         """Return a start's predicted gain, from simulations at shares of its strength."""
         best = Screened(start, 0.0, 0.0, np.zeros(0, dtype=np.float32))
         for share in shares:
+            limit = 50.0 * self.fit.soft
             moved = self.problem.residual(start.apply(self.fit.vector, share))
-            change = np.clip(moved - self.fit.residual, -50.0, 50.0) * self._weight
+            change = np.clip(moved - self.fit.residual, -limit, limit) * self._weight
             column = self._off(change) / share
             size = float(column @ column)
             if size < 1e-6:

@@ -178,7 +178,7 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     # screening and first refits only compare candidates, so a coarser step is enough
     coarse = search.problem.at_step(COARSE)
     residual = coarse.residual(search.fit.vector)
-    soft, _ = soften(residual)
+    soft, _ = soften(residual, coarse.soft)
     here = replace(search.fit, residual=residual, cost=float(soft @ soft))
     screen = Screen(coarse, here)
     turning = [effect.id for effect in layout.effects if is_periodic(effect)]
@@ -244,7 +244,7 @@ def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search)
     lines = [
         Ranked(
             item.candidate,
-            item.comparison.share_out,
+            min(item.comparison.share, item.comparison.share_out),
             item.comparison.p_value,
             item.fit.cost,
             best[item.candidate].gain,
@@ -289,7 +289,7 @@ def _polish(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
     problem = search.problem
     vector = rough.vector
     known = {f.key: rough.jacobian[:, k] for k, f in enumerate(rough.free)}
-    if rough.cost > 1.2 * SOFT_MEAN * problem.size:
+    if rough.cost > 1.01 * SOFT_MEAN * problem.size and problem.soft < 3.0:
         again = vector.copy()
         layout = problem.plant.layout
         for key in search.keys:
@@ -339,7 +339,7 @@ def _believed(item: Trial, limits: Thresholds) -> bool:
     return (
         found.gain > limits.gain
         and found.gain_out > limits.gain / 2
-        and found.share_out > limits.share
+        and min(found.share, found.share_out) > limits.share
         and found.p_value < limits.p_value
         and found.runs_better >= limits.runs_better
     )
@@ -399,4 +399,10 @@ def _without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
     for other in kept:
         keys += [key for key in other.start.keys if key not in keys]
     free = free_parameters(search.problem.plant.layout, keys, vector)
-    return levenberg_marquardt(search.problem, vector, free)
+    coarse = search.problem.at_step(COARSE)
+    rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
+    before, search.accepted = search.accepted, list(kept)
+    try:
+        return _polish(search, rough, [])
+    finally:
+        search.accepted = before

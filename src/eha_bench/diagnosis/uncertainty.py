@@ -37,7 +37,7 @@ def deviations(fit: Fit, groups: Groups) -> dict[str, float]:
     """Return the standard deviation of every fitted number, SI, by key (inf: not determined)."""
     if not fit.free:
         return {}
-    soft, weight = soften(fit.residual)
+    soft, weight = soften(fit.residual, fit.soft)
     weighted = fit.jacobian * weight[:, None]
     normal = weighted.T @ weighted
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -77,7 +77,7 @@ def undetermined(fit: Fit) -> tuple[str, ...]:
     columns = [k for k, item in enumerate(fit.free) if item in free]
     if not columns:
         return ()
-    _, weight = soften(fit.residual)
+    _, weight = soften(fit.residual, fit.soft)
     size = np.array([abs(fit.vector[item.at]) or item.scale for item in free])
     scale = np.array([item.scale for item in free])
     matrix = fit.jacobian[:, columns] * weight[:, None] * (size / scale)

@@ -27,8 +27,8 @@ FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 WINDOW = 0.1
-_BUDGET = 8.0
-_HATS = 7
+_BUDGET = 6.0
+_HATS = 6
 
 
 @dataclass(frozen=True)
@@ -151,11 +151,13 @@ class Locator:
         self.free = fit.free
         self.matrix = jacobian(self.short, fit.vector, self.free, self.base)
         self.groups: Groups = groups_of(self.short)
-        soft, weight = soften(self.base)
+        self.short.scale_to(self.base)
+        self.limit = 1e3 * self.short.soft
+        soft, weight = soften(self.base, self.short.soft)
         weighted = self.matrix * weight[:, None]
         own = -np.linalg.lstsq(weighted.T @ weighted, weighted.T @ soft, rcond=1e-10)[0]
-        self.before = _pseudo(self.free, self.base + self.matrix @ own, self.matrix, fit.vector)
-        soft, _ = soften(self.before.residual)
+        self.before = self._pseudo(self.free, self.base + self.matrix @ own, self.matrix)
+        soft, _ = soften(self.before.residual, self.short.soft)
         self.excess = max(float(soft @ soft) - 0.973 * soft.size, 1.0)
         self.variables: dict[str, tuple[float, float]] = {}
         for window in self.short.windows:
@@ -189,7 +191,7 @@ class Locator:
         for k in range(_HATS):
             hat = np.interp(fine, knots, np.eye(_HATS)[k]) * size
             moved = self.short.residual(self.vector(template, low, high, hat))
-            columns.append(np.clip(moved - self.base, -1e3, 1e3))
+            columns.append(np.clip(moved - self.base, -self.limit, self.limit))
         share, amplitudes = self._explained(np.column_stack(columns))
         return Located(template, share, knots, amplitudes * size)
 
@@ -198,7 +200,7 @@ class Locator:
         size = self._size(template)
         ones = np.full(self._count(), size)
         change = self.short.residual(self.vector(template, 0.0, 1.0, ones)) - self.base
-        change = np.clip(change, -1e3, 1e3)
+        change = np.clip(change, -self.limit, self.limit)
         time = np.zeros(self.short.size)
         for piece in self.short.pieces:
             window = self.short.windows[piece.window]
@@ -226,7 +228,7 @@ class Locator:
 
     def _by_window(self, change: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return each window's time, product of change and residual, and square of the change."""
-        soft, weight = soften(self.before.residual)
+        soft, weight = soften(self.before.residual, self.short.soft)
         column = change * weight
         time, product, square = [], [], []
         for piece in self.short.pieces:
@@ -243,14 +245,19 @@ class Locator:
         )
         matrix = np.hstack([self.matrix, columns])
         residual = self.base
-        soft, weight = soften(residual)
+        soft, weight = soften(residual, self.short.soft)
         weighted = matrix * weight[:, None]
         normal = weighted.T @ weighted
         ridge = 1e-6 * np.diag(np.diag(normal)) + 1e-9 * np.eye(normal.shape[0])
         answer = -np.linalg.lstsq(normal + ridge, weighted.T @ soft, rcond=1e-12)[0]
-        after = _pseudo(free, residual + matrix @ answer, matrix, self.fit.vector)
+        after = self._pseudo(free, residual + matrix @ answer, matrix)
         found = compare(self.before, after, self.groups, self.excess)
         return found.share_out, np.asarray(answer[len(self.free) :], dtype=np.float64)
+
+    def _pseudo(self, free: Sequence[Free], residual: FloatArray, matrix: FloatArray) -> Fit:
+        soft, _ = soften(residual, self.short.soft)
+        cost = float(soft @ soft)
+        return Fit(self.fit.vector, tuple(free), residual, matrix, cost, 0, self.short.soft)
 
     def _count(self) -> int:
         return self.plant.layout.by_key[f"{LEARNED}.values"].size
@@ -394,10 +401,3 @@ def _series(phase: FloatArray, amplitudes: FloatArray) -> FloatArray:
         angle = 2.0 * np.pi * k * phase
         total = total + amplitudes[2 * k - 1] * np.cos(angle) + amplitudes[2 * k] * np.sin(angle)
     return total
-
-
-def _pseudo(
-    free: Sequence[Free], residual: FloatArray, matrix: FloatArray, vector: FloatArray
-) -> Fit:
-    soft, _ = soften(residual)
-    return Fit(vector, tuple(free), residual, matrix, float(soft @ soft))

@@ -151,7 +151,7 @@ def _start(
     """State at a window's start from the measurement around it, and how far it may be off."""
     state: dict[str, float] = dict(measured.held)
     spread: dict[str, float] = {}
-    lead = _rest_length(measured) if rested else 0
+    lead = _rest_length(measured, noise) if rested else 0
     for name in measured.outputs:
         column = measured.column(name)
         if column is None:
@@ -170,11 +170,11 @@ def _start(
                     continue
             spread[name] = max(3.0 * sigma / np.sqrt(part.size), 0.1 * sigma)
         else:
-            value = _local(measured.time, column, first)
-            if value is None:
+            local = _local(measured.time, column, first)
+            if local is None:
                 continue
-            state[name] = value
-            spread[name] = 10.0 * sigma
+            state[name] = local[0]
+            spread[name] = 10.0 * sigma + local[1]
     _derive_velocity(measured, first, noise, lead, state, spread)
     if "current" not in state and "current_command" in measured.inputs:
         state["current"] = float(measured.inputs["current_command"][max(0, first - 1)])
@@ -224,14 +224,16 @@ def _derive_velocity(
     if good.sum() < 4:
         return
     t = t[good] - measured.time[first]
-    slope = np.polyfit(t, x[good], min(2, int(good.sum()) - 2))[-2]
-    state["piston_velocity"] = float(slope)
+    slope = float(np.polyfit(t, x[good], 2 if good.sum() > 5 else 1)[-2])
+    state["piston_velocity"] = slope
     sigma = noise.get("piston_position", 0.0)
-    spread["piston_velocity"] = 10.0 * sigma / float(np.sqrt(np.sum((t - t.mean()) ** 2)) + 1e-300)
+    random = 10.0 * sigma / float(np.sqrt(np.sum((t - t.mean()) ** 2)) + 1e-300)
+    further = float(np.polyfit(t, x[good], 3)[-2]) if good.sum() > 6 else slope
+    spread["piston_velocity"] = random + 3.0 * abs(further - slope)
 
 
-def _rest_length(measured: Measured) -> int:
-    """Samples from the start until an input first changes, at least 1, at most 200."""
+def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:
+    """Samples from the start until something moves, an input or an output: 1 to 200."""
     longest = min(200, measured.time.size)
     end = longest
     for values in measured.inputs.values():
@@ -239,14 +241,25 @@ def _rest_length(measured: Measured) -> int:
         moved = np.flatnonzero(np.abs(values[:longest] - values[0]) > little)
         if moved.size:
             end = min(end, int(moved[0]) + 1)
-    return max(1, end) if measured.run.locked else 1
+    for name in measured.outputs:
+        column = measured.column(name)
+        if column is None:
+            continue
+        moved = np.flatnonzero(np.abs(column[:end] - column[0]) > 6.0 * noise.get(name, 0.0))
+        if moved.size:
+            # it began to move earlier than it left the noise
+            end = min(end, max(1, int(moved[0]) // 4))
+    return max(1, end)
 
 
-def _local(time: FloatArray, column: FloatArray, first: int) -> float | None:
+def _local(time: FloatArray, column: FloatArray, first: int) -> tuple[float, float] | None:
+    """Value at a tick from a polynomial through its neighbours, and how far the next degree is."""
     low, high = max(0, first - _HALF_FIT), min(column.size, first + _HALF_FIT + 1)
     t, y = time[low:high] - time[first], column[low:high]
     good = np.isfinite(y)
     if good.sum() < 3:
         return None
-    degree = 2 if good.sum() > 6 else 0
-    return float(np.polyfit(t[good], y[good], degree)[-1])
+    if good.sum() < 7:
+        return float(np.mean(y[good])), float(np.ptp(y[good]))
+    value = float(np.polyfit(t[good], y[good], 2)[-1])
+    return value, abs(float(np.polyfit(t[good], y[good], 4)[-1]) - value)
