@@ -139,3 +139,25 @@ def test_names_inside_a_recording_stay_text(tmp_path: Path) -> None:
     back = recordings.read(recordings.write(tmp_path / "a.mcap", recording))
     assert dict(back.attachments) == {"../../evil": b"1"}
     assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_a_folder_with_a_description_is_a_rosbag2(tmp_path: Path) -> None:
+    from rosbags.rosbag2 import Reader
+
+    first, second = long_recording(500), long_recording(800)
+    recordings.write(tmp_path / "b.mcap", first)
+    later = Recording(
+        second.time, dict(second.values), dict(second.units), epoch_ns=second.epoch_ns + 10**12
+    )
+    recordings.write(tmp_path / "a.mcap", later)
+    described = recordings.write_rosbag2_metadata(tmp_path)
+    assert described.name == "metadata.yaml"
+    with Reader(tmp_path) as reader:
+        assert reader.message_count == 1300
+        assert reader.start_time == first.epoch_ns
+        assert {c.topic for c in reader.connections} == {"/eha_bench/sample"}
+        assert sum(1 for _ in reader.messages()) == 1300
+    with pytest.raises(RecordingError, match=r"2 recordings of eha-bench \(b\.mcap, a\.mcap\)"):
+        recordings.read(tmp_path)
+    with pytest.raises(RecordingError, match="no MCAP file"):
+        recordings.write_rosbag2_metadata(tmp_path / "none")

@@ -5,6 +5,7 @@ from eha_bench.recordings.information import RecordingInformation, TopicInformat
 from eha_bench.recordings.live import LiveWriter
 from eha_bench.recordings.reader import read
 from eha_bench.recordings.recover import RecoveryReport, recover
+from eha_bench.recordings.rosbag2_metadata import write_rosbag2_metadata
 from eha_bench.recordings.writer import write
 
 __all__ = [
@@ -19,4 +20,5 @@ __all__ = [
     "read",
     "recover",
     "write",
+    "write_rosbag2_metadata",
 ]

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
 
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
 from eha_bench.recordings.demux import Split, Splitter
-from eha_bench.recordings.mcap_file import Chunk, McapFile, Stretch
+from eha_bench.recordings.mcap_file import Chunk, McapFile, Stretch, message_index
 from eha_bench.recordings.payloads import Bytes
 from eha_bench.recordings.source import Span
 
@@ -56,7 +57,8 @@ class ChunkReader:
             self.lost += 1
             self.notes.append(f"the chunk at byte {chunk.offset} is lost: {error}")
             return None
-        found = splitter.split(buffer, 0, buffer.size)
+        index = partial(message_index, self._file, chunk) if chunk.channels else None
+        found = splitter.split(buffer, 0, buffer.size, index)
         found.chunk = chunk
         if found.end < buffer.size and not chunk.torn:
             self.notes.append(

@@ -8,6 +8,7 @@ one strided array a topic. The cycle that was found is tried first in the next c
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -26,9 +27,12 @@ _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<BQH")
 _LONGEST_PERIOD = 256
 _FEWEST_CYCLES = 4
+_PATIENCE = 128
 
 Cycle = tuple[tuple[int, int], ...]
 """(length, channel) of records that follow each other again and again."""
+Index = Callable[[], Mapping[int, NDArray[np.int64]]]
+"""Gives the starts of the records by channel."""
 
 
 @dataclass
@@ -55,21 +59,42 @@ class Split:
         return self.end == self.buffer.size
 
 
+@dataclass
+class _Walked:
+    """Records that were walked one by one, without a break: (length, channel), and the start."""
+
+    kinds: list[tuple[int, int]] = field(default_factory=list)
+    starts: list[int] = field(default_factory=list)
+
+    def clear(self) -> None:
+        """Forget them."""
+        self.kinds.clear()
+        self.starts.clear()
+
+
 class Splitter:
     """Splits one stretch after the other; remembers the cycle of the one before."""
 
     def __init__(self) -> None:
         self._cycle: Cycle = ()
 
-    def split(self, buffer: Bytes, start: int, stop: int) -> Split:
-        """Return the records of buffer[start:stop]; ends early at one that does not fit."""
+    def split(self, buffer: Bytes, start: int, stop: int, index: Index | None = None) -> Split:
+        """Return the records of buffer[start:stop]; ends early at one that does not fit.
+
+        Args:
+            buffer: bytes.
+            start: where the first record starts.
+            stop: where the last record must end at the latest.
+            index: gives where each channel's messages are said to start; it is believed only where
+                the records agree, and it is only asked where there is no cycle.
+        """
         found = Split(buffer, end=start)
         data = buffer.data
         position = start
-        walked: list[tuple[int, int, int]] = []  # (length, channel, start), without a break
+        walked = _Walked()
         look = 2
         while position + RECORD_HEAD <= stop:
-            if not walked and self._cycle:
+            if not walked.kinds and self._cycle:
                 position += _take(found, buffer, self._cycle, position, stop)
                 if position + RECORD_HEAD > stop:
                     break
@@ -83,19 +108,25 @@ class Splitter:
                 _flush(found, walked)
                 look = 2
                 continue
-            walked.append((length, _MESSAGE.unpack_from(data, position)[2], position))
+            walked.kinds.append((length, _MESSAGE.unpack_from(data, position)[2]))
+            walked.starts.append(position)
             position = following
-            if len(walked) == look:
+            if len(walked.kinds) == look:
                 taken = self._repeat(found, walked, stop)
                 position = taken or position
                 look = 2 if taken else min(look * 2, look + 2 * _LONGEST_PERIOD)
+                if not taken and index is not None and look > _PATIENCE:
+                    indexed = _indexed(buffer, start, stop, index())
+                    if indexed is not None:
+                        return indexed
+                    index = None
         _flush(found, walked)
         found.end = position
         return found
 
-    def _repeat(self, found: Split, walked: list[tuple[int, int, int]], stop: int) -> int:
+    def _repeat(self, found: Split, walked: _Walked, stop: int) -> int:
         """Take the repetitions that the last walked records began; return where they end, or 0."""
-        kinds = [(length, channel) for length, channel, _ in walked]
+        kinds = walked.kinds
         period = _period(kinds)
         if not period:
             return 0
@@ -103,14 +134,13 @@ class Splitter:
         while first and kinds[first - 1] == kinds[first - 1 + period]:
             first -= 1
         cycle = tuple(kinds[first : first + period])
-        start = walked[first][2]
-        before = walked[:first]
+        start = walked.starts[first]
         fresh = Split(found.buffer)
         taken = _take(fresh, found.buffer, cycle, start, stop)
         step = sum(length + RECORD_HEAD for length, _ in cycle)
-        if taken < _FEWEST_CYCLES * step or start + taken < walked[-1][2]:
+        if taken < _FEWEST_CYCLES * step or start + taken < walked.starts[-1]:
             return 0
-        _flush(found, before)
+        _flush(found, _Walked(kinds[:first], walked.starts[:first]))
         walked.clear()
         found.messages += fresh.messages
         self._cycle = cycle
@@ -123,6 +153,71 @@ def _period(kinds: list[tuple[int, int]]) -> int:
         if kinds[-1] == kinds[-1 - period] and kinds[-period:] == kinds[-2 * period : -period]:
             return period
     return 0
+
+
+def _indexed(
+    buffer: Bytes, start: int, stop: int, index: Mapping[int, NDArray[np.int64]]
+) -> Split | None:
+    """Return the records by their index, or None unless it names every message there is.
+
+    Records must follow each other without a break from `start` to `stop`; where the index leaves
+    something out, only records that are no messages may stand there.
+    """
+    if not index:
+        return None
+    channels = np.concatenate([np.full(starts.size, number) for number, starts in index.items()])
+    starts = np.concatenate(list(index.values()))
+    order = np.argsort(starts, kind="stable")
+    starts, channels = starts[order], channels[order]
+    if not starts.size or starts[0] < start or starts[-1] + PAYLOAD > stop:
+        return None
+    heads = Payloads(buffer, starts.size, 0, starts=starts)
+    lengths = heads.column(1, "<i8")
+    if (
+        (heads.column(0, "<u1") != MESSAGE).any()
+        or (heads.column(RECORD_HEAD, "<u2") != channels).any()
+        or ((lengths < MESSAGE_HEAD) | (lengths > stop)).any()
+    ):
+        return None
+    ends = starts + lengths + RECORD_HEAD
+    found = Split(buffer)
+    edges = np.concatenate(([start], ends))
+    nexts = np.concatenate((starts, [stop]))
+    for gap in np.flatnonzero(edges != nexts).tolist():
+        others = _others(buffer, int(edges[gap]), int(nexts[gap]))
+        if others is None:
+            return None
+        found.others += others
+    for number in index:
+        for length in np.unique(lengths[channels == number]).tolist():
+            rows = (channels == number) & (lengths == length)
+            found.messages.append(
+                (
+                    number,
+                    Payloads(
+                        buffer,
+                        int(np.count_nonzero(rows)),
+                        length - MESSAGE_HEAD,
+                        starts=starts[rows] + PAYLOAD,
+                    ),
+                )
+            )
+    found.end = stop
+    return found
+
+
+def _others(buffer: Bytes, start: int, stop: int) -> list[tuple[int, int, int]] | None:
+    """Return records that are no messages and fill buffer[start:stop] wholly, or None."""
+    found = []
+    while start < stop:
+        if start + RECORD_HEAD > stop:
+            return None
+        opcode, length = _RECORD.unpack_from(buffer.data, start)
+        if opcode in (0, MESSAGE) or start + RECORD_HEAD + length > stop:
+            return None
+        found.append((opcode, start + RECORD_HEAD, length))
+        start += RECORD_HEAD + length
+    return found if start == stop else None
 
 
 def _take(found: Split, buffer: Bytes, cycle: Cycle, start: int, stop: int) -> int:
@@ -182,10 +277,10 @@ def _pattern(cycle: Cycle, count: int) -> NDArray[np.uint32]:
     return np.tile(np.frombuffer(heads, "<u4"), count)
 
 
-def _flush(found: Split, walked: list[tuple[int, int, int]]) -> None:
+def _flush(found: Split, walked: _Walked) -> None:
     """Turn records that did not repeat into groups of one channel and length."""
     groups: dict[tuple[int, int], list[int]] = {}
-    for length, channel, start in walked:
+    for (length, channel), start in zip(walked.kinds, walked.starts, strict=True):
         groups.setdefault((channel, length), []).append(start + PAYLOAD)
     for (channel, length), starts in groups.items():
         where = np.array(starts, dtype=np.int64)

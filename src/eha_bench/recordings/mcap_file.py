@@ -17,6 +17,7 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
+from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.demux import RECORD_HEAD
@@ -29,7 +30,11 @@ _CHUNK = struct.Struct("<QQQII")
 
 @dataclass(slots=True)
 class Chunk:
-    """A chunk's frame; `channels` counts messages by channel id, None if no index tells."""
+    """A chunk's frame.
+
+    `channels` counts messages by channel id, None if no index tells; the index stands in the file
+    from `index_start` to `index_stop`.
+    """
 
     offset: int
     start_time: int
@@ -40,6 +45,8 @@ class Chunk:
     data_start: int
     data_size: int
     channels: dict[int, int] | None = None
+    index_start: int = 0
+    index_stop: int = 0
     torn: bool = False
 
 
@@ -91,6 +98,24 @@ class McapFile:
     def parse(self, kind: Any, start: int, length: int) -> Any:
         """Return a record's content as the mcap library's type, or None if it does not fit."""
         return parse_record(kind, bytes(self.buffer.data[start : start + length]))
+
+
+def message_index(file: McapFile, chunk: Chunk) -> dict[int, NDArray[np.int64]]:
+    """Return where the records of each channel are said to start in a chunk."""
+    data = file.buffer.data
+    found: dict[int, NDArray[np.int64]] = {}
+    position = chunk.index_start
+    while position + RECORD_HEAD + 6 <= chunk.index_stop:
+        opcode, length = _FRAME.unpack_from(data, position)
+        start = position + RECORD_HEAD
+        if opcode == Opcode.MESSAGE_INDEX and length >= 6:
+            channel, size = struct.unpack_from("<HI", data, start)
+            count = min(size, length - 6) // 16
+            table = np.frombuffer(data, "<i8", 2 * count, start + 6)
+            offsets = table[1::2].copy()
+            found[channel] = np.append(found[channel], offsets) if channel in found else offsets
+        position = start + length
+    return found
 
 
 def parse_record(kind: Any, content: bytes) -> Any:
@@ -230,6 +255,8 @@ def _take(file: McapFile, opcode: int, start: int, length: int) -> None:
             last.channels = last.channels if last.channels is not None else {}
             count = min(entries, length - 6) // 16
             last.channels[channel] = last.channels.get(channel, 0) + count
+            last.index_start = last.index_start or start - RECORD_HEAD
+            last.index_stop = start + length
         case Opcode.SCHEMA:
             add_schema(file, start, length, file.buffer)
         case Opcode.CHANNEL:

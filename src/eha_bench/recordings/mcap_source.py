@@ -45,6 +45,11 @@ class McapSource(Source):
         return self._file
 
     @property
+    def reader(self) -> ChunkReader:
+        """What opens the chunks."""
+        return self._reader
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What was found so far: a tear, damaged chunks, chunks out of order."""
         return tuple(dict.fromkeys((*damage(self._file), *self._reader.notes)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from eha_bench.core.errors import Place, RecordingError
@@ -19,6 +21,14 @@ def read_own(source: Source, span: Span) -> Recording:
         RecordingError: it is of a later version, it has no samples, or it is damaged.
     """
     where = Place(file=source.path)
+    parts = [part for part in source.parts if sample.is_own(part.metadata())]
+    if len(parts) > 1:
+        names = ", ".join(Path(part.path).name for part in parts)
+        raise RecordingError(
+            f"the folder holds {len(parts)} recordings of eha-bench ({names})",
+            where=where,
+            hint="give one of them",
+        )
     records = source.metadata()
     version = records[sample.FORMAT].get("version", "")
     if version != sample.VERSION:

@@ -62,6 +62,11 @@ class Source(ABC):
         """The file or folder, for messages."""
 
     @property
+    def parts(self) -> tuple[Source, ...]:
+        """The files that it is split over; itself if it is one file."""
+        return (self,)
+
+    @property
     @abstractmethod
     def notes(self) -> tuple[str, ...]:
         """What was found so far, one sentence each."""
