@@ -108,11 +108,15 @@ class Model:
         """Return the model as model.yaml text."""
         from ruamel.yaml import YAML
 
-        data: dict[str, Any] = {"model": self.plant_id, "parameters": dict(self.parameters)}
+        parameters = {name: float(value) for name, value in self.parameters.items()}
+        data: dict[str, Any] = {"model": self.plant_id, "parameters": parameters}
         if self.calibrate:
             data["calibrate"] = list(self.calibrate)
         if self.effects:
-            data["effects"] = [{"effect": item.id, **item.values} for item in self.effects]
+            data["effects"] = [
+                {"effect": item.id, **{key: _plain(value) for key, value in item.values.items()}}
+                for item in self.effects
+            ]
         stream = StringIO()
         writer = YAML()
         writer.default_flow_style = None
@@ -223,6 +227,13 @@ def _checked(
             where=where,
         )
     return value
+
+
+def _plain(value: Value) -> Value:
+    """Return a value of Python's own types, whatever numpy's it was computed as."""
+    if isinstance(value, str):
+        return str(value)
+    return [float(item) for item in value] if isinstance(value, list) else float(value)
 
 
 def _encoded(parameter: Parameter, value: Value) -> float | list[float]:

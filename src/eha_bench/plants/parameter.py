@@ -49,7 +49,11 @@ class Parameter:
         Raises:
             ValueError: a word that is not among the choices.
         """
-        return float(self.choices.index(value)) if isinstance(value, str) else float(value)
+        if not isinstance(value, str):
+            return float(value)
+        if value not in self.choices:
+            raise ValueError(f"{self.name} cannot be '{value}': {', '.join(self.choices)}")
+        return float(self.choices.index(value))
 
     def decode(self, number: float) -> float | str:
         """Return the value as model.yaml says it: the word of a choice, or the number."""

@@ -135,16 +135,18 @@ def _volumes(x: float, area: float, P: Vector) -> tuple[float, float]:
 
 @njit()
 def _creep(
-    level: float, inertia: float, speed: float, rate: float, width: float, h: float
+    level: float, net: float, inertia: float, speed: float, width: float, h: float
 ) -> tuple[float, float]:
-    """Friction that creeps, level * tanh(speed / width), and its implicit slope per inertia, 1/s.
+    """Rate of change against friction that creeps, level * tanh(speed / width), and its slope.
 
-    The slope is the steepest that the step may meet: that at the slower of both its ends.
+    The slope, per inertia in 1/s, is for the implicit step: the steepest that it may meet, at the
+    slower of its ends, or at rest where it reverses.
     """
+    rate = (net - level * math.tanh(speed / width)) / inertia
     later = speed + h * rate
     slowest = 0.0 if speed * later <= 0.0 else min(abs(speed), abs(later))
     shape = math.tanh(slowest / width)
-    return level * math.tanh(speed / width), level / (width * inertia) * (1.0 - shape * shape)
+    return rate, level / (width * inertia) * (1.0 - shape * shape)
 
 
 @njit()
@@ -176,10 +178,9 @@ def rates(
         net = shaft_net(i, omega, theta, p_a, p_b, x, v, t, P, S)
         level = pump_level(dir_m, i, omega, theta, p_a, p_b, x, v, t, P, S)
         if P[CREEP_PUMP] > 0.0:
-            friction, s_omega = _creep(level, P[J], omega, net / P[J], P[CREEP_PUMP], h)
+            d_omega, s_omega = _creep(level, net, P[J], omega, P[CREEP_PUMP], h)
         else:
-            friction = dir_m * level
-        d_omega = (net - friction) / P[J]
+            d_omega = (net - dir_m * level) / P[J]
     difference = p_a - p_b
     q_ab = (leakage(P[L_IN], t, P, S) + bypass) * difference
     q_pump = pump_flow(P[D_P] * omega, i, omega, theta, p_a, p_b, x, v, t, P, S)
@@ -197,10 +198,9 @@ def rates(
         net = rod_net(level, i, omega, theta, p_a, p_b, x, v, t, area, P, S)
         level = rod_sticks(level, P, S)
         if P[CREEP_ROD] > 0.0:
-            friction, s_v = _creep(level, mass, v, net / mass, P[CREEP_ROD], h)
+            d_v, s_v = _creep(level, net, mass, v, P[CREEP_ROD], h)
         else:
-            friction = dir_r * level
-        d_v = (net - friction) / mass
+            d_v = (net - dir_r * level) / mass
     return d_omega, d_a, d_b, d_v, c_a, c_b, s_omega, s_v
 
 

@@ -63,11 +63,11 @@ def acceleration(
     level = rod_sticks(level, P, S)
     if P[CREEP] <= 0.0:
         return (net - direction * level) / P[M], 0.0
-    later = v + h * net / P[M]
+    rate = (net - level * math.tanh(v / P[CREEP])) / P[M]
+    later = v + h * rate
     slowest = 0.0 if v * later <= 0.0 else min(abs(v), abs(later))
     shape = math.tanh(slowest / P[CREEP])
-    slope = level / (P[CREEP] * P[M]) * (1.0 - shape * shape)
-    return (net - level * math.tanh(v / P[CREEP])) / P[M], slope
+    return rate, level / (P[CREEP] * P[M]) * (1.0 - shape * shape)
 
 
 @njit()

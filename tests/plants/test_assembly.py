@@ -1,0 +1,188 @@
+"""How a plant and its effects become one kernel, also with effects of other people's packages."""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from textwrap import dedent
+
+import numpy as np
+import pytest
+
+from eha_bench.core.errors import PluginError
+from eha_bench.plants.assembly import Layout, assemble, hook_names, kernel_folder
+from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effects import current_lag
+from eha_bench.plants.linear_drive import equations, hooks, kernel
+from eha_bench.plants.linear_drive.parameters import PARAMETERS, SIGNALS
+from eha_bench.plants.parameter import Parameter, choice
+from eha_bench.plants.plant import get_plant
+
+PACKAGE = {
+    "stray_field/__init__.py": "",
+    "stray_field/effect.py": '''
+        """A field from outside pulls the carriage towards x = 0."""
+
+        from eha_bench.plants.effect import Action, Effect, Equation
+        from eha_bench.plants.parameter import Parameter
+
+
+        def pull(force, x, stiffness):
+            return force - stiffness * x
+
+
+        EFFECT = Effect(
+            id="stray_field",
+            summary="A field pulls the carriage back.",
+            parameters=(Parameter("stiffness", "N/m", 100.0, 0.0, 1e6),),
+            actions={"linear_drive": Action(Equation.FORCE, {"rod_force": pull})},
+            source="this test",
+            separate="let go of the carriage",
+        )
+    ''',
+    "stray_field-1.0.dist-info/METADATA": """
+        Metadata-Version: 2.1
+        Name: stray-field
+        Version: 1.0
+    """,
+    "stray_field-1.0.dist-info/entry_points.txt": """
+        [eha_bench.effects]
+        stray_field = stray_field.effect:EFFECT
+    """,
+}
+
+SCRIPT = """
+    import numpy as np
+    from eha_bench.plants.model import DeclaredEffect, Model
+    from eha_bench.plants.plant import Drive, effects_of, get_plant
+
+    assert "stray_field" in {effect.id for effect in effects_of("linear_drive")}
+    plant = get_plant("linear_drive")
+    time = np.arange(0.0, 1.0, 1e-3)
+    field = DeclaredEffect("stray_field", {"stiffness": 400.0})
+    model = Model("linear_drive", {"mass": 1.0, "viscous_friction": 0.0}, (), (field,))
+    drive = Drive(time, {"voltage": np.zeros(time.size)}, {"piston_position": 0.01})
+    x = plant.simulate(model.vector(), drive, 1e-4)[:, 1]
+    assert np.max(np.abs(x - 0.01 * np.cos(20.0 * time))) < 1e-6
+    print("swings")
+"""
+
+
+def _write_package(folder: Path) -> None:
+    for name, text in PACKAGE.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(dedent(text).lstrip(), encoding="utf-8")
+
+
+def test_effect_of_a_foreign_package_is_found_and_compiled(tmp_path) -> None:
+    """One file and one line in a package's metadata add an effect: nothing here names it."""
+    _write_package(tmp_path)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(tmp_path),
+        "EHA_BENCH_CACHE": str(tmp_path / "cache"),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", dedent(SCRIPT)], env=environment, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "swings"
+
+
+def _layout(*effects: Effect) -> Layout:
+    return Layout("linear_drive", PARAMETERS, effects, hook_names(hooks), SIGNALS)
+
+
+def _effect(function, hook="rod_force", **options) -> Effect:
+    return Effect(
+        id="mine", summary="Mine.", parameters=(Parameter("size", "N", 1.0, 0.0, 2.0),),
+        actions={"linear_drive": Action(Equation.FORCE, {hook: function})}, source="here",
+        **options,
+    )  # fmt: skip
+
+
+def _with_unknown_quantity(force, pressure):
+    return force + pressure
+
+
+def _plain(force, size):
+    return force + size
+
+
+def test_quantity_that_is_not_there_is_named_with_what_is() -> None:
+    with pytest.raises(PluginError, match=r"'mine' asks for 'pressure' in _with_unknown.*voltage"):
+        assemble(_layout(_effect(_with_unknown_quantity)), (equations, kernel), hooks)
+
+
+def test_hook_that_is_not_there_is_named_with_what_is() -> None:
+    with pytest.raises(PluginError, match=r"hook 'pump_flow' that linear_drive.*rod_force"):
+        assemble(_layout(_effect(_plain, hook="pump_flow")), (equations, kernel), hooks)
+
+
+def test_effect_of_another_plant_says_where_it_applies() -> None:
+    with pytest.raises(PluginError, match="applies to: linear_drive"):
+        _effect(_plain).action("eha_knee")
+
+
+def test_first_compilation_is_announced_once(tmp_path, monkeypatch, caplog) -> None:
+    monkeypatch.setenv("EHA_BENCH_CACHE", str(tmp_path))
+    layout = _layout()
+    with caplog.at_level(logging.INFO, logger="eha_bench"):
+        module = assemble(layout, (equations, kernel), hooks)
+        assert "compiling the kernel of linear_drive (once per machine)" in caplog.text
+        caplog.clear()
+        assert assemble(layout, (equations, kernel), hooks) is module
+        assert not caplog.text
+    assert kernel_folder() == tmp_path
+    assert [path.suffix for path in tmp_path.iterdir() if path.is_file()] == [".py"]
+
+
+def test_kernel_is_named_after_what_it_is_made_of(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("EHA_BENCH_CACHE", str(tmp_path))
+    names = {
+        assemble(_layout(*effects), (equations, kernel), hooks).__name__
+        for effects in ((), (current_lag.EFFECT,), (_effect(_plain),))
+    }
+    assert len(names) == 3
+
+
+def test_layout_places_every_parameter_once() -> None:
+    layout = get_plant("eha_knee").layout
+    spans = sorted(
+        (layout.index[key], layout.index[key] + parameter.size) for key, parameter in layout.items()
+    )
+    assert spans[0][0] == 0
+    assert spans[-1][1] == layout.size
+    assert all(one[1] == two[0] for one, two in pairwise(spans))
+    assert len(set(layout.states.values())) == len(layout.states)
+    assert max(layout.states.values()) == layout.memory - 1
+
+
+def test_defaults_leave_every_effect_off() -> None:
+    layout = get_plant("eha_knee").layout
+    vector = layout.defaults()
+    for effect in layout.effects:
+        assert vector[layout.index[f"{effect.id}.{effect.strength.name}"]] == effect.neutral
+
+
+def test_what_scales_comes_after_what_adds() -> None:
+    layout = get_plant("eha_knee").layout
+    order = {effect.id: effect.order for effect in layout.effects}
+    assert order["coulomb_friction"] < order["asymmetric_friction"] < order["presliding_friction"]
+    assert order["pressure_sensor_lag"] < order["pressure_sensor_offset"]
+
+
+def test_parameter_refuses_a_default_outside_its_bounds() -> None:
+    with pytest.raises(ValueError, match="outside its bounds"):
+        Parameter("x", "", 2.0, 0.0, 1.0)
+    with pytest.raises(ValueError, match="outside its bounds"):
+        Parameter("x", "", np.nan, 0.0, 1.0)
+    with pytest.raises(ValueError, match="place of no choice"):
+        replace(choice("x", ("a", "b")), default=2.0, high=3.0)
