@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,8 @@ from eha_bench.diagnosis.evidence import refined_noise
 from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.gate import Measured, admit, pooled_noise
 from eha_bench.diagnosis.problem import Problem, soften
-from eha_bench.diagnosis.windows import Window, cut
+from eha_bench.diagnosis.windows import Window, cut, split
+from eha_bench.plants.plant import Drive
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -24,6 +25,12 @@ STEP = 1e-4
 
 COARSE = 2e-4
 """Integration step while searching, where only differences between candidates count, s."""
+
+BUDGET = 40.0
+"""Most that is simulated for one residual, s; longer training data are sampled evenly."""
+
+CHUNK = 4.0
+"""Length of the parts of long windows that are chosen from, s."""
 
 FRICTION_AT_REST = {
     "rod_creep_speed": (1e-5, 1e-4, 1e-3),
@@ -79,7 +86,64 @@ def gather(dataset: Dataset) -> tuple[tuple[Measured, ...], list[Window], dict[s
             hint=f"{plant.id} gives: {', '.join(plant.outputs)}",
         )
     windows = [window for item in measured for window in cut(item, noise)]
+    windows = _with_unmeasured(dataset, thinned(windows))
     return measured, windows, noise
+
+
+def thinned(windows: list[Window], budget: float = BUDGET) -> list[Window]:
+    """Return evenly chosen windows where all of them together are longer than a budget in s."""
+    total = sum(_length(window) for window in windows)
+    if total <= budget:
+        return windows
+    pieces = [part for window in windows for part in split(window, CHUNK)]
+    count = max(1, round(len(pieces) * budget / total))
+    chosen = np.unique(np.linspace(0, len(pieces) - 1, count).round().astype(int))
+    return [pieces[k] for k in chosen]
+
+
+def _length(window: Window) -> float:
+    time = window.measured.time
+    return float(time[window.last - 1] - time[window.first])
+
+
+def _with_unmeasured(dataset: Dataset, windows: list[Window]) -> list[Window]:
+    """Give windows inside a run a start for states that nobody measured, from the declared model.
+
+    Such a start is a guess, so its spread is that of the state over the whole run.
+    """
+    plant = dataset.model.plant
+    vector = dataset.model.vector()
+    free: dict[str, FloatArray] = {}
+    out = []
+    for window in windows:
+        measured = window.measured
+        missing = [
+            (at, name)
+            for at, name in enumerate(plant.outputs)
+            if name in plant.states and name not in window.initial and name not in measured.inputs
+        ]
+        if window.first == 0 or not missing:
+            out.append(window)
+            continue
+        name_of_run = measured.run.name
+        if name_of_run not in free:
+            start = next(w for w in windows if w.measured is measured).initial
+            drive = Drive(
+                measured.time,
+                measured.inputs,
+                {key: value for key, value in start.items() if key in plant.states},
+                measured.run.locked,
+                measured.run.bypass_open,
+            )
+            free[name_of_run] = plant.simulate(vector, drive, COARSE)
+        values = free[name_of_run]
+        initial = dict(window.initial)
+        spread = dict(window.spread)
+        for at, name in missing:
+            initial[name] = float(values[window.first, at])
+            spread[name] = float(np.std(values[:, at]))
+        out.append(replace(window, initial=initial, spread=spread))
+    return out
 
 
 def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
@@ -122,6 +186,9 @@ def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
     )
     progress("calibrate", 1.0)
     notes = tuple(note for item in measured for note in item.notes)
+    total = sum(float(item.time[-1]) for item in measured)
+    if total > BUDGET:
+        notes = (*notes, f"of {total:.0f} s of training data {BUDGET:.0f} s are simulated, evenly")
     return Baseline(
         dataset, measured, problem, fit, everything, tuple(nuisance), declared_cost, notes
     )

@@ -116,9 +116,9 @@ def scan(
     refined = []
     for _, start in found[:_KEEP]:
         here = start.apply(vector)
-        moved = levenberg_marquardt(
-            short, here, free_parameters(layout, start.keys, here), iterations=4, refresh=1
-        )
+        # what is calibrated moves along: without the effect it had been bent to imitate it
+        together = (*free, *free_parameters(layout, start.keys, here))
+        moved = levenberg_marquardt(short, here, together, iterations=6, refresh=1)
         strength = float(moved.vector[start.strength_at])
         if strength == start.neutral:
             continue
@@ -127,6 +127,7 @@ def scan(
         settings = tuple(
             (at, whole if at == at_count else float(moved.vector[at])) for at, _ in start.settings
         )
+        settings += tuple((item.at, float(moved.vector[item.at])) for item in free)
         keys = tuple(key for key in start.keys if key != f"{name}.count")
         refined.append(replace(start, settings=settings, strength=strength, keys=keys))
     return refined

@@ -10,7 +10,8 @@ within 1.5 mm of a stop or reversal, where bristles and backlash have a state no
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ class Window:
         first, last: ticks, last exclusive.
         initial: channel -> state at the start, SI.
         spread: channel -> standard deviation of that state, SI; those without are exact.
+        noise: channel -> standard deviation of its noise, SI.
     """
 
     measured: Measured
@@ -42,6 +44,7 @@ class Window:
     last: int
     initial: Mapping[str, float]
     spread: Mapping[str, float]
+    noise: Mapping[str, float] = field(default_factory=dict)
 
 
 def cut(
@@ -63,18 +66,29 @@ def cut(
         long_enough = measured.time[k] - measured.time[starts[-1]] >= length
         if k in forced or (allowed is not None and long_enough and allowed[k]):
             starts.append(k)
-    windows = []
-    for first, last in zip(starts, [*starts[1:], n], strict=True):
-        if last - first < 4:
-            continue
-        windows.append(window_at(measured, first, last, noise))
-    return windows
+    return [
+        window_at(measured, first, last, noise)
+        for first, last in zip(starts, [*starts[1:], n], strict=True)
+        if last - first >= 4
+    ]
+
+
+def split(window: Window, length: float) -> list[Window]:
+    """Return a long window as parts of about a length in s; a short one as it is."""
+    measured = window.measured
+    time = measured.time
+    parts = max(1, round(float(time[window.last - 1] - time[window.first]) / length))
+    edges = np.linspace(window.first, window.last, parts + 1).round().astype(int)
+    if parts == 1:
+        return [window]
+    pieces = [window_at(measured, int(a), int(b), window.noise) for a, b in pairwise(edges)]
+    return [replace(window, last=int(edges[1])), *pieces[1:]]
 
 
 def window_at(measured: Measured, first: int, last: int, noise: Mapping[str, float]) -> Window:
     """Return one window, its start state taken from the measurement around its first tick."""
     state, spread = _start(measured, first, noise, rested=first == 0)
-    return Window(measured, first, last, state, spread)
+    return Window(measured, first, last, state, spread, noise)
 
 
 def shaft_angle(measured: Measured) -> FloatArray | None:
