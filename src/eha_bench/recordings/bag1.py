@@ -1,29 +1,34 @@
-"""ROS 1 bags (format 2.0), found by a linear scan that stops at a tear.
-
-Format: https://wiki.ros.org/Bags/Format/2.0
-"""
+"""ROS 1 bags (format 2.0) as a source: a linear scan that stops at a tear."""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.blobs import Connection, collect
+from eha_bench.recordings.bag1_records import (
+    CHUNK,
+    CHUNK_INFO,
+    CONNECTION,
+    MESSAGE,
+    Record,
+    chunk_times,
+    connection,
+    messages,
+    torn_chunk,
+    u32,
+    walk,
+)
+from eha_bench.recordings.blobs import Batch, Connection, collect
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decoder import Encoded
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
 from eha_bench.recordings.mcap_file import map_file
+from eha_bench.recordings.payloads import Bytes
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Track
 
 _MAGIC = b"#ROSBAG V2.0\n"
-_MESSAGE, _CHUNK = 2, 5
-_LENGTH = struct.Struct("<I")
-
-Fields = dict[str, bytes]
 
 
 class Bag1Source(Source):
@@ -42,8 +47,9 @@ class Bag1Source(Source):
                 hint="migrate it with 'rosbag fix'",
             )
         self._connections: dict[int, Connection] = {}
-        self._chunks: list[tuple[int, Fields, memoryview, bool]] = []
-        self._loose: list[tuple[Fields, memoryview]] = []
+        self._chunks: list[tuple[Record, bool]] = []
+        self._times: dict[int, tuple[int, int]] = {}
+        self._loose = False
         self._scan()
 
     @property
@@ -69,15 +75,15 @@ class Bag1Source(Source):
     def topics(self) -> tuple[Topic, ...]:
         """The topics of the bag."""
         found: dict[str, Topic] = {}
-        for connection in self._connections.values():
-            found.setdefault(connection.topic, Topic(connection.topic, connection.encoded))
+        for one in self._connections.values():
+            found.setdefault(one.topic, Topic(one.topic, one.encoded))
         return tuple(found.values())
 
     def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
         """Return the samples of the wanted topics, in order of their chunks' times.
 
         Raises:
-            RecordingError: a topic cannot be decoded, or another clock than log is asked for.
+            RecordingError: a topic cannot be decoded, or the publisher's clock is asked for.
         """
         del span  # all of it has to be decoded anyway
         for topic, what in wanted.items():
@@ -87,54 +93,50 @@ class Bag1Source(Source):
                     where=Place(file=self.path, topic=topic),
                     hint="use clock: log or header",
                 )
-        return collect(self, wanted, self._connections, self._messages(set(wanted)))
+        return collect(self, wanted, self._connections, self._batches())
 
-    def _messages(self, topics: set[str]) -> Iterator[tuple[int, int, bytes]]:
-        ids = {c.id for c in self._connections.values() if c.topic in topics}
-        runs: list[list[tuple[int, int, bytes]]] = []
-        for fields, data in self._records_with_messages():
-            del fields
-            run = [message for message in data if message[0] in ids]
-            if run:
-                runs.append(run)
-        starts = [min(stamp for _, stamp, _ in run) for run in runs]
-        stops = [max(stamp for _, stamp, _ in run) for run in runs]
-        order = sorted(range(len(runs)), key=starts.__getitem__)
-        apart = all(stops[a] <= starts[b] for a, b in pairwise(order))
-        if apart and order != list(range(len(runs))):
-            self._notes.append("its chunks are not in order of time; they were read in order")
-        for index in order if apart else range(len(runs)):
-            yield from runs[index]
-
-    def _records_with_messages(self) -> Iterator[tuple[int, list[tuple[int, int, bytes]]]]:
-        for offset, fields, data, torn in self._chunks:
-            content = self._open(offset, fields, data, torn)
-            if content is not None:
-                found, _ = _records(content, 0)
-                yield offset, [m for m in map(_message, found) if m is not None]
+    def _batches(self) -> Iterator[Batch]:
+        """Yield the messages chunk by chunk, in order of time if chunks do not overlap."""
         if self._loose:
-            yield 0, [m for m in map(_message, self._loose) if m is not None]
+            yield messages(self._buffer, len(_MAGIC))
+        for record, torn in self._in_order():
+            content = self._open(record, torn)
+            if content is not None:
+                yield messages(content)
 
-    def _open(self, offset: int, fields: Fields, data: memoryview, torn: bool) -> memoryview | None:
-        compression = fields.get("compression", b"").decode("latin-1")
+    def _in_order(self) -> list[tuple[Record, bool]]:
+        times = [self._times.get(record.position) for record, _ in self._chunks]
+        known = [time for time in times if time is not None]
+        if len(known) < len(times) or known == sorted(known):
+            return self._chunks
+        order = sorted(range(len(known)), key=known.__getitem__)
+        if any(known[a][1] > known[b][0] for a, b in pairwise(order)):
+            return self._chunks
+        self._notes.append("its chunks are not in order of time; they were read in order")
+        return [self._chunks[index] for index in order]
+
+    def _open(self, record: Record, torn: bool) -> Bytes | None:
+        data = self._buffer.data[record.start : record.stop]
+        compression = record.fields.get("compression", b"").decode("latin-1")
         if torn:
-            return decompress_torn(data, compression).data
+            return decompress_torn(data, compression)
         try:
-            return decompress(data, compression, _u32(fields.get("size", b""))).data
+            return decompress(data, compression, u32(record.fields.get("size", b"")))
         except DamagedChunk as error:
             self._damaged = True
-            self._notes.append(f"the chunk at byte {offset} is lost: {error}")
+            self._notes.append(f"the chunk at byte {record.start} is lost: {error}")
             return None
 
     def _scan(self) -> None:
         data = self._buffer.data
-        records, end = _records(data, len(_MAGIC))
+        end = len(_MAGIC)
+        for record in walk(data, end):
+            self._take(record, data)
+            end = record.stop
         size = len(data)
-        torn = _torn_chunk(data, end) if end < size else None
-        for fields, content in records:
-            self._take(fields, content)
+        torn = torn_chunk(data, end) if end < size else None
         if torn is not None:
-            self._chunks.append((end, *torn, True))
+            self._chunks.append((torn, True))
         if end < size:
             self._damaged = True
             self._notes.append(
@@ -143,99 +145,24 @@ class Bag1Source(Source):
                 "everything before was read"
             )
         # a bag that was not closed has its connections only inside of the chunks
-        for offset, fields, content, is_torn in self._chunks:
-            if not self._connections or end < size:
-                opened = self._open(offset, fields, content, is_torn)
-                for inner, inside in _records(opened, 0)[0] if opened is not None else ():
-                    self._take(inner, inside, loose=False)
+        for record, is_torn in self._chunks if end < size or not self._connections else ():
+            content = self._open(record, is_torn)
+            if content is None:
+                continue
+            for inner in walk(content.data, 0):
+                if inner.op == CONNECTION:
+                    self._take(inner, content.data)
 
-    def _take(self, fields: Fields, content: memoryview, *, loose: bool = True) -> None:
-        match fields.get("op", b"")[:1]:
-            case b"\x05":
-                self._chunks.append((0, fields, content, False))
-            case b"\x07":
-                connection = _connection(fields, content)
-                if connection is not None:
-                    self._connections.setdefault(connection.id, connection)
-            case b"\x02" if loose:
-                self._loose.append((fields, content))
-            case _:
-                pass
-
-
-def _records(data: memoryview, position: int) -> tuple[list[tuple[Fields, memoryview]], int]:
-    """Return the records from `position` on, and where the last whole one ends."""
-    found = []
-    size = len(data)
-    while position + 8 <= size:
-        head = _LENGTH.unpack_from(data, position)[0]
-        middle = position + 4 + head
-        if middle + 4 > size:
-            break
-        fields = _fields(data[position + 4 : middle])
-        stop = middle + 4 + _LENGTH.unpack_from(data, middle)[0]
-        if fields is None or stop > size:
-            break
-        found.append((fields, data[middle + 4 : stop]))
-        position = stop
-    return found, position
-
-
-def _torn_chunk(data: memoryview, position: int) -> tuple[Fields, memoryview] | None:
-    """Return the chunk whose end is missing, if that is what starts at `position`."""
-    if position + 4 > len(data):
-        return None
-    middle = position + 4 + _LENGTH.unpack_from(data, position)[0]
-    if middle + 4 > len(data):
-        return None
-    fields = _fields(data[position + 4 : middle])
-    if fields is None or fields.get("op") != bytes([_CHUNK]):
-        return None
-    return fields, data[middle + 4 :]
-
-
-def _fields(data: memoryview) -> Fields | None:
-    """Return a record's header, or None if it is none."""
-    fields: Fields = {}
-    position = 0
-    while position + 4 <= len(data):
-        stop = position + 4 + _LENGTH.unpack_from(data, position)[0]
-        name, equals, value = bytes(data[position + 4 : stop]).partition(b"=")
-        if stop > len(data) or not equals:
-            return None
-        fields[name.decode("latin-1")] = value
-        position = stop
-    return fields if "op" in fields else None
-
-
-def _connection(fields: Fields, content: memoryview) -> Connection | None:
-    inner = _fields_of(content)
-    if "conn" not in fields or "topic" not in fields:
-        return None
-    encoded = Encoded(
-        "ros1",
-        inner.get("type", b"").decode("utf-8", "replace"),
-        "ros1msg",
-        inner.get("message_definition", b""),
-    )
-    return Connection(_u32(fields["conn"]), fields["topic"].decode("utf-8", "replace"), encoded)
-
-
-def _fields_of(content: memoryview) -> Fields:
-    """Return a connection's own header, which has no `op`."""
-    marker = b"\x04\x00\x00\x00op=x"
-    joined = memoryview(marker + bytes(content))
-    return _fields(joined) or {}
-
-
-def _message(record: tuple[Fields, memoryview]) -> tuple[int, int, bytes] | None:
-    fields, content = record
-    time = fields.get("time", b"")
-    if fields.get("op") != bytes([_MESSAGE]) or "conn" not in fields or len(time) != 8:
-        return None
-    sec, nsec = struct.unpack("<II", time)
-    return _u32(fields["conn"]), sec * 1_000_000_000 + nsec, bytes(content)
-
-
-def _u32(raw: bytes) -> int:
-    return int(_LENGTH.unpack(raw)[0]) if len(raw) == 4 else 0
+    def _take(self, record: Record, data: memoryview) -> None:
+        if record.op == CHUNK:
+            self._chunks.append((record, False))
+        elif record.op == CONNECTION:
+            found = connection(record, data)
+            if found is not None:
+                self._connections.setdefault(found.id, found)
+        elif record.op == CHUNK_INFO:
+            times = chunk_times(record)
+            if times is not None:
+                self._times[times[0]] = times[1]
+        elif record.op == MESSAGE:
+            self._loose = True

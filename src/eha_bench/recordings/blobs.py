@@ -1,4 +1,4 @@
-"""Sources that hand out one message after the other (ROS 1 bags, sqlite3) as tracks."""
+"""Messages that come in batches of one buffer each (ROS 1 bags, sqlite3), as tracks."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eha_bench.recordings.decoder import Encoded, UnreadableTopic
-from eha_bench.recordings.payloads import Payloads
+from eha_bench.recordings.payloads import Bytes, Payloads
 from eha_bench.recordings.source import Source, Wanted
 from eha_bench.recordings.topic_reader import Part, TopicReader, finished
 from eha_bench.recordings.track import Track
-
-_BATCH = 8192
 
 
 @dataclass(frozen=True)
@@ -25,50 +24,75 @@ class Connection:
     encoded: Encoded
 
 
+@dataclass(frozen=True)
+class Batch:
+    """Messages that lie in one buffer, in order; each array (n,).
+
+    Attributes:
+        buffer: the bytes.
+        connections: connection ids.
+        stamps: ns.
+        starts: where the payloads start.
+        sizes: bytes of the payloads.
+    """
+
+    buffer: Bytes
+    connections: NDArray[np.int64]
+    stamps: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+
+    def parts(self, connections: list[int]) -> list[Part]:
+        """Return the messages of some connections, grouped by connection and size."""
+        mine = np.isin(self.connections, connections)
+        count = int(np.count_nonzero(mine))
+        numbers, stamps = self.connections[mine], self.stamps[mine]
+        starts, sizes = self.starts[mine], self.sizes[mine]
+        parts = []
+        for number in np.unique(numbers).tolist():
+            for size in np.unique(sizes[numbers == number]).tolist():
+                rows = np.flatnonzero((numbers == number) & (sizes == size))
+                payloads = Payloads(self.buffer, int(rows.size), size, starts=starts[rows])
+                whole = rows.size == count
+                parts.append(Part(number, payloads, None if whole else rows, stamps[rows]))
+        return parts
+
+
+def joined(connections: list[int], stamps: list[int], payloads: list[bytes]) -> Batch:
+    """Return messages that come one by one as a batch."""
+    sizes = np.fromiter((len(payload) for payload in payloads), np.int64, len(payloads))
+    return Batch(
+        np.frombuffer(b"".join(payloads), dtype=np.uint8),
+        np.array(connections, dtype=np.int64),
+        np.array(stamps, dtype=np.int64),
+        np.cumsum(sizes) - sizes,
+        sizes,
+    )
+
+
 def collect(
     source: Source,
     wanted: Mapping[str, Wanted],
     connections: Mapping[int, Connection],
-    messages: Iterable[tuple[int, int, bytes]],
+    batches: Iterable[Batch],
 ) -> dict[str, Track]:
-    """Return tracks from (connection id, stamp in ns, payload) in file order.
+    """Return tracks from batches in file order.
 
     Raises:
         RecordingError: a topic cannot be decoded.
     """
     readers = {topic: TopicReader(topic, what) for topic, what in wanted.items()}
-    waiting: dict[str, list[tuple[int, int, bytes]]] = {}
-
-    def deliver(topic: str) -> None:
-        try:
-            readers[topic].extend(
-                _parts(waiting.pop(topic)), lambda number: connections[number].encoded
-            )
-        except UnreadableTopic as error:
-            raise source.refuse(topic, error) from error
-
-    for message in messages:
-        topic = connections[message[0]].topic
-        batch = waiting.setdefault(topic, [])
-        batch.append(message)
-        if len(batch) >= _BATCH:
-            deliver(topic)
-    for topic in list(waiting):
-        deliver(topic)
+    ids: dict[str, list[int]] = {topic: [] for topic in wanted}
+    for connection in connections.values():
+        if connection.topic in ids:
+            ids[connection.topic].append(connection.id)
+    for batch in batches:
+        for topic, reader in readers.items():
+            parts = batch.parts(ids[topic])
+            if not parts:
+                continue
+            try:
+                reader.extend(parts, lambda number: connections[number].encoded)
+            except UnreadableTopic as error:
+                raise source.refuse(topic, error) from error
     return finished(source, readers)
-
-
-def _parts(messages: list[tuple[int, int, bytes]]) -> list[Part]:
-    """Group messages by connection and size, keeping their places."""
-    count = len(messages)
-    numbers = np.fromiter((number for number, _, _ in messages), np.int64, count)
-    stamps = np.fromiter((stamp for _, stamp, _ in messages), np.int64, count)
-    sizes = np.fromiter((len(payload) for _, _, payload in messages), np.int64, count)
-    buffer = np.frombuffer(b"".join(payload for _, _, payload in messages), dtype=np.uint8)
-    starts = np.cumsum(sizes) - sizes
-    parts = []
-    for number, size in dict.fromkeys(zip(numbers.tolist(), sizes.tolist(), strict=True)):
-        rows = np.flatnonzero((numbers == number) & (sizes == size))
-        payloads = Payloads(buffer, int(rows.size), size, starts=starts[rows])
-        parts.append(Part(number, payloads, None if rows.size == count else rows, stamps[rows]))
-    return parts

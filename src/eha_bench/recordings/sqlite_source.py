@@ -8,12 +8,14 @@ from contextlib import closing
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.blobs import Connection, collect
+from eha_bench.recordings.blobs import Batch, Connection, collect, joined
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.decoder import Encoded
 from eha_bench.recordings.decompress import DamagedChunk, decompress_blob
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Track
+
+_BATCH = 8192
 
 
 class SqliteSource(Source):
@@ -77,7 +79,7 @@ class SqliteSource(Source):
                     where=Place(file=self.path, topic=topic),
                     hint="use clock: log or header",
                 )
-        return collect(self, wanted, self._connections, self._messages(set(wanted)))
+        return collect(self, wanted, self._connections, self._batches(set(wanted)))
 
     def _open(self) -> sqlite3.Connection:
         # immutable: a bag on a read-only disk has no room for a lock or a journal
@@ -104,14 +106,15 @@ class SqliteSource(Source):
                 found[int(number)] = Connection(int(number), str(topic), encoded)
             return found
 
-    def _messages(self, topics: set[str]) -> Iterator[tuple[int, int, bytes]]:
+    def _batches(self, topics: set[str]) -> Iterator[Batch]:
         ids = [c.id for c in self._connections.values() if c.topic in topics]
         marks = ",".join("?" * len(ids))
         count = 0
+        rows: list[tuple[int, int, bytes]] = []
         try:
             with closing(self._open()) as database:
                 for topic, stamp, data in database.execute(
-                    f"SELECT topic_id, timestamp, data FROM messages"
+                    "SELECT topic_id, timestamp, data FROM messages"
                     f" WHERE topic_id IN ({marks}) ORDER BY id",
                     ids,
                 ):
@@ -119,10 +122,15 @@ class SqliteSource(Source):
                     if self._compressed:
                         payload = decompress_blob(payload)
                     count += 1
-                    yield int(topic), int(stamp), payload
-        except (sqlite3.Error, DamagedChunk) as error:
+                    rows.append((int(topic), int(stamp), payload))
+                    if len(rows) == _BATCH:
+                        yield joined(*map(list, zip(*rows, strict=True)))
+                        rows.clear()
+        except (sqlite3.Error, DamagedChunk, TypeError, ValueError, OverflowError) as error:
             self._damaged = True
             self._notes.append(
                 f"the database is damaged after {count} messages ({error}); "
                 "everything before was read"
             )
+        if rows:
+            yield joined(*map(list, zip(*rows, strict=True)))
