@@ -11,12 +11,25 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
+from scipy.signal import savgol_filter
 
+from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
+from eha_bench.core.trial import Trial
 from eha_bench.metrics.local import Peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
+from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge
-from eha_bench.metrics.step_response import StepResponse
+from eha_bench.metrics.step_response import (
+    NotSettled,
+    StepResponse,
+    initial_window,
+    require_finite,
+)
+from eha_bench.metrics.window import commanded_edges, timeline
+
+_PARABOLA = 9
 
 _LEAST = 5e-4  # of the step: below this a final level that is still creeping looks like a peak
 
@@ -98,6 +111,13 @@ class PeakValue(StepMetric):
 
     spec = spec_of("peak")
 
+    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
+        """Return the worst peak over the edges; of a response that does not settle, of the hold."""
+        try:
+            return super().measure(recording, trial, channel)
+        except NotSettled as error:
+            return _unsettled_peak(recording, trial, channel, error.reason)
+
     def of(self, step: StepResponse) -> Measure:
         """Return the value of the local polynomial's extreme."""
         found = highest(step)
@@ -107,6 +127,42 @@ class PeakValue(StepMetric):
             low = min(low, 1.0 - step.noise.quantile() * math.sqrt(step.final_variance))
         value, *ends = (step.initial + step.step * part for part in (found.peak.value, low, high))
         return Measure(value, min(ends), max(ends), said(step, "extreme after the edge"))
+
+
+def _also_as_high(step: StepResponse, found: Peak) -> tuple[float, float]:
+    """Return the interval of a peak's time, other places that may be as high taken in."""
+    half = step.smooth.half
+    if half == 0:  # next to no noise: the polynomial knows
+        return found.earliest, found.latest
+    values = step.smooth.values[step.origin :]
+    times = step.time[step.origin :]
+    reach = 2.0 * math.sqrt(2.0) * step.smooth.sd
+    rivals = (values >= maximum_filter1d(values, 2 * half + 1)) & (values >= values.max() - reach)
+    places = times[rivals]
+    return min(found.earliest, *places), max(found.latest, *places)
+
+
+def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: str) -> Measure:
+    """Return the farthest excursion from the level before the first edge, over the whole signal.
+
+    A peak needs no final level. Noise is averaged by a local parabola over nine samples (variance
+    59/231 of a sample's at its centre: Savitzky, Golay, Anal. Chem. 36 (1964) 1627); the interval
+    is that of the parabola.
+    """
+    line = timeline(recording, trial)
+    edges = commanded_edges(line, trial)
+    span = line.between(edges[0].time, edges[-1].until)
+    values = recording[channel]
+    require_finite(line, values, span)
+    before = values[initial_window(line, edges[0], float(line.time[0]))]
+    inside = values[span]
+    if inside.size < _PARABOLA:
+        raise NotScored(reason)
+    smoothed = savgol_filter(inside, _PARABOLA, 2)
+    away = smoothed - float(np.mean(before))
+    value = float(smoothed[int(np.argmax(np.abs(away)))])
+    reach = 2.0 * math.sqrt(59.0 / 231.0) * white_noise(inside)
+    return Measure(value, value - reach, value + reach, f"extreme after the first edge; {reason}")
 
 
 class PeakTime(StepMetric):
@@ -119,7 +175,7 @@ class PeakTime(StepMetric):
         found = highest(step)
         if found.peak.value - 1.0 <= max(found.threshold, _LEAST):
             raise NotScored("no peak: the response does not overshoot beyond its noise")
-        low, high = found.peak.earliest, found.peak.latest
+        low, high = _also_as_high(step, found.peak)
         if not step.noise.known:
             low = high = math.nan
         measure = Measure(found.peak.time, low, high, said(step, "edge to the peak"))

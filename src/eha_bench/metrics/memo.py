@@ -33,6 +33,6 @@ def remembered(recording: Recording, trial: Trial, key: Hashable, compute: Calla
         store[full_key] = (trial, found)
     result = store[full_key][1]
     if isinstance(result, NotScored):
-        raise NotScored(result.reason)
+        raise type(result)(result.reason)
     kept: T = result
     return kept

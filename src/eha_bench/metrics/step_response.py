@@ -116,6 +116,10 @@ class StepResponse:
         )
 
 
+class NotSettled(NotScored):
+    """The response still moves at the end of the hold: it has no final level."""
+
+
 def has_steps(trial: Trial) -> bool:
     """Whether the edges of the signal are steps to score, and not the bits of a binary noise."""
     return 0 < len(trial.signal.edges) <= MOST_EDGES and not trial.signal.lines
@@ -225,7 +229,7 @@ def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> St
             f"noise has a standard deviation of {noise.sd * scale:.3g}"
         )
     if abs(high.drift) > DRIFT * abs(step) + 3.0 * math.sqrt(high.drift_variance):
-        raise NotScored(
+        raise NotSettled(
             f"not settled: the response still drifts by {100 * abs(high.drift / step):.1f} % "
             f"of the step in the last {100 * FINAL_SHARE:.0f} % of the hold"
         )
