@@ -1,0 +1,46 @@
+"""dataset.yaml: errors with file, line and key; holdout runs are not read on loading."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eha_bench.core.errors import InputError
+from eha_bench.diagnosis.dataset import load_dataset
+
+
+def write(folder: Path, runs: str) -> Path:
+    (folder / "model.yaml").write_text("model: eha_knee\ncalibrate: [leakage]\n")
+    (folder / "a.mcap").write_bytes(b"not a recording")
+    path = folder / "dataset.yaml"
+    path.write_text(f"model: model.yaml\ninputs: [current_command]\nruns:\n{runs}")
+    return path
+
+
+def test_runs_are_not_read_on_loading(tmp_path):
+    dataset = load_dataset(
+        write(
+            tmp_path,
+            "  - {log: a.mcap, piston: locked, use: train}\n"
+            "  - {log: a.mcap, bypass: open, use: holdout}\n",
+        )
+    )
+    assert [run.name for run in dataset.runs] == ["a", "a-2"]
+    assert dataset.training[0].locked
+    assert dataset.holdout[0].bypass_open
+
+
+def test_a_missing_log_is_named_with_its_line(tmp_path):
+    with pytest.raises(InputError, match=r"dataset\.yaml:5.*runs\.1\.log.*b\.mcap"):
+        load_dataset(write(tmp_path, "  - {log: a.mcap}\n  - {log: b.mcap}\n"))
+
+
+def test_an_unknown_word_is_named_with_its_line(tmp_path):
+    with pytest.raises(InputError, match=r"dataset\.yaml:4.*piston"):
+        load_dataset(write(tmp_path, "  - {log: a.mcap, piston: loose}\n"))
+
+
+def test_a_dataset_without_training_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no run is for training"):
+        load_dataset(write(tmp_path, "  - {log: a.mcap, use: holdout}\n"))

@@ -1,0 +1,99 @@
+"""The data gate: noise from the data themselves, dead and stuck channels, gaps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eha_bench.core.errors import InputError, MissingChannelError
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.dataset import Run, Use
+from eha_bench.diagnosis.gate import admit, noise_of, quantum_of
+
+OUTPUTS = ("current", "motor_speed", "pressure_a", "pressure_b", "piston_position")
+
+
+def recording(n: int = 2000, **changes: np.ndarray) -> Recording:
+    rng = np.random.default_rng(0)
+    t = np.arange(n) * 1e-3
+    values = {
+        "current_command": np.sin(t),
+        "current": np.sin(t) + 0.05 * rng.standard_normal(n),
+        "motor_speed": 10 * np.sin(3 * t) + 0.1 * rng.standard_normal(n),
+    }
+    values.update(changes)
+    return Recording(t, values)
+
+
+def run(reading: Recording, *, locked: bool = False) -> Run:
+    return Run("log", Path("log.mcap"), None, locked, False, Use.TRAIN, lambda: reading)
+
+
+@settings(max_examples=20, deadline=None)
+@given(sigma=st.floats(1e-3, 10.0), seed=st.integers(0, 100))
+def test_white_noise_on_a_smooth_signal_is_found_within_five_percent(sigma, seed):
+    t = np.arange(6000) * 1e-3
+    rng = np.random.default_rng(seed)
+    values = 100 * sigma * np.sin(2 * np.pi * t) + sigma * rng.standard_normal(t.size)
+    assert noise_of(values) == pytest.approx(sigma, rel=0.05)
+
+
+def test_jumps_of_the_signal_do_not_count_as_noise():
+    rng = np.random.default_rng(1)
+    values = 50.0 * (np.arange(8000) // 1000) + 0.1 * rng.standard_normal(8000)
+    assert noise_of(values) == pytest.approx(0.1, rel=0.05)
+
+
+def test_noise_is_never_below_the_quantisation():
+    t = np.arange(4000) * 1e-3
+    values = np.round(0.5 * np.sin(2 * np.pi * 0.2 * t) / 0.01) * 0.01
+    assert quantum_of(values) == pytest.approx(0.01)
+    assert noise_of(values) >= 0.01 / np.sqrt(12) * 0.999
+
+
+def test_a_dead_sensor_is_said_and_left_out():
+    found = admit(run(recording(pressure_a=np.full(2000, 3.0))), recording(
+        pressure_a=np.full(2000, 3.0)), ["current_command"], OUTPUTS)
+    assert "pressure_a" not in found.outputs
+    assert any("dead sensor" in note for note in found.notes)
+
+
+def test_a_stuck_stretch_is_masked_and_the_rest_kept():
+    reading = recording()
+    speed = np.array(reading["motor_speed"])
+    speed[500:700] = speed[500]
+    found = admit(
+        run(reading), reading.with_values({"motor_speed": speed}), ["current_command"], OUTPUTS
+    )
+    column = found.column("motor_speed")
+    assert column is not None
+    assert np.isnan(column[510:690]).all()
+    assert np.isfinite(column[:490]).all()
+
+
+def test_nan_outputs_are_masked_and_inputs_bridged():
+    command = np.sin(np.arange(2000) * 1e-3)
+    command[100:110] = np.nan
+    current = np.array(recording()["current"])
+    current[50:60] = np.nan
+    reading = recording(current_command=command, current=current)
+    found = admit(run(reading), reading, ["current_command"], OUTPUTS)
+    assert np.isfinite(found.inputs["current_command"]).all()
+    assert found.inputs["current_command"][105] == command[99]
+    assert not found.valid[50:60, found.outputs.index("current")].any()
+
+
+def test_a_missing_input_names_the_channel():
+    reading = recording()
+    with pytest.raises(MissingChannelError, match="voltage"):
+        admit(run(reading), reading, ["voltage"], OUTPUTS)
+
+
+def test_nothing_to_compare_is_an_error():
+    reading = Recording(np.arange(20.0), {"current_command": np.arange(20.0)})
+    with pytest.raises(InputError, match="no channel"):
+        admit(run(reading), reading, ["current_command"], OUTPUTS)

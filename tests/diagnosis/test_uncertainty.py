@@ -1,0 +1,90 @@
+"""Intervals cover, and directions that data do not determine are named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eha_bench.diagnosis.evidence import Groups, compare, left_out
+from eha_bench.diagnosis.fit import Fit, Free
+from eha_bench.diagnosis.problem import soften
+from eha_bench.diagnosis.uncertainty import deviations, undetermined
+
+
+def linear_fit(matrix: np.ndarray, residual: np.ndarray, names: list[str], values: np.ndarray):
+    free = tuple(
+        Free(name, k, -np.inf, np.inf, abs(values[k])) for k, name in enumerate(names)
+    )
+    soft, _ = soften(residual)
+    return Fit(values, free, residual, matrix, float(soft @ soft))
+
+
+def blocks(n: int, size: int = 50) -> Groups:
+    rows = tuple(np.arange(k, k + size) for k in range(0, n, size))
+    return Groups(tuple(np.array_split(np.arange(n), 4)), rows)
+
+
+def test_white_residuals_give_the_textbook_deviation():
+    rng = np.random.default_rng(0)
+    matrix = rng.standard_normal((20000, 2))
+    fit = linear_fit(matrix, rng.standard_normal(20000), ["a", "b"], np.array([1.0, 1.0]))
+    found = deviations(fit, blocks(20000))
+    assert found["a"] == pytest.approx(1 / np.sqrt(20000), rel=0.2)
+
+
+def test_correlated_residuals_widen_the_interval():
+    rng = np.random.default_rng(0)
+    n = 20000
+    white = linear_fit(np.ones((n, 1)), rng.standard_normal(n), ["a"], np.ones(1))
+    slow = np.repeat(rng.standard_normal(n // 50), 50)
+    slow_fit = linear_fit(np.ones((n, 1)), slow - slow.mean(), ["a"], np.ones(1))
+    wide = deviations(slow_fit, blocks(n))["a"]
+    assert wide > 4 * deviations(white, blocks(n))["a"]
+
+
+def test_a_product_is_named_as_a_product():
+    rng = np.random.default_rng(0)
+    column = rng.standard_normal(1000)
+    matrix = np.column_stack([column, column])
+    fit = linear_fit(matrix, rng.standard_normal(1000), ["J", "beta"], np.array([2.0, 3.0]))
+    assert undetermined(fit) == ("J and beta only as a product",)
+
+
+def test_a_ratio_is_named_as_a_ratio():
+    rng = np.random.default_rng(0)
+    column = rng.standard_normal(1000)
+    matrix = np.column_stack([column, -column])
+    fit = linear_fit(matrix, rng.standard_normal(1000), ["K", "D"], np.array([2.0, 3.0]))
+    assert undetermined(fit) == ("K and D only as a ratio",)
+
+
+def test_a_regressor_without_meaning_gains_nothing_on_runs_left_out():
+    rng = np.random.default_rng(3)
+    n = 8000
+    residual = np.convolve(rng.standard_normal(n), np.ones(30) / np.sqrt(30), "same")
+    before = linear_fit(np.zeros((n, 0)), residual, [], np.zeros(0))
+    matrix = np.convolve(rng.standard_normal(n), np.ones(30), "same")[:, None]
+    step = -(matrix[:, 0] @ residual) / (matrix[:, 0] @ matrix[:, 0])
+    after = linear_fit(matrix, residual + step * matrix[:, 0], ["x"], np.ones(1))
+    found = compare(before, after, blocks(n), 1.0)
+    assert found.p_value > 1e-3
+
+
+def test_a_real_regressor_is_found_on_runs_left_out():
+    rng = np.random.default_rng(3)
+    n = 8000
+    column = rng.standard_normal(n)
+    noise = rng.standard_normal(n)
+    before = linear_fit(np.zeros((n, 0)), noise + 0.3 * column, [], np.zeros(0))
+    after = linear_fit(column[:, None], noise, ["x"], np.ones(1))
+    found = compare(before, after, blocks(n), 0.09 * n)
+    assert found.p_value < 1e-6
+    assert found.share_out == pytest.approx(1.0, abs=0.25)
+    assert left_out(after, blocks(n)).shape == (n,)
+
+
+def test_soft_loss_is_quadratic_for_noise_and_linear_for_outliers():
+    soft, weight = soften(np.array([0.0, 0.5, 500.0]))
+    assert soft[1] == pytest.approx(0.5, rel=0.01)
+    assert soft[2] ** 2 == pytest.approx(2 * 5 * 500, rel=0.02)
+    assert weight[0] == pytest.approx(1.0)
