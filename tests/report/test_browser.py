@@ -254,10 +254,12 @@ def test_it_prints_the_static_plots(tab: Page, page_file: Path, tmp_path: Path) 
     assert (tmp_path / "report.pdf").stat().st_size > 20_000
 
 
-@pytest.mark.parametrize("width", [1280, 390])
-def test_nothing_sticks_out_sideways(tab: Page, page_file: Path, width: int) -> None:
-    tab.emulate(width)
-    opened(tab, page_file)
+@pytest.mark.parametrize(
+    ("width", "media"), [(1280, ""), (1000, ""), (760, ""), (390, ""), (320, ""), (718, "print")]
+)
+def test_nothing_sticks_out_sideways(tab: Page, page_file: Path, width: int, media: str) -> None:
+    tab.emulate(width, media=media)
+    tab.open(page_file)
     assert tab.run("document.documentElement.scrollWidth") <= width
     clipped = tab.run(
         "[...document.querySelectorAll('td, th, p, h1, h2, dd')].filter(e => e.offsetWidth > 1 &&"

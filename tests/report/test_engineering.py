@@ -76,7 +76,12 @@ def test_digits_follow_the_interval() -> None:
     ],
 )
 def test_limit_text(typed: str, printed: str) -> None:
-    assert limit_text(typed) == printed
+    assert limit_text(typed).replace("\u00a0", " ") == printed
+
+
+def test_a_limit_breaks_only_between_its_parts() -> None:
+    assert limit_text("<= 41 ms") == "≤\u00a041\u00a0ms"
+    assert limit_text("43 ms +- 6 %").split(" ") == ["43\u00a0ms", "±\u00a06\u00a0%"]
 
 
 def test_names() -> None:

@@ -56,7 +56,7 @@ def test_labels_of_levels_and_limits_are_there(sample: SampleRun) -> None:
         "Chamber pressures / MPa",
         "time / ms",
     ):
-        assert text in svg
+        assert text in svg.replace("\u00a0", " ")
 
 
 @pytest.mark.parametrize("name", [NASTY, "$x^2$", "a_b", "温度", "x y & <b>"])

@@ -38,6 +38,7 @@ _FONT: Final = re.compile(r"^(?:(?:italic|normal) )?(?:(bold|\d+) )?([\d.]+)px .
 _NUMBER: Final = re.compile(r"-?\d+\.\d+")
 _PATH: Final = re.compile(r'( d=")([^"]*)(")')
 _STEP: Final = re.compile(r"([ML]) (-?[\d.]+) (-?[\d.]+) ?")
+_GROUP: Final = re.compile(r"(<g>|<g [^>]*>|</g>)")
 _PLAIN_PATH: Final = re.compile(r"(?:[ML] -?[\d.]+ -?[\d.]+ ?)+$")
 _DEFAULTS: Final = {
     ("stroke-linejoin", "round"),
@@ -61,6 +62,7 @@ def embed_svg(svg: str, key: str, *, title: str) -> Markup:
     body = _SHADE.sub(lambda match: _VARIABLES[match[0]], body)
     body = re.sub(r">\s+<", "><", body)
     body = re.sub(r"\s*\n\s*", " ", body)
+    body = _without_plain_groups(body)
     box = re.search(r'viewBox="([^"]*)"', body)
     opening = (
         f'<svg viewBox="{box[1] if box else "0 0 1 1"}" role="img" aria-labelledby="{key}-title">'
@@ -108,6 +110,23 @@ def _tenths(value: int) -> str:
     whole, tenth = divmod(abs(value), 10)
     text = f"{whole or ''}.{tenth}" if tenth else f"{whole}"
     return f"-{text}" if value < 0 else text
+
+
+def _without_plain_groups(body: str) -> str:
+    """Drop groups that say nothing: matplotlib makes several of every tick."""
+    parts: list[str] = []
+    kept: list[bool] = []
+    for piece in _GROUP.split(body):
+        if piece == "</g>":
+            if kept.pop():
+                parts.append(piece)
+        elif piece == "<g>" or (piece.startswith("<g ") and piece.endswith(">")):
+            kept.append(piece != "<g>")
+            if kept[-1]:
+                parts.append(piece)
+        else:
+            parts.append(piece)
+    return "".join(parts)
 
 
 def _own_ids(body: str, key: str) -> str:

@@ -168,9 +168,12 @@ def _written_unit(si: str, written: str) -> DisplayUnit | None:
 
 def limit_text(text: str) -> str:
     """Return a limit as its author wrote it, with printed signs: `<= 41 ms` -> `≤ 41 ms`."""
-    for typed, printed in (("<=", "≤"), (">=", "≥"), ("+-", "±"), ("+/-", "±"), ("..", "…")):
+    for typed, printed in (("<=", "≤"), (">=", "≥"), ("+/-", "±"), ("+-", "±"), ("..", "…")):
         text = text.replace(typed, printed)
-    return re.sub(r"(?<=[\d.])-(?=\d)", "\N{EN DASH}", re.sub(r"(?<![\w.])-(?=\d)", _MINUS, text))
+    text = re.sub(r"(?<![\w.])-(?=[\d.])", _MINUS, text)
+    # A number stays with its unit, and a sign with its number.
+    text = re.sub(r"(?<=[\d.]) (?=[^\d\s±…≤≥])", "\N{NO-BREAK SPACE}", text)
+    return re.sub(r"(?<=[±≤≥]) (?=\d)", "\N{NO-BREAK SPACE}", text)
 
 
 def decimals_for(value: float, spread: float = math.nan) -> int:

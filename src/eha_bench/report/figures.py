@@ -41,7 +41,7 @@ _STYLE: Final[Any] = {
     "xtick.labelcolor": SHADES["muted"],
     "ytick.labelcolor": SHADES["muted"],
     "xtick.major.size": 3.0,
-    "ytick.major.size": 0.0,
+    "ytick.left": False,
     "lines.linewidth": 1.3,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
@@ -70,6 +70,8 @@ def render_svg(figure: Figure, key: str, *, title: str) -> Markup:
         title: what a screen reader says.
     """
     FigureCanvasSVG(figure)
+    for patch in (figure.patch, *(axes.patch for axes in figure.axes)):
+        patch.set_visible(False)
     buffer = io.StringIO()
     nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
     with mpl.rc_context({"svg.hashsalt": key}):

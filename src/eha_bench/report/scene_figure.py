@@ -92,7 +92,7 @@ def scene_svg(scene: Scene, *, key: str, title: str, points: int = POINTS) -> Ma
             lower -= gap
             _draw_panel(axes, recording, panel, axis, points)
             _draw_marks(axes, panel, marks, axis)
-            axes.tick_params(labelbottom=panel is panels[-1])
+            axes.tick_params(bottom=panel is panels[-1], labelbottom=panel is panels[-1])
             axes.set_xlim(axis.unit.shown(axis.start), axis.unit.shown(axis.stop))
             first = first or axes
         for axes, panel in zip(figure.axes, panels, strict=True):
