@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from eha_bench.diagnosis.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.evidence import SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit import Fit
+from eha_bench.diagnosis.problem import soften
 from eha_bench.diagnosis.search import Search
-from eha_bench.diagnosis.unknown import Located, learn, locate_all
+from eha_bench.diagnosis.unknown import Located, Locator, learn, locate_all
 
 Progress = Callable[[str, float], None]
 
@@ -69,28 +70,34 @@ def decide(search: Search, step: float, progress: Progress) -> Decision:
         )
         search.accepted = [item for item in search.accepted if item.start.mundane]
         search.fit = search.base
-    _, located = locate_all(search.problem, search.fit, step, progress)
+    locator, located = locate_all(search.problem, search.fit, step, progress)
     if not located:
         unknown = Unknown("measurement", (), "nothing could be localised")
         return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
     progress("learn", 0.0)
-    return _learned(search, located, step, tuple(notes))
+    return _learned(search, locator, located, step, tuple(notes))
 
 
 def _learned(
-    search: Search, located: list[Located], step: float, notes: tuple[str, ...]
+    search: Search,
+    locator: Locator,
+    located: list[Located],
+    step: float,
+    notes: tuple[str, ...],
 ) -> Decision:
     best = located[0]
-    _, fit = learn(search.problem, search.fit, best, step)
+    _, fit = learn(search.problem, locator.short, search.fit, best, step)
     for other in located[1:3]:
         # a close second is fitted as well: over long windows an error travels further
         if other.share < _TIED * best.share or other.template.equation == best.template.equation:
             continue
-        _, other_fit = learn(search.problem, search.fit, other, step)
+        _, other_fit = learn(search.problem, locator.short, search.fit, other, step)
         if other_fit.cost < fit.cost:
             fit, best = other_fit, other
     floor = SOFT_MEAN * search.problem.size
-    share = (search.fit.cost - fit.cost) / max(search.fit.cost - floor, 1.0)
+    soft, _ = soften(search.fit.residual, fit.soft)
+    before = float(soft @ soft)
+    share = (before - fit.cost) / max(before - floor, 1.0)
     template = best.template
     text = f"something acts in the {template.equation} balance and depends on {template.variable}"
     if best.period:
@@ -98,7 +105,7 @@ def _learned(
     if template.equation == "measurement":
         text += f", in the sensor of {template.place}"
     text += f"; a learned curve explains {share:.0%} of the excess"
-    learned = fit.cost < search.fit.cost
+    learned = fit.cost < before
     return Decision(
         Verdict.UNKNOWN,
         fit if learned else search.fit,

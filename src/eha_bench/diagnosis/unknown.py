@@ -334,8 +334,10 @@ def locate_all(
     return locator, sorted(found, key=lambda item: -item.share)
 
 
-def learn(problem: Problem, fit: Fit, located: Located, step: float) -> tuple[Start, Fit]:
-    """Fit a located curve over the long windows, with everything that is fitted anyway."""
+def learn(
+    problem: Problem, short: Problem, fit: Fit, located: Located, step: float
+) -> tuple[Start, Fit]:
+    """Fit a located curve with everything that is fitted anyway: over short windows, then long."""
     plant = problem.plant
     layout = plant.layout
     size = layout.by_key[f"{LEARNED}.values"].size
@@ -358,7 +360,11 @@ def learn(problem: Problem, fit: Fit, located: Located, step: float) -> tuple[St
             *free,
             Free(f"{LEARNED}.period", at, 0.5 * located.period, 2 * located.period, located.period),
         )
-    done = levenberg_marquardt(problem.at_step(step), vector, free, iterations=10, refresh=1)
+    # without the curve the parameters had been bent to imitate it; short windows straighten them
+    near = levenberg_marquardt(short, vector, free, iterations=6, refresh=1)
+    long = problem.at_step(step)
+    long.soft = 1.0
+    done = levenberg_marquardt(long, near.vector, free, iterations=10, refresh=1)
     settings = tuple(
         (layout.index[f"{LEARNED}.{name}"], float(done.vector[layout.index[f"{LEARNED}.{name}"]]))
         for name in ("equation", "form", "variable", "place", "period", "low", "high")
