@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +113,7 @@ def low_frequency_gain(response: FrequencyResponse) -> tuple[float, float]:
     """Return the logarithm of the gain extrapolated to 0 Hz, and its variance.
 
     1 / |G|^2 is even in frequency: a line in f^2 through the points below 2.5 times the lowest one,
-    at least three, or a parabola where they show the bend. Where that leads far from the lowest
+    at least three, or a parabola where they tell its bend. Where that leads far from the lowest
     point, the lowest point stands.
     """
     frequency, gain, sd = response.frequency, response.gain, response.relative_sd
@@ -131,15 +131,14 @@ def low_frequency_gain(response: FrequencyResponse) -> tuple[float, float]:
     inverse = (gain[0] / np.maximum(gain[low], 1e-300)) ** 2
     x = (frequency[low] / frequency[count - 1]) ** 2
     weights = _weights(sd[low])
-    for order in (1, 2):  # a line where the noise hides the bend
+    first_variance = _known(float(2.0 * sd[0]) ** 2)
+    for order in (2, 1):
         design = np.vander(x, order + 1, increasing=True)
         operator = np.linalg.pinv(design * weights[:, None]) * weights
-        rest = inverse - design @ (operator @ inverse)
-        rest /= np.maximum(2.0 * np.nan_to_num(sd[low]) * inverse, 1e-12)
-        if float(rest @ rest) <= 4.0 * count:
+        variance = _known(float(np.sum((operator[0] * 2.0 * sd[low] * inverse) ** 2)))
+        if variance <= 2.0 * first_variance:  # the bend costs little where points are far apart
             break
     at_zero = float(operator[0] @ inverse)
-    variance = _known(float(np.sum((operator[0] * 2.0 * sd[low] * inverse) ** 2)))
     if abs(at_zero - 1.0) > 0.2 + 3.0 * math.sqrt(variance):
         return first, _known(float(sd[0]) ** 2)
     return first - 0.5 * math.log(at_zero), 0.25 * variance / at_zero**2
@@ -175,11 +174,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class _Local:
-    """A polynomial in f^2, in units of the guess's, around 1."""
+    """A polynomial in f^2, in units of the guess's, around 1; `misfit` is chi^2 per freedom."""
 
     coefficients: FloatArray
     operator: FloatArray
     chosen: NDArray[np.intp]
+    misfit: float = 1.0
 
     def value(self, x: FloatArray | float) -> FloatArray:
         return np.asarray(np.polynomial.polynomial.polyval(np.asarray(x) - 1.0, self.coefficients))
@@ -222,7 +222,7 @@ def crossing(response: FrequencyResponse, curve: Curve, first: int, reason: str)
     local = _local(x, curve.values, sd)
     place = _root(local, float(x[first - 1]), float(x[first]))
     row = local.weights(place)
-    variance = float(np.sum((row * sd[local.chosen]) ** 2)) + curve.common
+    variance = local.misfit * float(np.sum((row * sd[local.chosen]) ** 2)) + curve.common
     # relative error of the frequency: half that of its square
     slope = max(abs(local.slope(place)) * place, 1e-12)
     reach = 0.5 * _quantile(response, local.chosen) * math.sqrt(variance) / slope
@@ -245,9 +245,10 @@ def _local(x: FloatArray, values: FloatArray, sd: FloatArray) -> _Local:
         freedom = count - wider.coefficients.size
         rest = values[wider.chosen] - wider.value(x[wider.chosen])
         rest /= np.maximum(sd[wider.chosen], 1e-12)
-        if float(rest @ rest) > freedom + 2.0 * math.sqrt(2.0 * freedom):
+        misfit = float(rest @ rest) / freedom
+        if misfit > 1.0 + 2.0 * math.sqrt(2.0 / freedom):
             break
-        best = wider
+        best = replace(wider, misfit=max(misfit, 1.0))
     return best
 
 

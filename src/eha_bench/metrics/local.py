@@ -23,6 +23,7 @@ FloatArray = NDArray[np.float64]
 
 _GROWTH = 1.3
 _LARGEST = 4000
+_UNDERSMOOTHED = 0.8
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,8 @@ def half_width(
             break
         chosen = half
         half = max(half + 1, math.ceil(half * _GROWTH))
-    return chosen
+    # the choice itself depends on the noise: a smaller window pays for that with a wider interval
+    return max(2, round(_UNDERSMOOTHED * chosen))
 
 
 @dataclass(frozen=True)
@@ -280,7 +282,7 @@ def peak(time: FloatArray, values: FloatArray, index: int, noise: Noise, widest:
         excess = noise.variance(local.slope_weights(place)) / (-2.0 * curvature)
         excess = min(excess, math.sqrt(variance))
         value -= excess
-        variance += excess**2
+        variance += 2.0 * excess**2  # the square of a normal slope varies as much
     earliest, latest = _flat(local, place, noise)
     return Peak(value, place, variance, earliest, latest)
 
