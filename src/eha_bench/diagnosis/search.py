@@ -27,6 +27,7 @@ from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marqua
 from eha_bench.diagnosis.periodic import is_periodic, scan, short_problem
 from eha_bench.diagnosis.problem import Problem, soften
 from eha_bench.diagnosis.screen import Screen, Screened
+from eha_bench.diagnosis.unknown import medium_problem
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -289,23 +290,36 @@ def _polish(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
     problem = search.problem
     vector = rough.vector
     known = {f.key: rough.jacobian[:, k] for k, f in enumerate(rough.free)}
-    if rough.cost > 1.01 * SOFT_MEAN * problem.size and problem.soft < 3.0:
-        again = vector.copy()
-        layout = problem.plant.layout
-        for key in search.keys:
-            again[layout.index[key]] = search.declared_vector[layout.index[key]]
-        coarse = problem.at_step(COARSE)
-        names = [key for key in search.keys if key not in FRICTION_AT_REST]
-        free = [item for item in _free(search, again, extra) if item.key not in FRICTION_AT_REST]
-        other = levenberg_marquardt(coarse, again, free, iterations=5, refresh=0)
-        names += [item.key for item in free if item.key not in names and "[" not in item.key]
-        other, _ = friction_at_rest(coarse, other, tuple(names))
+    if rough.cost > 1.01 * SOFT_MEAN * problem.size:
+        other = _afresh(search, vector, extra)
         if other.cost < rough.cost:
             vector = other.vector
             known = {f.key: other.jacobian[:, k] for k, f in enumerate(other.free)}
     return levenberg_marquardt(
         problem, vector, _free(search, vector, extra), known=known, refresh=1
     )
+
+
+def _afresh(search: Search, vector: FloatArray, extra: Sequence[Start]) -> Fit:
+    """Fit from declared values, over short windows first and then over long ones.
+
+    Without an effect the parameters had been bent to imitate it, and over long windows they may
+    stay caught there; short windows have hardly any other minimum.
+    """
+    problem = search.problem
+    layout = problem.plant.layout
+    again = vector.copy()
+    for key in search.keys:
+        again[layout.index[key]] = search.declared_vector[layout.index[key]]
+    coarse = problem.at_step(COARSE)
+    short = medium_problem(coarse)
+    short.prepare(again)
+    short.scale_to(short.residual(again))
+    free = [item for item in _free(search, again, extra) if item.key not in FRICTION_AT_REST]
+    near = levenberg_marquardt(short, again, free, iterations=8, refresh=1)
+    other = levenberg_marquardt(coarse, near.vector, free, iterations=4, refresh=0)
+    names = [item.key for item in free if "[" not in item.key]
+    return friction_at_rest(coarse, other, tuple(names))[0]
 
 
 def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
