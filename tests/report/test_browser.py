@@ -184,12 +184,12 @@ def test_what_is_read_out_is_what_was_recorded(
         f"""(async () => {{
           const figure = document.querySelector('{FIGURE}');
           const scene = JSON.parse(figure.querySelector('script.scene').textContent);
-          const packed = figure.querySelectorAll('script.curve');
           const {{time, full}} = await unpack.clock(scene.clock);
           const curves = {{}};
           for (const panel of scene.panels) for (const trace of panel.traces) {{
             const values = await unpack.curve(
-              packed[trace.curve].textContent, trace.middle, trace.step);
+              document.getElementById(`${{figure.dataset.key}}-curve-${{trace.curve}}`).textContent,
+              trace.middle, trace.step);
             curves[trace.channel] = Array.from(values);
           }}
           return JSON.stringify({{time: Array.from(time), full: Array.from(full), curves}});
@@ -307,7 +307,8 @@ def test_long_recordings_keep_every_sample_around_the_edge(
             """(async () => {
               const scene = JSON.parse(document.querySelector('script.scene').textContent);
               const trace = scene.panels[0].traces[1];
-              const packed = document.querySelectorAll('script.curve')[trace.curve].textContent;
+              const key = document.querySelector('.figure').dataset.key;
+              const packed = document.getElementById(`${key}-curve-${trace.curve}`).textContent;
               const {time, full} = await unpack.clock(scene.clock);
               const values = await unpack.curve(packed, trace.middle, trace.step);
               return JSON.stringify({time: Array.from(time), full: Array.from(full),

@@ -22,10 +22,12 @@ class ChartData:
     Attributes:
         scene: panels, marks and the clock, small; read when the page opens.
         curves: packed curves in the order of the panels' traces; read when they are drawn.
+        first: how many of them the first panel needs.
     """
 
     scene: dict[str, Any]
     curves: tuple[str, ...]
+    first: int
 
 
 def chart_data(scene: Scene) -> ChartData:
@@ -63,6 +65,7 @@ def chart_data(scene: Scene) -> ChartData:
             "panels": panels,
         },
         tuple(curves),
+        len(scene.panels[0].traces),
     )
 
 

@@ -81,7 +81,7 @@
       try {
         const { time, full } = await this.figure.clock();
         const curves = await Promise.all(
-          this.data.traces.map((trace) => unpack.curve(this.figure.packed[trace.curve].textContent, trace.middle, trace.step)),
+          this.data.traces.map(async (trace) => unpack.curve(await this.figure.packed(trace.curve), trace.middle, trace.step)),
         );
         if (!this.wanted) return;
         this.full = full;
@@ -286,7 +286,6 @@
     constructor(element) {
       this.element = element;
       this.scene = JSON.parse(element.querySelector("script.scene").textContent);
-      this.packed = element.querySelectorAll("script.curve");
       this.range = [this.scene.start, this.scene.stop];
       const short = this.scene.stop - this.scene.start <= 2;
       this.factor = short ? 1000 : 1;
@@ -324,6 +323,15 @@
       this.element.prepend(charts);
       this.charts = charts;
       this.relink();
+    }
+
+    // A curve as it stands in the page; those at its end may still be on their way.
+    async packed(number) {
+      const id = `${this.element.dataset.key}-curve-${number}`;
+      if (!document.getElementById(id) && document.readyState === "loading") {
+        await new Promise((done) => document.addEventListener("DOMContentLoaded", done, { once: true }));
+      }
+      return document.getElementById(id).textContent;
     }
 
     // One clock for all panels; forgotten when none is drawn.
