@@ -247,6 +247,24 @@ def test_two_channels_of_one_field_do_not_disturb_each_other(float_log: Any) -> 
     assert back.units["probe"] == "V"
 
 
+def test_two_channels_of_one_field_that_is_cut_do_not_disturb_each_other(float_log: Any) -> None:
+    stamps = np.arange(100) * MS
+    path = float_log({"/p": rows(stamps, range(100)), "/q": rows(stamps[10:50:4], range(10))})
+    entry = {"topic": "/p", "field": "data"}
+    back = recordings.read(
+        path,
+        channels={
+            "channels": {
+                "pressure_a": {**entry, "unit": "bar"},
+                "pressure_b": {**entry, "unit": "MPa"},
+                "current": {"topic": "/q", "field": "data", "unit": "A", "scale": 2},
+            }
+        },
+    )
+    assert back["pressure_a"].tolist() == [k * 1e5 for k in range(10, 47)]
+    assert back["pressure_b"].tolist() == [k * 1e6 for k in range(10, 47)]
+
+
 @given(
     start=st.integers(-50, 50),
     periods=st.tuples(st.integers(1, 9), st.integers(1, 9)),

@@ -17,7 +17,7 @@ from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.series import nan_note, seconds, seconds_in_place, unwrapped
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.table import TableSource
-from eha_bench.recordings.track import Column, Stamps, Track
+from eha_bench.recordings.track import Column, Stamps, Track, freeze
 
 
 def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
@@ -51,7 +51,7 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
         kind = tracks[topic].kinds.get(column, "")
         raw, found = unwrapped(name, raw, kind, entry, time)
         notes += found
-        if any(raw is other for other in aligned.columns.values()):
+        if any(np.may_share_memory(raw, other) for other in aligned.columns.values()):
             raw = raw.copy()
         factor, offset = mapping.to_si(name)
         values[name] = _affine(_affine(raw, entry.scale, entry.offset), factor, offset)
@@ -63,7 +63,7 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
         if not time.size:
             raise RecordingError(f"it has no samples from {span}", where=where)
     for array in (time, *values.values()):
-        array.setflags(write=False)
+        freeze(array)
     return Recording(
         time,
         values,
@@ -108,8 +108,6 @@ def _affine(values: Column, factor: float, offset: float) -> Column:
     """Scale in place; a log of hours needs no second copy."""
     if factor == 1.0 and offset == 0.0:
         return values
-    if values.base is not None or not values.flags.writeable:
-        values = values.copy()
     values *= factor
     if offset:
         values += offset

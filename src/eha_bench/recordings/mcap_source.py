@@ -20,7 +20,7 @@ from eha_bench.recordings.mcap_file import (
 from eha_bench.recordings.payloads import Payloads
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.topic_reader import Part, TopicReader, finished, in_order
-from eha_bench.recordings.track import StampColumn, Track
+from eha_bench.recordings.track import Arena, StampColumn, Track
 
 _SCHEMA, _CHANNEL = 3, 4
 
@@ -138,9 +138,10 @@ class McapSource(Source):
             first = readers[leading[0]]
             return first.stamps if first.clock is clock else None
 
+        arena = Arena(sum(expected.get(t, 0) * len(what.fields) for t, what in wanted.items()))
         for topic, what in wanted.items():
             readers[topic] = TopicReader(
-                topic, what, expected.get(topic, 0), partial(follow, topic, what.clock)
+                topic, what, expected.get(topic, 0), arena, partial(follow, topic, what.clock)
             )
         return readers
 

@@ -12,6 +12,7 @@ from eha_bench.recordings import sample
 from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.series import nan_note
 from eha_bench.recordings.source import Source, Span, Wanted
+from eha_bench.recordings.track import freeze
 
 
 def read_own(source: Source, span: Span) -> Recording:
@@ -68,8 +69,8 @@ def read_own(source: Source, span: Span) -> Recording:
     found = list(source.notes)
     for name, column in values.items():
         found += nan_note(name, column, time)
-        column.setflags(write=False)
-    time.setflags(write=False)
+        freeze(column)
+    freeze(time)
     earlier = tuple(notes[key] for key in sorted(notes, key=lambda key: (len(key), key)))
     return Recording(
         time,

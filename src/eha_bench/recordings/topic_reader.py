@@ -13,7 +13,7 @@ from eha_bench.recordings.decoder import Decoder, Encoded, UnreadableTopic, make
 from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.payloads import Payloads
 from eha_bench.recordings.source import Source, Wanted
-from eha_bench.recordings.track import Column, Growing, StampColumn, Stamps, Track
+from eha_bench.recordings.track import Arena, Column, Growing, StampColumn, Stamps, Track
 
 _STAMPS = (
     ("header.stamp.sec", "header.stamp.nanosec"),
@@ -51,13 +51,18 @@ class TopicReader:
         topic: str,
         wanted: Wanted,
         expected: int = 0,
+        arena: Arena | None = None,
         leader: Callable[[], StampColumn | None] = lambda: None,
     ) -> None:
-        """Expect so many messages; `leader` tells whose stamps these may be the same as."""
+        """Expect so many messages, to be kept in the arena.
+
+        `leader` tells whose stamps these may be the same as.
+        """
         self._topic = topic
         self._wanted = wanted
         self._decoders: dict[int, Decoder] = {}
-        self._columns = [Growing(np.float64, expected) for _ in wanted.fields]
+        memory = arena or Arena()
+        self._columns = [Growing(memory.take(expected)) for _ in wanted.fields]
         self._expected = expected
         self._leader = leader
         self._stamps: StampColumn | None = None

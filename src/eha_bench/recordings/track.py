@@ -39,18 +39,34 @@ class Track:
         return Track(self.name, self.stamps[index], columns, self.kinds)
 
 
-class Growing:
-    """An array that grows; memory is taken as it is needed, and given back at the end."""
+class Arena:
+    """One block of memory for many columns: the system hands out large blocks much faster."""
 
-    def __init__(self, kind: type[np.float64 | np.int64], expected: int = 0) -> None:
+    def __init__(self, size: int = 0) -> None:
+        self._block = np.empty(size)
+        self._used = 0
+
+    def take(self, count: int) -> NDArray[np.float64]:
+        """Return memory for `count` numbers; a block of its own once the arena is used up."""
+        start = self._used
+        if start + count > self._block.size:
+            return np.empty(count)
+        self._used = start + count
+        return self._block[start : start + count]
+
+
+class Growing:
+    """An array that grows; what was not needed is given back at the end."""
+
+    def __init__(self, memory: NDArray[Any]) -> None:
+        self._array = memory
         self._count = 0
-        self._array: NDArray[Any] = np.empty(max(expected, 256), dtype=kind)
 
     def extend(self, count: int) -> NDArray[Any]:
         """Return the next `count` places, to be written."""
         stop = self._count + count
         if stop > self._array.size:
-            self._array.resize(max(stop, self._array.size * 3 // 2), refcheck=False)
+            self._resize(max(stop, self._array.size * 3 // 2, 256))
         place = self._array[self._count : stop]
         self._count = stop
         return place
@@ -66,8 +82,25 @@ class Growing:
     def finish(self) -> NDArray[Any]:
         """Return the array at its final length."""
         if self._count != self._array.size:
-            self._array.resize(self._count, refcheck=False)
+            self._resize(self._count)
         return self._array
+
+    def _resize(self, size: int) -> None:
+        if self._array.base is None:
+            self._array.resize(size, refcheck=False)
+            return
+        larger = np.empty(size, dtype=self._array.dtype)
+        kept = min(size, self._count)
+        larger[:kept] = self._array[:kept]
+        self._array = larger
+
+
+def freeze(array: NDArray[Any]) -> None:
+    """Let nobody write to an array any more, nor to the memory that it is a part of."""
+    inner: Any = array
+    while isinstance(inner, np.ndarray):
+        inner.setflags(write=False)
+        inner = inner.base
 
 
 class StampColumn:
@@ -75,7 +108,8 @@ class StampColumn:
 
     def __init__(self, expected: int = 0, leader: StampColumn | None = None) -> None:
         self._leader = leader
-        self._own = Growing(np.int64, expected) if leader is None else None
+        own = np.empty(max(expected, 256), dtype=np.int64) if leader is None else None
+        self._own = None if own is None else Growing(own)
         self._count = 0
 
     def __len__(self) -> int:
@@ -94,7 +128,7 @@ class StampColumn:
             ):
                 self._count = stop
                 return
-            self._own = Growing(np.int64, stop)
+            self._own = Growing(np.empty(stop, dtype=np.int64))
             if leader is not None and self._count:
                 self._own.extend(self._count)[:] = leader.part(0, self._count)
         self._own.extend(stamps.size)[:] = stamps
