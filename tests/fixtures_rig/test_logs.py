@@ -5,12 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fixtures.rig.case import Conditions, record_case
+from fixtures.rig.commands import build_runs
+from fixtures.rig.foreign import FOREIGN
+from fixtures.rig.hidden import LEVELS
+from fixtures.rig.levels import read_levels
+from fixtures.rig.listed import LISTED
 from fixtures.rig.mcap_log import write_log
 from fixtures.rig.plans import by_id, make_plans
-from fixtures.rig.sensors import COLUMNS, Bench
+from fixtures.rig.plant import Plant
+from fixtures.rig.sensors import COLUMNS, FLOOR, Bench
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+SHORT = Conditions(duration=0.5)
 YAML_FILES = ["dataset.yaml", "model.yaml", *(f"channels_{i}.yaml" for i in range(3))]
 
 
@@ -114,7 +121,7 @@ def test_rewriting_a_sample_gives_its_messages_byte_for_byte(
 
 def test_the_same_plan_gives_the_same_bytes(tmp_path: Path) -> None:
     plan = make_plans(9, 1, effects=["cogging_torque"])[0]
-    folders = [record_case(plan, tmp_path / name, Conditions()).parent for name in ("a", "b")]
+    folders = [record_case(plan, tmp_path / name, SHORT).parent for name in ("a", "b")]
     for path in sorted(folders[0].iterdir()):
         assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
     truths = [(tmp_path / name / "truth" / f"{plan.name}.yaml").read_text() for name in ("a", "b")]
@@ -123,7 +130,7 @@ def test_the_same_plan_gives_the_same_bytes(tmp_path: Path) -> None:
 
 def test_what_is_hidden_is_not_in_the_case_folder(tmp_path: Path) -> None:
     plan = make_plans(2, 1, effects=["entrained_air"], strengths=["strong"])[0]
-    folder = record_case(plan, tmp_path, Conditions()).parent
+    folder = record_case(plan, tmp_path, SHORT).parent
     for path in folder.iterdir():
         assert b"entrained" not in path.read_bytes(), path.name
     assert "entrained_air" in (tmp_path / "truth" / f"{plan.name}.yaml").read_text()
@@ -132,10 +139,10 @@ def test_what_is_hidden_is_not_in_the_case_folder(tmp_path: Path) -> None:
 
 def test_models_of_cases_that_change_the_declaration(tmp_path: Path) -> None:
     plan = make_plans(2, 1, effects=["anti_cavitation"])[0]
-    text = (record_case(plan, tmp_path, Conditions()).parent / "model.yaml").read_text()
+    text = (record_case(plan, tmp_path, SHORT).parent / "model.yaml").read_text()
     assert "anti_cavitation" not in text
     plan = make_plans(3, 1, effects=["coulomb_friction"])[0]
-    text = (record_case(plan, tmp_path, Conditions()).parent / "model.yaml").read_text()
+    text = (record_case(plan, tmp_path, SHORT).parent / "model.yaml").read_text()
     assert "coulomb_torque: 0.0" in text
     assert "coulomb_torque" not in text.split("calibrate:")[1]
 
@@ -162,11 +169,11 @@ def test_a_bench_in_poor_shape(tmp_path: Path) -> None:
 
 
 def test_sets_are_even_and_names_tell_nothing() -> None:
-    plans = make_plans(1, 66, two=5, none=7, foreign=24)
-    assert len(plans) == 102
+    plans = make_plans(1, 72, two=5, none=7, foreign=24)
+    assert len(plans) == 108
     assert [p.name for p in plans] == sorted(p.name for p in plans)
     singles = [p for p in plans if p.kind == "single"]
-    assert len({(p.hidden[0].id, p.levels[0]) for p in singles}) == 66
+    assert len({(p.hidden[0].key, p.levels[0]) for p in singles}) == 72
     assert [p.kind for p in plans] != sorted(p.kind for p in plans)
     with pytest.raises(ValueError, match="there are"):
         by_id("perpetual_motion")
@@ -174,3 +181,40 @@ def test_sets_are_even_and_names_tell_nothing() -> None:
 
 def test_columns_are_named_as_in_the_contract() -> None:
     assert COLUMNS[0] == "current"
+
+
+def test_every_effect_has_three_growing_sizes() -> None:
+    levels = read_levels()
+    effects = (*LISTED, *FOREIGN)
+    assert len({effect.key for effect in effects}) == len(effects)
+    for effect in effects:
+        sizes = [levels[effect.key][level] for level in LEVELS]
+        assert 0.0 < sizes[0] < sizes[1] < sizes[2], effect.key
+
+
+def test_every_effect_moves_what_is_measured() -> None:
+    levels = read_levels()
+    runs = [
+        r for r in build_runs(np.random.default_rng(0)) if r.name in {"locked_steps", "free_swing"}
+    ]
+    plain = [Plant({}).run(run)[0] for run in runs]
+    for effect in (*LISTED, *FOREIGN):
+        settings = effect.settings(levels[effect.key]["strong"], np.random.default_rng(0))
+        if effect.id == "anti_cavitation":
+            settings = {"valve_conductance": 0.0}
+        moved = [Plant(settings).run(run)[0] - was for run, was in zip(runs, plain, strict=True)]
+        assert all(np.isfinite(m).all() for m in moved), effect.key
+        assert max(np.sqrt(np.mean((m / FLOOR) ** 2)) for m in moved) > 1.0, effect.key
+
+
+def test_the_ids_are_those_of_the_contract() -> None:
+    assert {effect.id for effect in LISTED} == {
+        "current_lag", "command_delay", "current_deadband", "torque_saturation", "cogging_torque",
+        "pump_ripple", "pressure_dependent_friction", "viscosity_drift", "asymmetric_friction",
+        "turbulent_leakage", "external_leakage", "entrained_air", "anti_cavitation",
+        "relief_valve", "presliding_friction", "seal_friction", "joint_backlash", "gravity_load",
+        "pressure_sensor_lag", "pressure_sensor_offset", "unequal_areas", "coulomb_friction",
+    }  # fmt: skip
+    assert not {e.id for e in FOREIGN} & {e.id for e in LISTED}
+    equations = {"torque", "flow", "force", "measurement", "actuation"}
+    assert {e.equation for e in FOREIGN} == equations

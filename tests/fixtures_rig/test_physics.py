@@ -206,3 +206,29 @@ def test_halving_the_step_changes_nothing_that_could_be_seen(locked: bool) -> No
         coarse = plant.replay(run, commands, substeps=steps)
         fine = plant.replay(run, commands, substeps=4 * steps)
         assert np.sqrt(np.mean(((coarse - fine) / SIGMA) ** 2, axis=0)).max() < 0.1, run.name
+
+
+def test_bristles_on_the_rod_build_friction_up_over_their_distance() -> None:
+    plant = Plant({**FRICTIONLESS, "rod_coulomb": 60.0, "rod_bristle_distance": 1e-3})
+    state = started(plant, VELOCITY=1e-4)
+    plant.parameters["load_mass"] = 1e9  # keeps its speed
+    _, states, _ = k.simulate(
+        plant.parameters, 0, np.zeros(3000), np.zeros(3000), np.zeros(3000), np.zeros(4),
+        False, False, state, 20,
+    )  # fmt: skip
+    slid = states[:, k.POSITION]
+    np.testing.assert_allclose(states[:, k.ROD_BRISTLE], 1.0 - np.exp(-slid / 1e-3), atol=1e-3)
+
+
+def test_across_a_gap_the_load_is_moved_only_once_touched() -> None:
+    plant = Plant({"load_gap": 1e-3, "external_force": 0.0, "rod_coulomb": 0.0, "rod_viscous": 0.0})
+    _, states, _ = k.simulate(
+        plant.parameters, 0, np.full(60, 12.0), np.zeros(60), np.zeros(60), np.zeros(4),
+        False, False, k.start_state(0.0, plant.parameters), 40,
+    )  # fmt: skip
+    apart = states[:, k.POSITION] - states[:, k.LOAD_POSITION]
+    touched = int(np.argmax(apart > 5e-4))
+    assert touched > 3
+    assert np.all(states[:touched, k.LOAD_VELOCITY] == 0.0)
+    assert states[-1, k.LOAD_VELOCITY] > 0.0
+    assert apart.max() < 7e-4
