@@ -186,3 +186,11 @@ def test_parameter_refuses_a_default_outside_its_bounds() -> None:
         Parameter("x", "", np.nan, 0.0, 1.0)
     with pytest.raises(ValueError, match="place of no choice"):
         replace(choice("x", ("a", "b")), default=2.0, high=3.0)
+
+
+def test_effect_that_repeats_a_declared_parameter_says_so() -> None:
+    friction = get_plant("eha_knee").layout.effect("coulomb_friction")
+    assert friction.repeats("eha_knee") == "rod_coulomb"
+    assert friction.repeats("eha_knee", {"part": "pump"}) == "coulomb_torque"
+    assert friction.repeats("linear_drive") == "coulomb_friction"
+    assert current_lag.EFFECT.repeats("eha_knee") == ""

@@ -160,6 +160,19 @@ def test_single_rod_cylinder_moves_less_oil_on_side_b(bare_knee, effect) -> None
     )
 
 
+def test_smaller_chamber_is_stiffer(bare_knee, effect) -> None:
+    """With its volume scaled along, the same flow raises chamber B's pressure more."""
+    time = np.arange(0.0, 0.02, 1e-3)
+    inputs = {"motor_speed": np.full(time.size, -20.0)}
+    rises = {}
+    for chamber in ("kept", "scaled"):
+        out = bare_knee.run(
+            time, inputs, effect("unequal_areas", area_difference=0.2, chamber=chamber)
+        )
+        rises[chamber] = out["pressure_b"][-1] - out["pressure_b"][0]
+    assert rises["scaled"] == pytest.approx(rises["kept"] / 0.8, rel=1e-9)
+
+
 def test_single_rod_cylinder_pushes_with_the_difference_of_areas(knee, effect) -> None:
     """Equal pressures extend it: F = p A delta, against the rod's own friction."""
     time = np.arange(0.0, 0.02, 1e-3)

@@ -53,10 +53,29 @@ def test_asymmetry_of_the_pump_takes_its_share(knee, effect, omega, kind) -> Non
     assert got == pytest.approx(omega, rel=1e-3)
 
 
-def test_pump_coulomb_friction_adds_its_torque(knee, effect) -> None:
-    current = _current_for(0.1, knee, 60.0)
-    got = _terminal_speed(knee, current, effect("pump_coulomb_friction", friction_torque=0.1))
+def test_dry_friction_of_the_pump_is_meant_at_the_piston(knee, effect) -> None:
+    """A force at the piston is the torque that moves it through the oil, T = F D / A."""
+    force = 250.0
+    torque = force * knee.model().value("pump_displacement") / knee.model().value("piston_area_a")
+    current = _current_for(torque, knee, 60.0)
+    got = _terminal_speed(
+        knee, current, effect("coulomb_friction", friction_force=force, part="pump")
+    )
     assert got == pytest.approx(60.0, rel=1e-3)
+
+
+def test_pump_declared_without_friction_gets_it_back_with_the_effect(knee, effect) -> None:
+    """Coulomb, static ratio and the plant's Stribeck speed: the declared law, Eq. (3)."""
+    time = np.arange(0.0, 0.3, 1e-3)
+    command = 12.0 * np.sin(2 * np.pi * 5 * time)
+    ratio = knee.model().value("piston_area_a") / knee.model().value("pump_displacement")
+    added = effect(
+        "coulomb_friction", friction_force=0.16 * ratio, part="pump", static_ratio=0.2537 / 0.16
+    )
+    got = knee.run(time, command, added, coulomb_torque=0.0, static_torque=0.0)
+    declared = knee.run(time, command)
+    for name, values in declared.items():
+        np.testing.assert_allclose(got[name], values, atol=1e-9 * np.ptp(values) + 1e-15)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -138,7 +157,7 @@ def test_pump_ripple_moves_the_oil_of_its_angle(bare_knee, effect) -> None:
 
 @given(theta=st.floats(-20, 20), dp=st.floats(-3e7, 3e7), omega=st.floats(-300, 300))
 def test_ideal_ripple_gives_the_oil_what_it_takes_from_the_shaft(theta, dp, omega) -> None:
-    flow = pump_ripple.delivery(1e-7 * omega, theta, 0.1, 9.0, 0.3)
+    flow = pump_ripple.delivery(1e-7 * omega, theta, 0.1, 9.0, 0.3, 1.0)
     torque = pump_ripple.reaction(-1e-7 * dp, theta, dp, 0.0, 1e-7, 0.1, 9.0, 0.3, 1.0)
     assert flow * dp == pytest.approx(-torque * omega, rel=1e-12, abs=1e-12)
 
@@ -213,14 +232,33 @@ def test_bristles_do_work_on_nothing_over_a_cycle(amplitude, distance) -> None:
     assert sum(work[2000:]) >= -1e-12
 
 
-def test_narrow_bristles_are_stiction(knee, effect) -> None:
+@pytest.mark.parametrize(
+    ("part", "distance", "channel"),
+    [("rod", 1e-7, "piston_position"), ("pump", 1e-8, "motor_speed")],
+)
+def test_narrow_bristles_are_stiction(knee, effect, part, distance, channel) -> None:
     time = np.arange(0.0, 0.3, 1e-3)
     command = 4.0 * np.sin(2 * np.pi * 4 * time)
     plain = knee.run(time, command, locked=False)
-    bristles = effect("presliding_friction", distance=1e-7)
+    bristles = effect("presliding_friction", distance=distance, part=part)
     bent = knee.run(time, command, bristles, locked=False, step=5e-6)
-    worst = np.max(np.abs(plain["piston_position"] - bent["piston_position"]))
-    assert worst < 2e-3 * np.ptp(plain["piston_position"])
+    worst = np.max(np.abs(plain[channel] - bent[channel]))
+    assert worst < 1e-2 * np.ptp(plain[channel])
+
+
+def test_bristles_of_the_pump_are_a_spring_under_a_small_torque(knee, effect) -> None:
+    """With the bypass open a torque T turns the shaft by s A / D atanh-like: -s ln(1 - T/T_s)."""
+    time = np.arange(0.0, 1.0, 1e-3)
+    torque = 0.1
+    bristles = effect("presliding_friction", distance=1e-4, part="pump")
+    out = knee.run(
+        time, torque / 0.13, bristles, bypass=True, bypass_conductance=1e-8, coulomb_torque=0.2537,
+        viscous_torque=0.1,
+    )  # fmt: skip
+    turned = np.sum(out["motor_speed"]) * 1e-3
+    ratio = knee.model().value("piston_area_a") / knee.model().value("pump_displacement")
+    assert abs(out["motor_speed"][-1]) < 5e-3
+    assert turned == pytest.approx(-1e-4 * ratio * np.log(1 - torque / 0.2537), rel=0.02)
 
 
 @given(moves=st.lists(st.floats(-2e-3, 2e-3), min_size=1, max_size=50), gap=st.floats(1e-5, 1e-3))
@@ -284,16 +322,19 @@ def test_tight_joint_moves_as_one_mass(knee, effect) -> None:
     assert worst < 0.02 * np.ptp(plain["piston_position"])
 
 
-def test_weight_needs_the_force_of_the_linkage() -> None:
+@pytest.mark.parametrize(("posture", "share"), [(0.0, 1.0), (1.0, 0.5)])
+def test_weight_needs_the_force_of_the_linkage(posture, share) -> None:
     """The virtual work of the rod's force is that of the weight about the knee."""
     linkage = Linkage(0.3208, 0.0462, 0.280, 0.04)
     for x in (-0.02, 0.0, 0.02):
         position = np.array([x - 1e-6, x + 1e-6])
         angle = linkage.angle(position)
-        height = 25.0 * np.sin(angle - 0.7)  # potential energy of G cos(alpha - alpha_0)
+        height = (
+            25.0 / share * np.sin(share * angle - 0.7)
+        )  # potential energy of G cos(alpha - alpha_0)
         expected = -(height[1] - height[0]) / 2e-6
         got = gravity_load.weighed(
-            0.0, x, 0.3208, 0.0462, 0.280, 1.2535e-5, 1.2535e-5 / 0.04, 25.0, 0.7
+            0.0, x, 0.3208, 0.0462, 0.280, 1.2535e-5, 1.2535e-5 / 0.04, 25.0, 0.7, posture
         )
         assert got == pytest.approx(expected, rel=1e-6)
 

@@ -107,11 +107,12 @@ def test_force_of_velocity_is_viscous_friction(knee, effect) -> None:
 
 
 def test_constant_friction_curve_is_coulomb_friction(knee, effect) -> None:
-    for equation, other in (
-        ("torque", effect("pump_coulomb_friction", friction_torque=0.05)),
-        ("force", effect("coulomb_friction", friction_force=0.05)),
+    lever = knee.model().value("piston_area_a") / knee.model().value("pump_displacement")
+    for equation, size, other in (
+        ("torque", 0.05, effect("coulomb_friction", friction_force=0.05 * lever, part="pump")),
+        ("force", 5.0, effect("coulomb_friction", friction_force=5.0)),
     ):
-        curve = effect("learned", equation=equation, form="friction", values=_constant(0.05))
+        curve = effect("learned", equation=equation, form="friction", values=_constant(size))
         got = knee.run(TIME, COMMAND, curve, locked=False)
         assert _worst(got, knee.run(TIME, COMMAND, other, locked=False)) < 1e-9
 

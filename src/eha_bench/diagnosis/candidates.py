@@ -123,10 +123,8 @@ def all_starts(
     for effect in layout.effects:
         if effect.id in declared or effect.id == LEARNED:
             continue
-        twin = effect.same_as.get(layout.plant)
-        if twin is not None and vector[layout.index[twin]] != 0.0:
-            continue
-        found += effect_starts(layout, effect)
+        starts = effect_starts(layout, effect)
+        found += [start for start in starts if not _repeats(layout, effect, start, vector)]
     for parameter in layout.parameters:
         if not parameter.assumed or parameter.name in calibrated or parameter.size > 1:
             continue
@@ -149,6 +147,14 @@ def all_starts(
             )
         )
     return found
+
+
+def _repeats(layout: Layout, effect: Effect, start: Start, vector: FloatArray) -> bool:
+    """Return whether a start only repeats what a parameter of the plant already says."""
+    settings = dict(start.settings)
+    values = {p.name: settings[layout.index[f"{effect.id}.{p.name}"]] for p in effect.parameters}
+    twin = effect.repeats(layout.plant, values)
+    return bool(twin) and vector[layout.index[twin]] != 0.0
 
 
 def equation_of(start: Start) -> Equation | None:

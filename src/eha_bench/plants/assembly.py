@@ -234,8 +234,10 @@ def _modules(functions: Iterable[Callable[..., object]]) -> set[str]:
 def _functions(layout: Layout) -> list[Callable[..., object]]:
     found: list[Callable[..., object]] = []
     for effect in layout.effects:
-        found += effect.action(layout.plant).hooks.values()
-        found += [*effect.advance.values(), *effect.start.values()]
+        action = effect.action(layout.plant)
+        found += action.hooks.values()
+        found += [*(action.advance or effect.advance).values()]
+        found += [*(action.start or effect.start).values()]
     return found
 
 
@@ -243,14 +245,16 @@ def _uses(
     layout: Layout, effect: Effect, signatures: Mapping[str, list[str]]
 ) -> Iterable[tuple[str, str, Callable[..., object]]]:
     """Yield (hook, quantity that is changed, function) for all that an effect does."""
-    for hook, function in effect.action(layout.plant).hooks.items():
+    action = effect.action(layout.plant)
+    for hook, function in action.hooks.items():
         if hook not in signatures:
             raise PluginError(
                 f"effect '{effect.id}' uses the hook '{hook}' that {layout.plant} does not have",
                 hint=f"it has: {', '.join(signatures)}",
             )
         yield hook, signatures[hook][0], function
-    for hook, functions in (("start_states", effect.start), ("advance_states", effect.advance)):
+    start, advance = action.start or effect.start, action.advance or effect.advance
+    for hook, functions in (("start_states", start), ("advance_states", advance)):
         for state, function in functions.items():
             yield hook, f"S[{layout.states[f'{effect.id}.{state}']}]", function
 

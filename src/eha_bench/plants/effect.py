@@ -37,6 +37,10 @@ class Action:
         chosen_by: the choice parameter that decides the equation, where one does.
         equations: word of that choice -> equation; the rest act in `equation`.
         choices: parameter -> the words that make sense in this plant, where not all do.
+        same_as: word of `chosen_by` ("" where nothing is chosen) -> the plant's own parameter that
+            says the same. Where that is not 0 the effect would only repeat it: no candidate.
+        advance, start: what moves and sets the effect's states in this plant, instead of the
+            effect's own functions.
     """
 
     equation: Equation
@@ -44,6 +48,9 @@ class Action:
     chosen_by: str = ""
     equations: Mapping[str, Equation] = field(default_factory=dict)
     choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    same_as: Mapping[str, str] = field(default_factory=dict)
+    advance: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    start: Mapping[str, Callable[..., float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -66,8 +73,6 @@ class Effect:
             its place among the words, as in the parameter vector. The rest keep their defaults.
         order: place in a hook's chain where several effects meet; what scales or filters the
             others' sum comes later.
-        same_as: plant id -> the plant's own parameter that says the same. Where that parameter
-            is not 0 the effect would only repeat it, and is no candidate.
     """
 
     id: str
@@ -82,7 +87,6 @@ class Effect:
     separate: str = ""
     starts: tuple[Mapping[str, float], ...] = ()
     order: int = 0
-    same_as: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def strength(self) -> Parameter:
@@ -121,9 +125,21 @@ class Effect:
             PluginError: the effect does not apply to that plant.
         """
         action = self.action(plant)
+        return action.equations.get(self._word(action, values), action.equation)
+
+    def repeats(self, plant: str, values: Mapping[str, object] | None = None) -> str:
+        """Return the plant's own parameter that says the same, "" where there is none.
+
+        Raises:
+            PluginError: the effect does not apply to that plant.
+        """
+        action = self.action(plant)
+        return action.same_as.get(self._word(action, values), "")
+
+    def _word(self, action: Action, values: Mapping[str, object] | None) -> str:
+        """Return the word that decides the equation, "" where nothing is chosen."""
         if not action.chosen_by:
-            return action.equation
+            return ""
         parameter = self.parameter(action.chosen_by)
         value = (values or {}).get(parameter.name, parameter.default)
-        word = value if isinstance(value, str) else parameter.decode(float(str(value)))
-        return action.equations.get(str(word), action.equation)
+        return value if isinstance(value, str) else str(parameter.decode(float(str(value))))

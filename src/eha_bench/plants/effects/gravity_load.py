@@ -1,10 +1,14 @@
 """The weight of the leg turns about the knee, and the linkage passes that on to the rod.
 
-    tau = G cos(alpha - alpha_0),   F_rod = -tau / l_el(x)
+    tau = G cos(alpha - alpha_0)        the leg hangs, or lifts a link (posture: link)
+    tau = G cos(alpha / 2 - alpha_0)    the body stands on the leg (posture: standing)
+    F_rod = -tau / l_el(x)
 
-alpha is the absolute knee angle, G the weight times its arm, alpha_0 the angle at which the link
-with the weight is level; a positive moment pushes against extension. l_el = a b sin(alpha) / c is
-the arm of the actuator about the knee and c its length (Eq. (8)-(10)).
+alpha is the absolute knee angle and G the weight times its arm. For one link alpha_0 is the angle
+at which it is level; for a body that stands on two links of one length, straight above the wheel,
+the knee is l cos(alpha / 2) beside the line of the weight, and alpha_0 is 0. A positive moment
+pushes against extension. l_el = a b sin(alpha) / c is the arm of the actuator about the knee and c
+its length (Eq. (8)-(10)).
 
 Source: the paper, Eq. (8)-(10); Siciliano et al., Robotics, Springer 2009, section 7.3 (gravity
 terms).
@@ -15,7 +19,9 @@ from __future__ import annotations
 import math
 
 from eha_bench.plants.effect import Action, Effect, Equation
-from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.parameter import Parameter, choice
+
+_LINK, _STANDING = 0.0, 1.0
 
 
 def weighed(
@@ -28,6 +34,7 @@ def weighed(
     piston_area_a: float,
     gravity_torque: float,
     level_angle: float,
+    posture: float,
 ) -> float:
     """Return the force on the rod with the weight of the leg, N."""
     length = link_c0 + volume_a / piston_area_a + x
@@ -36,7 +43,8 @@ def weighed(
     cosine = min(0.999, max(-0.999, cosine))
     angle = math.acos(cosine)
     arm = link_a * link_b * math.sin(angle) / length
-    return force - gravity_torque * math.cos(angle - level_angle) / arm
+    share = 0.5 if posture == _STANDING else 1.0
+    return force - gravity_torque * math.cos(share * angle - level_angle) / arm
 
 
 EFFECT = Effect(
@@ -45,15 +53,19 @@ EFFECT = Effect(
     parameters=(
         Parameter("gravity_torque", "N*m", 20.0, -1e4, 1e4, "G"),
         Parameter("level_angle", "rad", 1.0, -math.pi, math.pi, "alpha_0"),
+        choice("posture", ("link", "standing"), "what the weight does with the knee"),
     ),
     actions={"eha_knee": Action(Equation.FORCE, {"rod_force": weighed})},
     source="the paper, Eq. (8)-(10)",
     separate="hold the rod at several positions: a weight changes with the angle, a load does not",
     starts=(
-        {"gravity_torque": 20.0, "level_angle": 0.0},
-        {"gravity_torque": 20.0, "level_angle": 2.0},
-        {"gravity_torque": 20.0, "level_angle": 3.0},
-        {"gravity_torque": -20.0, "level_angle": 1.0},
-        {"gravity_torque": -20.0, "level_angle": 2.0},
+        *(
+            {"gravity_torque": torque, "level_angle": angle, "posture": _LINK}
+            for torque, angle in (
+                (20.0, 0.0), (20.0, 2.0), (20.0, 3.0), (-20.0, 1.0), (-20.0, 2.0),
+            )
+        ),
+        {"gravity_torque": 20.0, "level_angle": 0.0, "posture": _STANDING},
+        {"gravity_torque": -20.0, "level_angle": 0.0, "posture": _STANDING},
     ),
-)
+)  # fmt: skip

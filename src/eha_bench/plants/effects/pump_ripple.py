@@ -3,8 +3,9 @@
     q = D_p w (1 + r cos(z theta + phi))
 
 An ideal pump also asks for its torque in pulses, D_p dp (1 + r cos(z theta + phi)), so that it
-gives to the oil exactly what it takes from the shaft: `acts_on: flow_and_torque`. theta counts from
-the first sample of the recording; z is the number of pistons, or twice that where it is odd.
+gives to the oil exactly what it takes from the shaft: `acts_on: flow_and_torque`; `torque` alone is
+friction that follows the load of the pistons. theta counts from the first sample of the recording;
+z is the number of pistons, or twice that where it is odd.
 
 Source: Ivantysyn, Ivantysynova, Hydrostatic Pumps and Motors, Akademia Books 2001, section 3.3;
 Manring, J. Dyn. Sys. Meas. Control 122 (2000) 263, doi:10.1115/1.482453.
@@ -17,11 +18,15 @@ import math
 from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.parameter import Parameter, choice
 
-_FLOW, _BOTH = 0.0, 1.0
+_FLOW, _BOTH, _TORQUE = 0.0, 1.0, 2.0
 
 
-def delivery(flow: float, theta: float, ripple: float, count: float, phase: float) -> float:
+def delivery(
+    flow: float, theta: float, ripple: float, count: float, phase: float, acts_on: float
+) -> float:
     """Return the flow of the pump with its pulses, m^3/s."""
+    if acts_on == _TORQUE:
+        return flow
     return flow * (1.0 + ripple * math.cos(count * theta + phase))
 
 
@@ -37,7 +42,7 @@ def reaction(
     acts_on: float,
 ) -> float:
     """Return the shaft's torque with the pulses of the pressure on the pistons, N*m."""
-    if acts_on != _BOTH:
+    if acts_on == _FLOW:
         return torque
     pulse = ripple * math.cos(count * theta + phase)
     return torque - pump_displacement * (p_a - p_b) * pulse
@@ -50,14 +55,21 @@ EFFECT = Effect(
         Parameter("ripple", "", 0.05, 0.0, 1.0, "r"),
         Parameter("count", "", 9.0, 1.0, 200.0, "z", "pulses a revolution"),
         Parameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "phi"),
-        choice("acts_on", ("flow", "flow_and_torque"), "what pulsates"),
+        choice("acts_on", ("flow", "flow_and_torque", "torque"), "what pulsates"),
     ),
-    actions={"eha_knee": Action(Equation.FLOW, {"pump_flow": delivery, "shaft_torque": reaction})},
+    actions={
+        "eha_knee": Action(
+            Equation.FLOW,
+            {"pump_flow": delivery, "shaft_torque": reaction},
+            chosen_by="acts_on",
+            equations={"torque": Equation.TORQUE},
+        )
+    },
     source="Manring, J. Dyn. Sys. Meas. Control 122 (2000) 263, doi:10.1115/1.482453",
     separate="turn slowly against the locked piston: does the pressure repeat with the angle?",
     starts=tuple(
         {"count": float(count), "phase": phase, "acts_on": acts_on}
-        for acts_on in (_FLOW, _BOTH)
+        for acts_on in (_FLOW, _BOTH, _TORQUE)
         for count in (3, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 18, 22)
         for phase in (-1.5, 0.0, 1.5, 3.0)
     ),

@@ -41,12 +41,14 @@ from eha_bench.plants.eha_knee.hooks import (
     moving_mass,
     pump_dry,
     pump_flow,
+    pump_sticks,
     pump_viscous,
     rod_dry,
     rod_force,
     rod_sticks,
     rod_viscous,
     shaft_torque,
+    volume_b,
 )
 
 Vector = NDArray[np.float64]
@@ -67,6 +69,7 @@ DEAD_VOLUME = 0.02
 
 @njit()
 def shaft_net(
+    level: float,
     i: float,
     omega: float,
     theta: float,
@@ -78,10 +81,10 @@ def shaft_net(
     P: Vector,
     S: Vector,
 ) -> float:
-    """All torque on the shaft except dry friction, N*m."""
+    """All torque on the shaft except what sticks of its dry friction, N*m."""
     torque = motor_torque(P[K_T] * i, i, omega, theta, p_a, p_b, x, v, t, P, S)
     torque -= P[D_P] * (p_a - p_b) + pump_viscous(P[B_PM], omega, t, P, S) * omega
-    return shaft_torque(torque, i, omega, theta, p_a, p_b, x, v, t, P, S)
+    return shaft_torque(torque, level, i, omega, theta, p_a, p_b, x, v, t, P, S)
 
 
 @njit()
@@ -126,10 +129,11 @@ def rod_net(
 
 
 @njit()
-def _volumes(x: float, area: float, P: Vector) -> tuple[float, float]:
+def _volumes(x: float, area: float, P: Vector, S: Vector) -> tuple[float, float]:
     """Volumes of both chambers, m^3, never below the dead volume."""
     v_a = max(P[V_A] + P[A_A] * x, DEAD_VOLUME * P[V_A])
-    v_b = max(P[V_B] - area * x, DEAD_VOLUME * P[V_B])
+    middle = volume_b(P[V_B], P, S)
+    v_b = max(middle - area * x, DEAD_VOLUME * middle)
     return v_a, v_b
 
 
@@ -175,8 +179,9 @@ def rates(
     """
     d_omega, s_omega = 0.0, 0.0
     if dir_m != 0.0:
-        net = shaft_net(i, omega, theta, p_a, p_b, x, v, t, P, S)
         level = pump_level(dir_m, i, omega, theta, p_a, p_b, x, v, t, P, S)
+        net = shaft_net(level, i, omega, theta, p_a, p_b, x, v, t, P, S)
+        level = pump_sticks(level, P, S)
         if P[CREEP_PUMP] > 0.0:
             d_omega, s_omega = _creep(level, net, P[J], omega, P[CREEP_PUMP], h)
         else:
@@ -184,7 +189,7 @@ def rates(
     difference = p_a - p_b
     q_ab = (leakage(P[L_IN], t, P, S) + bypass) * difference
     q_pump = pump_flow(P[D_P] * omega, i, omega, theta, p_a, p_b, x, v, t, P, S)
-    v_a, v_b = _volumes(x, area, P)
+    v_a, v_b = _volumes(x, area, P, S)
     c_a = bulk_modulus(P[BETA], p_a, P, S) / v_a
     c_b = bulk_modulus(P[BETA], p_b, P, S) / v_b
     q_a = q_pump - P[A_A] * v - q_ab

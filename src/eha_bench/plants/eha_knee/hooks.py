@@ -46,9 +46,9 @@ def motor_torque(torque: float, current: float, omega: float, theta: float, p_a:
 
 
 @njit()
-def shaft_torque(torque: float, current: float, omega: float, theta: float, p_a: float, p_b: float,
-        x: float, v: float, t: float, P: Vector, S: Vector) -> float:
-    """Sum of all torques on the shaft but dry friction (positive accelerates), N*m."""
+def shaft_torque(torque: float, level: float, current: float, omega: float, theta: float,
+        p_a: float, p_b: float, x: float, v: float, t: float, P: Vector, S: Vector) -> float:
+    """Sum of all torques on the shaft but what sticks, N*m; `level`: dry friction."""
     return torque
 
 
@@ -56,6 +56,12 @@ def shaft_torque(torque: float, current: float, omega: float, theta: float, p_a:
 def pump_dry(level: float, direction: float, current: float, omega: float, theta: float,
         p_a: float, p_b: float, x: float, v: float, t: float, P: Vector, S: Vector) -> float:
     """Dry friction of the pump for motion in `direction` (+1 or -1), N*m, never negative."""
+    return level
+
+
+@njit()
+def pump_sticks(level: float, P: Vector, S: Vector) -> float:
+    """The part of the pump's dry friction that sticks at rest, N*m."""
     return level
 
 
@@ -152,6 +158,12 @@ def rod_force(force: float, level: float, current: float, omega: float, theta: f
 def moving_mass(mass: float, P: Vector, S: Vector) -> float:
     """Mass that moves with the rod, kg."""
     return mass
+
+
+@njit()
+def volume_b(volume: float, P: Vector, S: Vector) -> float:
+    """Volume of chamber B at mid-stroke, m^3."""
+    return volume
 
 
 @njit()

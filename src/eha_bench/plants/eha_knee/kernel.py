@@ -64,9 +64,11 @@ from eha_bench.plants.eha_knee.hooks import (
     initial_pressure_b,
     memory_record,
     parameter_record,
+    pump_sticks,
     rod_dry,
     rod_sticks,
     start_states,
+    volume_b,
 )
 
 Vector = NDArray[np.float64]
@@ -168,12 +170,12 @@ def _shaft_direction(
     """Direction in which the shaft turns or breaks away; 0 where it sticks."""
     if omega != 0.0:
         return 1.0 if omega > 0.0 else -1.0
-    net = shaft_net(i, 0.0, theta, p_a, p_b, x, v, t, P, S)
-    if P[CREEP_PUMP] > 0.0:
-        return 1.0 if net >= 0.0 else -1.0
     up = pump_level(1.0, i, 0.0, theta, p_a, p_b, x, v, t, P, S)
     down = pump_level(-1.0, i, 0.0, theta, p_a, p_b, x, v, t, P, S)
-    return _direction(0.0, net, up, down)
+    net = shaft_net(up, i, 0.0, theta, p_a, p_b, x, v, t, P, S)
+    if P[CREEP_PUMP] > 0.0:
+        return 1.0 if net >= 0.0 else -1.0
+    return _direction(0.0, net, pump_sticks(up, P, S), pump_sticks(down, P, S))
 
 
 @njit()
@@ -216,7 +218,7 @@ def _substep(
 ) -> None:
     """Advance Y by h, split where the shaft or the rod comes to rest."""
     left = h
-    x_max = min(P[V_A] / P[A_A], P[V_B] / area) * (1.0 - DEAD_VOLUME)
+    x_max = min(P[V_A] / P[A_A], volume_b(P[V_B], P, S) / area) * (1.0 - DEAD_VOLUME)
     hold_shaft = is_imposed[IMPOSE_SPEED]
     hold_rod = locked or is_imposed[IMPOSE_POSITION] or is_imposed[IMPOSE_VELOCITY]
     # friction that creeps has no instant of stopping
