@@ -12,7 +12,7 @@ import numpy as np
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
-from eha_bench.bench.scoring import judge
+from eha_bench.bench.scoring import judge, judge_together
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.signal import FromRecording
@@ -103,6 +103,10 @@ def run_suite(
     except KeyboardInterrupt:
         # between two runs, or while one was being scored: what is done stands
         return run.save(complete=False)
+    for trial in suite.trials:
+        keys = [(trial.id, repeat) for repeat in range(trial.repeats)]
+        together = judge_together([run.done[key] for key in keys], trial.limits)
+        run.done.update(zip(keys, together, strict=True))
     progress(len(jobs), len(jobs), "done")
     return run.save(complete=True)
 

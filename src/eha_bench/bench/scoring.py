@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Score
 from eha_bench.core.trial import Trial
-from eha_bench.metrics import score
+from eha_bench.metrics import judge_repeats, score
 from eha_bench.recordings import read
 from eha_bench.suites import Suite, trial_from_source
 
-__all__ = ["judge", "score", "score_recordings"]
+__all__ = ["judge", "judge_together", "score", "score_recordings"]
 
 
 def judge(recording: Recording, trial: Trial, repeat: int) -> TrialResult:
@@ -37,6 +39,19 @@ def _status(scores: tuple[Score, ...]) -> Status:
     """A trial fails if a score that has a limit is rejected; scores without one never fail it."""
     rejected = any(item.limit and item.status.rejects for item in scores)
     return Status.FAILED if rejected else Status.PASSED
+
+
+def judge_together(
+    results: Sequence[TrialResult], limits: Sequence[AcceptanceLimit]
+) -> list[TrialResult]:
+    """Return the repeats of one trial with the limits applied that hold for all of them."""
+    together = list(results)
+    ended = (Status.PASSED, Status.FAILED)
+    scored = [place for place, item in enumerate(results) if item.status in ended]
+    judged = judge_repeats([results[place].scores for place in scored], limits)
+    for place, scores in zip(scored, judged, strict=True):
+        together[place] = replace(results[place], scores=scores, status=_status(scores))
+    return together
 
 
 def score_recordings(
@@ -84,6 +99,11 @@ def score_recordings(
                 notes=judged.notes,
             )
         )
+    for name, limits in {key[0]: one.limits for key, one in used.items()}.items():
+        places = [place for place, item in enumerate(done) if item.id == name]
+        together = judge_together([done[place] for place in places], limits)
+        for place, item in zip(places, together, strict=True):
+            done[place] = item
     trials = tuple(done)
     folder = suite.path.parent if suite else Path.cwd()
     provenance = {**environment(folder), "started": now()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,14 @@ class Bounds:
         return max(self.low - value, value - self.high, 0.0)
 
 
+class Repeats(StrEnum):
+    """Which of a trial's repeats a limit is held against."""
+
+    ALL = "all"
+    WORST = "worst"
+    MEDIAN = "median"
+
+
 @dataclass(frozen=True)
 class AcceptanceLimit:
     """An acceptance limit on a metric of a channel.
@@ -33,6 +42,9 @@ class AcceptanceLimit:
         text: as the suite wrote it, e.g. `<= 41 ms`; shown to people.
         unit: SI unit of the value.
         warn: tighter bounds outside of which an accepted value is 'warned'; None for no warning.
+        confident: whether the whole 95 % interval has to keep the bounds, and not the value alone;
+            an interval that reaches beyond them is 'undecided'.
+        repeats: every repeat for itself, or all of them by the worst or the median.
     """
 
     metric: str
@@ -41,6 +53,8 @@ class AcceptanceLimit:
     text: str
     unit: str
     warn: Bounds | None = None
+    confident: bool = False
+    repeats: Repeats = Repeats.ALL
 
 
 @dataclass(frozen=True)

@@ -1,27 +1,125 @@
-"""The verdict of an acceptance limit on a measure."""
+"""The verdict of an acceptance limit: on a measure, and on the measures of all repeats."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
-from eha_bench.core.limit import AcceptanceLimit
+import numpy as np
+
+from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
 from eha_bench.core.score import Measure, Score, ScoreStatus
+
+_RESAMPLED = 2000
+_SEPARATOR = "; judged by "
 
 
 def judge(measure: Measure, limit: AcceptanceLimit | None) -> ScoreStatus:
-    """Return what the limit says of the measure; without a limit, a value has nothing to fail."""
+    """Return what the limit says of the measure; without a limit, a value has nothing to fail.
+
+    A limit that asks for confidence is kept where the whole 95 % interval keeps it, failed where
+    the whole interval lies outside, and undecided in between or where there is no interval.
+    """
     if not math.isfinite(measure.value):
         return ScoreStatus.NOT_SCORED
     if limit is None:
         return ScoreStatus.PASSED
-    if not limit.bounds.holds(measure.value):
+    if limit.confident:
+        status = _confident(measure, limit.bounds)
+        if status is not ScoreStatus.PASSED:
+            return status
+    elif not limit.bounds.holds(measure.value):
         return ScoreStatus.FAILED
     if limit.warn is not None and not limit.warn.holds(measure.value):
         return ScoreStatus.WARNED
     return ScoreStatus.PASSED
 
 
+def _confident(measure: Measure, bounds: Bounds) -> ScoreStatus:
+    if not (math.isfinite(measure.low) and math.isfinite(measure.high)):
+        # no interval: only what is outside of the bounds already is certain
+        return ScoreStatus.UNDECIDED if bounds.holds(measure.value) else ScoreStatus.FAILED
+    if bounds.holds(measure.low) and bounds.holds(measure.high):
+        return ScoreStatus.PASSED
+    outside = measure.high < bounds.low or measure.low > bounds.high
+    return ScoreStatus.FAILED if outside else ScoreStatus.UNDECIDED
+
+
 def accepted(scores: Iterable[Score]) -> bool:
     """Whether a gate may accept these scores: every limit is kept, and none is undecided."""
     return not any(score.limit and score.status.rejects for score in scores)
+
+
+def judge_repeats(
+    repeats: Sequence[tuple[Score, ...]], limits: Sequence[AcceptanceLimit]
+) -> list[tuple[Score, ...]]:
+    """Return the scores of all repeats of a trial, limits on the worst or the median applied.
+
+    Such a limit has one verdict: every repeat's score carries it, with the value it comes from in
+    its reason. The values and intervals of the repeats stay their own.
+    """
+    found = [list(scores) for scores in repeats]
+    for limit in limits:
+        if limit.repeats is Repeats.ALL:
+            continue
+        places = [
+            (run, index)
+            for run, scores in enumerate(found)
+            for index, score in enumerate(scores)
+            if (score.metric, score.channel) == (limit.metric, limit.channel) and score.limit
+        ]
+        if len(places) < 2:
+            continue
+        common = combined([found[run][index].measure for run, index in places], limit)
+        status = judge(common, limit)
+        for run, index in places:
+            score = found[run][index]
+            own = score.measure.reason.partition(_SEPARATOR)[0]  # a resumed run judges anew
+            measure = replace(score.measure, reason=f"{own}{_SEPARATOR}{common.reason}")
+            found[run][index] = replace(score, measure=measure, status=status)
+    return [tuple(scores) for scores in found]
+
+
+def combined(measures: Sequence[Measure], limit: AcceptanceLimit) -> Measure:
+    """Return the worst or the median of the repeats; NaN if one of them could not be scored."""
+    missing = sum(not math.isfinite(measure.value) for measure in measures)
+    if missing:
+        return Measure.none(f"all: {missing} of {len(measures)} repeats not scored")
+    if limit.repeats is Repeats.WORST:
+        worst = min(measures, key=lambda measure: _margin(measure, limit))
+        return replace(worst, reason=_said("worst", worst, len(measures)))
+    found = median(measures)
+    return replace(found, reason=_said("median", found, len(measures)))
+
+
+def median(measures: Sequence[Measure]) -> Measure:
+    """Return the median of the repeats with its 95 % interval by the bootstrap (percentiles).
+
+    What repeats scatter by is more than the noise within one: a warm motor, another stick.
+    """
+    values = np.array([measure.value for measure in measures])
+    if values.size == 1:
+        return measures[0]
+    rng = np.random.default_rng(0)  # the same repeats have the same verdict
+    drawn = np.median(rng.choice(values, (_RESAMPLED, values.size)), axis=1)
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    return Measure(float(np.median(values)), float(low), float(high))
+
+
+def _margin(measure: Measure, limit: AcceptanceLimit) -> float:
+    """Return how far inside of the bounds the measure is (negative outside)."""
+    bounds = limit.bounds
+    low, high = measure.value, measure.value
+    if limit.confident:
+        low, high = (
+            end if math.isfinite(end) else measure.value for end in (measure.low, measure.high)
+        )
+    return min(low - bounds.low, bounds.high - high)
+
+
+def _said(which: str, measure: Measure, count: int) -> str:
+    interval = ""
+    if math.isfinite(measure.low) and math.isfinite(measure.high):
+        interval = f" [{measure.low:.4g}, {measure.high:.4g}]"
+    return f"the {which} of {count} repeats, {measure.value:.4g}{interval}"

@@ -16,6 +16,7 @@ from eha_bench.core.signal import Signal
 from eha_bench.core.trial import Setup, Trial
 from eha_bench.core.yaml_file import StrictModel, read_text, validate
 from eha_bench.core.yaml_file import parse as parse_yaml
+from eha_bench.suites.acceptance.baseline import Baseline
 from eha_bench.suites.acceptance.limits import judgement, safety_limits
 from eha_bench.suites.identifiers import check_identifier
 from eha_bench.suites.located import Located
@@ -48,10 +49,12 @@ def load_suite(path: str | Path) -> Suite:
     form = validate(SuiteFile, content.value, str(path), places=content.place)
     defaults = content.at("defaults").mapping("keys and values")
     _check_keys(defaults, [key for key in TrialFile.model_fields if key not in ("id", "matrix")])
+    place = content.place(("baseline",))
+    baseline = Baseline(path.parent / form.baseline if form.baseline else None, place)
     trials: dict[str, Trial] = {}
     for index in range(len(form.trials)):
         written = content.at("trials", index)
-        for trial, located in _trials(written, index, defaults, path):
+        for trial, located in _trials(written, index, defaults, path, baseline):
             _check_unique(trial.id, trials, located)
             trials[trial.id] = trial
     name = form.name
@@ -71,7 +74,7 @@ def load_suite(path: str | Path) -> Suite:
 
 
 def _trials(
-    written: Located, index: int, defaults: Located, path: Path
+    written: Located, index: int, defaults: Located, path: Path, baseline: Baseline
 ) -> list[tuple[Trial, Located]]:
     """Return the trials that one entry of the list stands for."""
     pattern = written.value.get("id")
@@ -83,11 +86,11 @@ def _trials(
     found = []
     for name, trial in expand(written.over(defaults, deep=_MERGED)):
         checked = check_identifier(name, "the trial's id", trial.place(("id",)))
-        found.append((_trial(checked, trial, path), trial))
+        found.append((_trial(checked, trial, path, baseline), trial))
     return found
 
 
-def _trial(name: str, content: Located, path: Path) -> Trial:
+def _trial(name: str, content: Located, path: Path, baseline: Baseline) -> Trial:
     run = _validated(RunKeys, content.without(*_APART), path)
     if "signal" not in content.value:
         raise InputError("key 'signal' is missing", where=content.place(("signal",)))
@@ -101,7 +104,7 @@ def _trial(name: str, content: Located, path: Path) -> Trial:
             where=content.place(("duration",)),
             hint=f"a {signal.kind} has no end of its own",
         )
-    judged = judgement(content.at("accept"), content.at("scores"), run.mode)
+    judged = judgement(content.at("accept"), content.at("scores"), run.mode, name, baseline)
     trial = Trial(
         id=name,
         signal=fitted(signal, duration),

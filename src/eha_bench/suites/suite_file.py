@@ -78,5 +78,8 @@ class SuiteFile(StrictModel):
     model: str | None = Field(default=None, description="model file, relative to this one")
     controller: str | None = Field(default=None, description="controller file, relative to this")
     target: str | None = Field(default=None, description="name of a target, or its file")
+    baseline: str | None = Field(
+        default=None, description="result.json that limits 'of baseline' are relative to"
+    )
     defaults: dict[str, Any] = Field(default={}, description="keys for trials that lack them")
     trials: Annotated[list[dict[str, Any]], Field(min_length=1)]

@@ -15,7 +15,7 @@ from pydantic import Field
 from eha_bench.core import plugins
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.excerpt import Excerpt, fitted
-from eha_bench.core.limit import AcceptanceLimit, Bounds, SafetyLimit
+from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Setup, Trial
@@ -49,6 +49,8 @@ class _Limit(StrictModel):
     text: str
     unit: str
     warn: _Bounds | None
+    confident: bool = False
+    repeats: Repeats = Repeats.ALL
 
 
 class _Safety(StrictModel):
@@ -108,6 +110,8 @@ def source_of(trial: Trial, signal: SignalModel) -> str:
                 text=limit.text,
                 unit=limit.unit,
                 warn=None if limit.warn is None else _Bounds.of(limit.warn),
+                confident=limit.confident,
+                repeats=limit.repeats,
             )
             for limit in trial.limits
         ),
@@ -157,6 +161,8 @@ def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
                 limit.text,
                 limit.unit,
                 None if limit.warn is None else limit.warn.bounds(),
+                limit.confident,
+                limit.repeats,
             )
             for limit in source.limits
         ),

@@ -6,22 +6,66 @@
     tolerance := [quantity] "+-" (quantity | number "%")
     quantity  := number [unit]                     a bare number is SI
 
+    text      := limit ["of baseline"] ["with 95 % confidence"]
+
 `≤`, `≥` and `±` may be written for `<=`, `>=` and `+-`. A tolerance without a centre is about 0. A
 percentage after a centre is a fraction of the centre. Bounds belong to what is accepted; `<` and
-`>` leave them out.
+`>` leave them out. Of the baseline, limits are shares (`95 % .. 105 % of baseline`). With
+confidence it is the whole interval that has to keep the bounds.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 
 from eha_bench.core.errors import UnitError
 from eha_bench.core.limit import Bounds
 from eha_bench.core.units import has_unit, parse, parse_difference
 
+CONFIDENCE = 95.0
+"""Per cent: what the intervals of all metrics are for."""
+
+_CONFIDENCE = re.compile(r"^(.*?)\s*\bwith\s+([\d.]+)\s*%\s+confidence\s*$", re.DOTALL)
+_BASELINE = re.compile(r"^(.*?)\s*\bof\s+(?:the\s+)?baseline\s*$", re.DOTALL)
 _COMPARE = re.compile(r"(<=|>=|[<>](?!=))\s*([^<>]+)")
 _SPELLINGS = {"≤": "<=", "≥": ">=", "±": "+-", "+/-": "+-", "…": ".."}
+
+
+@dataclass(frozen=True)
+class Words:
+    """A limit's text taken apart.
+
+    Attributes:
+        bounds: what is left for `parse_bounds`.
+        confident: whether it ends in `with 95 % confidence`.
+        relative: whether the bounds are shares of the baseline's value.
+    """
+
+    bounds: str
+    confident: bool
+    relative: bool
+
+
+def split_words(text: str) -> Words:
+    """Return a limit's text without the words after its bounds.
+
+    Raises:
+        UnitError: a confidence other than 95 %, for which there are no intervals.
+    """
+    confident = relative = False
+    match = _CONFIDENCE.match(text)
+    if match is not None:
+        text, confident = match[1], True
+        if float(match[2].strip(".") or "nan") != CONFIDENCE:
+            raise UnitError(
+                f"a confidence of {match[2]} %", hint=f"intervals are for {CONFIDENCE:g} %"
+            )
+    match = _BASELINE.match(text)
+    if match is not None:
+        text, relative = match[1], True
+    return Words(text.strip(), confident, relative)
 
 
 def parse_bounds(text: str, unit: str) -> Bounds:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from pydantic import Field
 
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place, UnitError
-from eha_bench.core.limit import AcceptanceLimit, Bounds, SafetyLimit
+from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
 from eha_bench.core.metric import metric_spec
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.trial import ControlMode
 from eha_bench.core.yaml_file import StrictModel, validate
-from eha_bench.suites.acceptance.grammar import examples, parse_bounds
+from eha_bench.suites.acceptance.baseline import Baseline, scaled
+from eha_bench.suites.acceptance.grammar import Words, examples, parse_bounds, split_words
 from eha_bench.suites.located import Located
 
 Quantity: TypeAlias = float | str
@@ -33,10 +34,16 @@ class BoundsFile(StrictModel):
 
 
 class LimitFile(BoundsFile):
-    """An acceptance limit: bounds, the channel it is scored on, and bounds that warn."""
+    """An acceptance limit: bounds, the channel it is scored on, and how it is judged."""
 
     channel: str | None = None
     warn: str | BoundsFile | None = None
+    confidence: Literal["95 %", "95%"] | None = Field(
+        default=None, description="the whole 95 % interval has to keep the bounds"
+    )
+    repeats: Repeats = Field(
+        default=Repeats.ALL, description="every repeat, or all by the worst or the median"
+    )
 
 
 class ScoreFile(StrictModel):
@@ -55,8 +62,12 @@ class Judgement:
     scores: tuple[tuple[str, str], ...]
 
 
-def judgement(accept: Located, scores: Located, mode: ControlMode) -> Judgement:
+def judgement(
+    accept: Located, scores: Located, mode: ControlMode, trial: str, baseline: Baseline
+) -> Judgement:
     """Return the acceptance limits, and the (metric, channel) pairs to compute without limit.
+
+    `trial` is the id under which the `baseline` has the values of relative limits.
 
     Raises:
         InputError: an unknown metric or channel, not a limit, a wrong unit, the same limit twice.
@@ -67,7 +78,7 @@ def judgement(accept: Located, scores: Located, mode: ControlMode) -> Judgement:
         several = isinstance(entry.value, list)
         entries = [entry.at(i) for i in range(len(entry.value))] if several else [entry]
         for one in entries:
-            pair, limit = _acceptance(metric, one, mode)
+            pair, limit = _acceptance(metric, one, mode, trial, baseline)
             if pair in limits or pair in pairs:
                 raise one.error(
                     f"{metric} of {pair[1] or 'the run'} is limited twice",
@@ -99,7 +110,7 @@ def safety_limits(safety: Located, mode: ControlMode) -> tuple[SafetyLimit, ...]
 
 
 def _acceptance(
-    metric: str, entry: Located, mode: ControlMode
+    metric: str, entry: Located, mode: ControlMode, trial: str, baseline: Baseline
 ) -> tuple[tuple[str, str], AcceptanceLimit | None]:
     """Return the (metric, channel) of an entry, and its limit if it has one."""
     spec = metric_spec(metric, where=entry.place())
@@ -108,10 +119,25 @@ def _acceptance(
     own = _unit_of(channel, form.unit, mode, entry.place(("channel",))) if channel else ""
     unit = own if spec.unit is None else spec.unit
     if form.limit is None and form.min is None and form.max is None:
-        if form.warn is not None:
-            raise entry.error("a warning needs a limit", hint=examples(unit))
+        judged = form.confidence is not None or form.repeats is not Repeats.ALL
+        if form.warn is not None or judged:
+            what = "a warning" if form.warn is not None else "a judgement"
+            raise entry.error(f"{what} needs a limit", hint=examples(unit))
         return (metric, channel), None
-    bounds, text = _bounds(form, unit, entry)
+    words = _words(form, entry)
+    if words.relative:
+        shares, text = _bounds(form.model_copy(update={"limit": words.bounds}), "", entry)
+        value = baseline.value(trial, metric, channel, entry.place())
+        bounds, text = (
+            scaled(shares, value),
+            f"{text} of baseline ({value:.4g} {unit}".rstrip() + ")",
+        )
+    else:
+        plain = form if form.limit is None else form.model_copy(update={"limit": words.bounds})
+        bounds, text = _bounds(plain, unit, entry)
+    confident = words.confident or form.confidence is not None
+    text += " with 95 % confidence" if confident else ""
+    text += f", {form.repeats.value} of the repeats" if form.repeats is not Repeats.ALL else ""
     warn = None
     if form.warn is not None:
         warning = entry.at("warn")
@@ -119,7 +145,15 @@ def _acceptance(
         warn = Bounds(max(warn.low, bounds.low), min(warn.high, bounds.high))
         if not warn.low <= warn.high:
             raise warning.error("no value is accepted without a warning")
-    return (metric, channel), AcceptanceLimit(metric, channel, bounds, text, unit, warn)
+    limit = AcceptanceLimit(metric, channel, bounds, text, unit, warn, confident, form.repeats)
+    return (metric, channel), limit
+
+
+def _words(form: LimitFile, entry: Located) -> Words:
+    try:
+        return split_words(form.limit or "")
+    except UnitError as error:
+        raise InputError(error.what, where=entry.place(), hint=error.hint) from error
 
 
 def _scores(scores: Located, mode: ControlMode) -> list[tuple[str, str]]:
