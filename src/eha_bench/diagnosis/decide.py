@@ -10,7 +10,7 @@ from eha_bench.diagnosis.evidence import SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit import Fit
 from eha_bench.diagnosis.problem import soften
 from eha_bench.diagnosis.search import Search
-from eha_bench.diagnosis.unknown import Located, Locator, learn, locate_all
+from eha_bench.diagnosis.unknown import Located, Locator, learn, locate_all, times_of
 
 Progress = Callable[[str, float], None]
 
@@ -106,10 +106,11 @@ def _learned(
         text += f", in the sensor of {template.place}"
     text += f"; a learned curve explains {share:.0%} of the excess"
     learned = fit.cost < before
+    when = times_of(search.problem, fit) if template.variable == "time" else ()
     return Decision(
         Verdict.UNKNOWN,
         fit if learned else search.fit,
         notes,
-        Unknown(template.equation, (template.variable,), text, share, best.period),
+        Unknown(template.equation, (template.variable,), text, share, best.period, when),
         learned,
     )

@@ -223,6 +223,7 @@ def compare(
 
     p_value = float(norm.sf(gain_out / spread))
     per_run = np.array([float(difference[rows].sum()) for rows in groups.runs])
+    # where there is hardly any excess, shares of it mean nothing
     scale = max(excess_before, gain, 1.0)
     return Comparison(
         gain, gain_out, gain / scale, gain_out / scale, p_value, float(np.mean(per_run > 0))

@@ -187,7 +187,7 @@ def admit(
         masks.append(good)
     if not names and strict:
         raise InputError("no channel of the plant is measured", where=where)
-    breaks = _clock(run, time, missing, notes)
+    breaks = _clock(run, time, driven, missing, notes)
     return Measured(
         run,
         time,
@@ -201,7 +201,13 @@ def admit(
     )
 
 
-def _clock(run: Run, time: FloatArray, missing: BoolArray, notes: list[str]) -> tuple[int, ...]:
+def _clock(
+    run: Run,
+    time: FloatArray,
+    inputs: Mapping[str, FloatArray],
+    missing: BoolArray,
+    notes: list[str],
+) -> tuple[int, ...]:
     """Say what is wrong with the clock; return ticks after which inputs were unknown for long."""
     steps = np.diff(time)
     usual = float(np.median(steps))
@@ -215,7 +221,15 @@ def _clock(run: Run, time: FloatArray, missing: BoolArray, notes: list[str]) -> 
     if uneven > 0.3:
         notes.append(f"{run.name}: the sampling period varies by {uneven:.0%}")
     holes = _long_holes(missing, time, 10.0 * usual)
-    return tuple(sorted({*map(int, jumps), *holes}))
+    # where an input is the same before and after a short gap, it was so within it
+    telling = [k for k in map(int, jumps) if steps[k - 1] > 0.05 or _changed(inputs, k)]
+    return tuple(sorted({*telling, *holes}))
+
+
+def _changed(inputs: Mapping[str, FloatArray], k: int) -> bool:
+    return any(
+        abs(values[k] - values[k - 1]) > 0.02 * float(np.ptp(values)) for values in inputs.values()
+    )
 
 
 def _filled(time: FloatArray, raw: FloatArray, *, held: bool) -> FloatArray:

@@ -254,7 +254,8 @@ def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search)
         for item in finals
     ]
     done = {item.candidate for item in finals}
-    scale = max(search.excess_left.total, 1.0)
+    # where there is hardly any excess, shares of it mean nothing
+    scale = max(search.excess_left.total, 300.0)
     lines += [
         Ranked(name, item.gain / scale, float("nan"), search.fit.cost - item.gain, item.gain, False)
         for name, item in best.items()
@@ -368,7 +369,10 @@ def equivalents(chosen: Trial, trials: Sequence[Trial], groups: Groups) -> tuple
         if item.comparison.gain < 0.5 * chosen.comparison.gain:
             continue
         behind = compare(item.fit, chosen.fit, groups, 1.0)
-        if behind.p_value > 0.02 or behind.gain < 6.0:
+        # down at the noise the likelihood ratio holds; above it only resampling does
+        at_noise = chosen.fit.cost < 1.01 * SOFT_MEAN * chosen.fit.residual.size
+        little = behind.gain < 0.05 * chosen.comparison.gain
+        if behind.gain < 12.0 or (not at_noise and little and behind.p_value > 0.02):
             found.append(item.candidate)
     return tuple(found)
 

@@ -28,7 +28,9 @@ Progress = Callable[[str, float], None]
 
 WINDOW = 0.1
 _BUDGET = 6.0
+_BUDGET_OF_FEW = 30.0
 _HATS = 6
+_AS_GOOD = 0.9
 
 
 @dataclass(frozen=True)
@@ -115,11 +117,13 @@ def variables_of(measured: Measured) -> dict[str, FloatArray]:
     return found
 
 
-def medium_problem(problem: Problem, length: float = WINDOW, budget: float = _BUDGET) -> Problem:
+def medium_problem(problem: Problem, length: float = WINDOW) -> Problem:
     """Return the problem over short windows spread evenly over all runs."""
     runs: dict[str, Measured] = {}
     for window in problem.windows:
         runs.setdefault(window.measured.run.name, window.measured)
+    # few runs are long ones: what happens in them may be far apart
+    budget = _BUDGET if len(runs) > 3 else _BUDGET_OF_FEW
     share = budget / len(runs)
     windows = []
     for measured in runs.values():
@@ -281,7 +285,7 @@ class Locator:
             return 2.0 * self.short.noise[template.place]
         span = self.variables
         if template.equation == "actuation":
-            low, high = span.get("current_command", (0.0, 1.0))
+            low, high = span.get("current_command", span.get("voltage", (0.0, 1.0)))
             return 0.01 * max(abs(low), abs(high))
         if template.equation == "torque":
             low, high = span.get("current", span.get("current_command", (0.0, 1.0)))
@@ -331,7 +335,22 @@ def locate_all(
         item = locator.locate(template)
         if item is not None:
             found.append(item)
-    return locator, sorted(found, key=lambda item: -item.share)
+    found.sort(key=lambda item: -item.share)
+    return locator, _through_the_drive(found)
+
+
+def _through_the_drive(found: list[Located]) -> list[Located]:
+    """Put the actuation first where what depends on time alone may enter there as well.
+
+    Mechanics and oil do not know the time; whoever commands them does.
+    """
+    if not found or found[0].template.variable != "time":
+        return found
+    for item in found:
+        same = item.template.equation == "actuation" and item.template.variable == "time"
+        if same and item.share > _AS_GOOD * found[0].share:
+            return [item, *(other for other in found if other is not item)]
+    return found
 
 
 def learn(
@@ -381,6 +400,34 @@ def learn(
         located.template.equation,
     )
     return start, done
+
+
+def times_of(problem: Problem, fit: Fit) -> tuple[tuple[float, float], ...]:
+    """Return when a learned curve of the time is on: (start, stop) in s from a run's start.
+
+    On is what lies beyond half way from the curve's median to its farthest value.
+    """
+    layout = problem.plant.layout
+    effect = layout.effect(LEARNED)
+    place = {p.name: layout.index[f"{LEARNED}.{p.name}"] for p in effect.parameters}
+    size = effect.parameter("values").size
+    values = fit.vector[place["values"] : place["values"] + size]
+    period = float(fit.vector[place["period"]])
+    low, high = float(fit.vector[place["low"]]), float(fit.vector[place["high"]])
+    longest = max(float(window.measured.time[-1]) for window in problem.windows)
+    time = np.linspace(0.0, longest, 4000)
+    if period > 0.0:
+        knots = np.arange(size + 1) * period / size
+        curve = np.interp(time % period, knots, np.append(values, values[0]))
+    else:
+        curve = np.interp(time, np.linspace(low, high, size), values)
+    # the side on which it spends less time is the one on which it is on
+    upper, lower = np.quantile(curve, 0.9), np.quantile(curve, 0.1)
+    above = curve > 0.5 * (upper + lower)
+    on = above if abs(upper) >= abs(lower) else ~above
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
+    pairs = zip(edges[::2], edges[1::2] - 1, strict=True)
+    return tuple((round(float(time[a]), 3), round(float(time[b]), 3)) for a, b in pairs)[:100]
 
 
 def _waves(change: FloatArray, time: FloatArray, frequency: float, harmonics: int) -> FloatArray:
