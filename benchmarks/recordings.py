@@ -3,7 +3,8 @@
     python -m benchmarks.recordings [--ticks 600000] [--json FILE] [--no-peers] [--no-live]
 
 Every ratio is the best of several rounds, the two sides taking turns, so that a busy machine slows
-both. `wall` is what a user waits for, `cpu` what the machine does: a second thread decompresses ahead.
+both. `wall` is what a user waits for, `cpu` what the machine does: a second thread decompresses
+ahead.
 """
 
 from __future__ import annotations
