@@ -29,3 +29,38 @@ def curve(u: float, period: float, low: float, high: float, values: Vector) -> f
         right = left + 1
         share = at - left
     return float(values[left] + share * (values[right] - values[left]))
+
+
+@njit()
+def knee_value(
+    variable: float, current: float, omega: float, theta: float, p_a: float, p_b: float, x: float,
+    v: float, t: float, measured_force: float, oil_temperature: float, demanded_current: float,
+    period: float, low: float, high: float, scale: float, values: Vector,
+) -> float:  # fmt: skip
+    """Return the scaled curve at the variable that it depends on."""
+    u = t
+    if variable == 1.0:
+        u = omega
+    elif variable == 2.0:
+        u = p_a - p_b
+    elif variable == 3.0:
+        u = p_a
+    elif variable == 4.0:
+        u = p_b
+    elif variable == 5.0:
+        u = p_a + p_b
+    elif variable == 6.0:
+        u = x
+    elif variable == 7.0:
+        u = v
+    elif variable == 8.0:
+        u = current
+    elif variable == 9.0:
+        u = demanded_current
+    elif variable == 10.0:
+        u = theta
+    elif variable == 11.0:
+        u = measured_force
+    elif variable == 12.0:
+        u = oil_temperature
+    return scale * curve(u, period, low, high, values)

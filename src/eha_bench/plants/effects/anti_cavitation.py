@@ -5,7 +5,7 @@
 A valve only lets oil in, so the low side stays near the charge pressure instead of falling below
 vacuum, and from then on only one chamber is compressed.
 
-Source: Merritt, Hydraulic Control Systems (1967), section 7; the paper, section 2.1.
+Source: Merritt, Hydraulic Control Systems (1967); the paper, Section 2.
 """
 
 from __future__ import annotations
@@ -52,6 +52,6 @@ EFFECT = Effect(
             },
         )
     },
-    source="Merritt, Hydraulic Control Systems, Wiley 1967; the paper, section 2.1",
+    source="Merritt, Hydraulic Control Systems, Wiley 1967; the paper, Section 2",
     separate="log both chamber pressures: the low one stops falling at the charge pressure",
 )

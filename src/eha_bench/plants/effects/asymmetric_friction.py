@@ -6,7 +6,7 @@ on the pump (by the direction of rotation) or on the rod: its dry friction, its 
 or both (`kind`). It scales whatever friction there is, also that of other effects.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083,
-doi:10.1016/0005-1098(94)90209-7, section 2; EMPS, whose viscous friction is lopsided: Janot,
+doi:10.1016/0005-1098(94)90209-7; EMPS, whose viscous friction is lopsided: Janot,
 Gautier, Brunot, Workshop on Nonlinear System Identification Benchmarks 2019.
 """
 

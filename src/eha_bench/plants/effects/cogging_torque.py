@@ -5,8 +5,8 @@
 theta counts from the first sample of the recording. The number N of periods a revolution is the
 least common multiple of slots and poles (or a divisor of it where the motor is lopsided).
 
-Source: Hendershot, Miller, Design of Brushless Permanent-Magnet Machines, Motor Design Books 2010,
-section 3; Zhu, Howe, IEEE Trans. Energy Conversion 15 (2000) 407, doi:10.1109/60.900501.
+Source: Hendershot, Miller, Design of Brushless Permanent-Magnet Machines, Motor Design Books 2010;
+Zhu, Howe, IEEE Trans. Energy Conversion 15 (2000) 407, doi:10.1109/60.900501.
 """
 
 from __future__ import annotations

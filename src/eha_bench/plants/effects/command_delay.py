@@ -7,7 +7,7 @@ gets is the mean of that staircase over each of its steps: the result is then a 
 function of the delay, which a search needs. What was commanded before the recording is taken to be
 the current that flows at its first sample.
 
-Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, section 2.3
+Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997
 (sampling a system with a time delay).
 """
 
@@ -60,7 +60,7 @@ EFFECT = Effect(
     },
     states=("before",),
     start={"before": at_first},
-    source="Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., 1997, section 2.3",
+    source="Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., 1997",
     separate="log the motor current during steps: a delay shifts it, a lag bends it",
     starts=({"delay": 0.5e-3}, {"delay": 5e-3}),
 )

@@ -7,7 +7,7 @@ Stribeck velocity. On the pump (`part: pump`) F_c is meant at the piston, T = F 
 parameter serves both; there the plant's Stribeck speed holds.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083,
-doi:10.1016/0005-1098(94)90209-7, section 2.
+doi:10.1016/0005-1098(94)90209-7.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@
 The closed current loop of a servo drive, seen from outside; the torque uses i, and the current
 sensor reads it.
 
-Source: Leonhard, Control of Electrical Drives, 3rd ed., Springer 2001, section 7.1 (equivalent
+Source: Leonhard, Control of Electrical Drives, 3rd ed., Springer 2001 (equivalent
 time constant of the inner current loop).
 """
 
@@ -43,7 +43,7 @@ EFFECT = Effect(
     states=("lagging",),
     advance={"lagging": follow},
     start={"lagging": at_first},
-    source="Leonhard, Control of Electrical Drives, 3rd ed., Springer 2001, section 7.1",
+    source="Leonhard, Control of Electrical Drives, 3rd ed., Springer 2001",
     separate=(
         "log the motor current at 1 kHz or more during steps: a lag bends the current, a delay "
         "shifts it, and compressible oil leaves it untouched"

@@ -10,7 +10,7 @@ Towards high pressure beta_e goes to beta, towards none to that of the air, n p.
 absolute, as logged; where the sensors read gauge pressure, `ambient` adds the atmosphere. Below a
 tenth of p_0 the value there is held: oil that has lost all its pressure is vapour, not gas.
 
-Source: Murrenhoff, Grundlagen der Fluidtechnik, Shaker, section 2 (IFAS mixture law); Kim,
+Source: Murrenhoff, Grundlagen der Fluidtechnik, Shaker (IFAS mixture law); Kim,
 Murrenhoff, J. Fluids Eng. 134 (2012) 021201, doi:10.1115/1.4005672.
 """
 

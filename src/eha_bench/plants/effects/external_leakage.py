@@ -2,8 +2,8 @@
 
     q_a -= C (p_a - p_d),   q_b -= C (p_b - p_d)
 
-Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 4.2 (external leakage of pumps);
-Jelali, Kroll, Hydraulic Servo-systems, Springer 2003, section 4.2.
+Source: Merritt, Hydraulic Control Systems, Wiley 1967 (external leakage of pumps);
+Jelali, Kroll, Hydraulic Servo-systems, Springer 2003.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ EFFECT = Effect(
             },
         )
     },
-    source="Merritt, Hydraulic Control Systems, Wiley 1967, section 4.2",
+    source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate=(
         "raise both pressures together (bypass open, charged) and watch their sum fall; air in the "
         "oil leaves the sum alone"

@@ -10,7 +10,7 @@ the knee is l cos(alpha / 2) beside the line of the weight, and alpha_0 is 0. A 
 pushes against extension. l_el = a b sin(alpha) / c is the arm of the actuator about the knee and c
 its length (Eq. (8)-(10)).
 
-Source: the paper, Eq. (8)-(10); Siciliano et al., Robotics, Springer 2009, section 7.3 (gravity
+Source: the paper, Eq. (8)-(10); Siciliano et al., Robotics, Springer 2009 (gravity
 terms).
 """
 

@@ -13,18 +13,16 @@ balance (`equation`), as `form` says:
 `place` says where in the balance: into chamber_a, chamber_b or from a to b (`a_to_b`); in the
 `drive`, where the current sensor sees it, or in the `motor`, where it does not; or which sensor.
 
-Source: de Boor, A Practical Guide to Splines, Springer 2001, chapter III (broken lines).
+Source: de Boor, A Practical Guide to Splines, Springer 2001 (broken lines).
 """
 
 from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.effects import _learned_drive
-from eha_bench.plants.effects._curve import KNOTS, curve
+from eha_bench.plants.effects._curve import KNOTS, knee_value
 from eha_bench.plants.effects._types import Vector
 from eha_bench.plants.parameter import Parameter, choice
 
@@ -46,41 +44,6 @@ _MOTOR, _DRIVE, _A_TO_B, _CHAMBER_A, _CHAMBER_B = range(5)
 _FIRST_SENSOR = 5
 
 
-@njit()
-def _value(
-    variable: float, current: float, omega: float, theta: float, p_a: float, p_b: float, x: float,
-    v: float, t: float, measured_force: float, oil_temperature: float, demanded_current: float,
-    period: float, low: float, high: float, scale: float, values: Vector,
-) -> float:  # fmt: skip
-    """Return the scaled curve at the variable that it depends on."""
-    u = t
-    if variable == 1.0:
-        u = omega
-    elif variable == 2.0:
-        u = p_a - p_b
-    elif variable == 3.0:
-        u = p_a
-    elif variable == 4.0:
-        u = p_b
-    elif variable == 5.0:
-        u = p_a + p_b
-    elif variable == 6.0:
-        u = x
-    elif variable == 7.0:
-        u = v
-    elif variable == 8.0:
-        u = current
-    elif variable == 9.0:
-        u = demanded_current
-    elif variable == 10.0:
-        u = theta
-    elif variable == 11.0:
-        u = measured_force
-    elif variable == 12.0:
-        u = oil_temperature
-    return scale * curve(u, period, low, high, values)
-
-
 def drive(
     demand: float, current: float, omega: float, theta: float, p_a: float, p_b: float,
     x: float, v: float, t: float, measured_force: float, oil_temperature: float,
@@ -90,7 +53,7 @@ def drive(
     """Return the drive's current with the curve added or as a gain, A."""
     if equation != _ACTUATION or place != _DRIVE:
         return demand
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -107,7 +70,7 @@ def motor(
     """Return the motor's torque with the curve as a current or as a gain, N*m."""
     if equation != _ACTUATION or place == _DRIVE:
         return torque
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -123,7 +86,7 @@ def shaft(
     """Return the shaft's torque with the curve added, N*m."""
     if equation != _TORQUE or form != _ADDITIVE:
         return torque
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -139,7 +102,7 @@ def pump_level(
     """Return the pump's dry friction with the curve, N*m."""
     if equation != _TORQUE or form == _ADDITIVE:
         return level
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -155,7 +118,7 @@ def delivery(
     """Return the pump's flow with the curve as a gain, m^3/s."""
     if equation != _FLOW or form != _GAIN:
         return flow
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -171,7 +134,7 @@ def into_a(
     """Return the flow into chamber A with the curve, m^3/s."""
     if equation != _FLOW or form == _GAIN or place == _CHAMBER_B:
         return flow
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -187,7 +150,7 @@ def into_b(
     """Return the flow into chamber B with the curve, m^3/s."""
     if equation != _FLOW or form == _GAIN or place == _CHAMBER_A:
         return flow
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -203,7 +166,7 @@ def rod(
     """Return the force on the rod with the curve added, N."""
     if equation != _FORCE or form != _ADDITIVE:
         return force
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -219,7 +182,7 @@ def rod_level(
     """Return the rod's dry friction with the curve, N."""
     if equation != _FORCE or form == _ADDITIVE:
         return level
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -235,7 +198,7 @@ def read_current(
     """Return what the sensor of current reads, with the curve."""
     if equation != _MEASUREMENT or place != _FIRST_SENSOR + 0:
         return value
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -251,7 +214,7 @@ def read_motor_speed(
     """Return what the sensor of motor_speed reads, with the curve."""
     if equation != _MEASUREMENT or place != _FIRST_SENSOR + 1:
         return value
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -267,7 +230,7 @@ def read_pressure_a(
     """Return what the sensor of pressure_a reads, with the curve."""
     if equation != _MEASUREMENT or place != _FIRST_SENSOR + 2:
         return value
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -283,7 +246,7 @@ def read_pressure_b(
     """Return what the sensor of pressure_b reads, with the curve."""
     if equation != _MEASUREMENT or place != _FIRST_SENSOR + 3:
         return value
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -299,7 +262,7 @@ def read_piston_position(
     """Return what the sensor of piston_position reads, with the curve."""
     if equation != _MEASUREMENT or place != _FIRST_SENSOR + 4:
         return value
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -315,7 +278,7 @@ def read_piston_velocity(
     """Return what the sensor of piston_velocity reads, with the curve."""
     if equation != _MEASUREMENT or place != _FIRST_SENSOR + 5:
         return value
-    f = _value(
+    f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
         demanded_current, period, low, high, scale, values,
     )  # fmt: skip
@@ -397,7 +360,7 @@ EFFECT = Effect(
             },
         ),
     },
-    source="de Boor, A Practical Guide to Splines, Springer 2001, chapter III",
+    source="de Boor, A Practical Guide to Splines, Springer 2001",
     separate="run the same command at other speeds, pressures and times: what does it follow?",
     order=3,
 )

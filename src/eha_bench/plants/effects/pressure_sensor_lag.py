@@ -5,8 +5,7 @@
 A sensor at the end of a thin line, or the low-pass filter of its amplifier. At the first sample
 the reading is taken to have settled.
 
-Source: Doebelin, Measurement Systems, 5th ed., McGraw-Hill 2003, section 3.3 (first-order
-instruments) and chapter 6 (transmission lines of pressure sensors).
+Source: Doebelin, Measurement Systems, 5th ed., McGraw-Hill 2003 (first-order instruments).
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ EFFECT = Effect(
     states=("read_a", "read_b"),
     advance={"read_a": follow_a, "read_b": follow_b},
     start={"read_a": settled_a, "read_b": settled_b},
-    source="Doebelin, Measurement Systems, 5th ed., McGraw-Hill 2003, section 3.3 and chapter 6",
+    source="Doebelin, Measurement Systems, 5th ed., McGraw-Hill 2003",
     separate=(
         "steps with the piston locked and motor speed logged: with a lag of the sensor the speed "
         "reacts to the true pressure before the reading shows it"

@@ -2,7 +2,7 @@
 
     p_read = p + offset
 
-Source: IEC 61298-2 (zero offset of measuring devices); ISO 4413 asks for calibrated sensors.
+Source: IEC 61298-2:2008 (zero offset of measuring devices).
 """
 
 from __future__ import annotations

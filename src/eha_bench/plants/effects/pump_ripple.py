@@ -7,8 +7,8 @@ gives to the oil exactly what it takes from the shaft: `acts_on: flow_and_torque
 friction that follows the load of the pistons. theta counts from the first sample of the recording;
 z is the number of pistons, or twice that where it is odd.
 
-Source: Ivantysyn, Ivantysynova, Hydrostatic Pumps and Motors, Akademia Books 2001, section 3.3;
-Manring, J. Dyn. Sys. Meas. Control 122 (2000) 263, doi:10.1115/1.482453.
+Source: Ivantysyn, Ivantysynova, Hydrostatic Pumps and Motors, Akademia Books 2001;
+Manring, J. Dyn. Sys. Meas. Control 122 (2000) 263.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ EFFECT = Effect(
             equations={"torque": Equation.TORQUE},
         )
     },
-    source="Manring, J. Dyn. Sys. Meas. Control 122 (2000) 263, doi:10.1115/1.482453",
+    source="Manring, J. Dyn. Sys. Meas. Control 122 (2000) 263",
     separate="turn slowly against the locked piston: does the pressure repeat with the angle?",
     starts=tuple(
         {"count": float(count), "phase": phase, "acts_on": acts_on}

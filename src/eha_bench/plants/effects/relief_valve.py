@@ -5,7 +5,7 @@
 either from each chamber to the reservoir (p = p_a, p_b), or from one chamber to the other
 (p = |p_a - p_b|). The valve's own motion is fast beside the chambers' and is left out.
 
-Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 9.2; the paper, section 2.1.
+Source: Merritt, Hydraulic Control Systems, Wiley 1967; the paper, Section 2.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ EFFECT = Effect(
             },
         )
     },
-    source="Merritt, Hydraulic Control Systems, Wiley 1967, section 9.2",
+    source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="raise the pressure slowly with the piston locked until it stops rising",
     starts=tuple(
         {"setting": setting, "route": route}

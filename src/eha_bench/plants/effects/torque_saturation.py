@@ -6,7 +6,7 @@ For small currents T = K_T i; for large ones T goes to K_T / s. n says how sharp
 Froelich's curve, 2 a root, many a clipping.
 
 Source: Froelich's equation as in Fitzgerald, Kingsley, Umans, Electric Machinery, 6th ed.,
-McGraw-Hill 2003, section 1.3; sharpness n as in Tsai, Ma, IEEE Trans. Power Delivery 2007.
+McGraw-Hill 2003.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ EFFECT = Effect(
         Parameter("sharpness", "", 2.0, 1.0, 20.0, "n"),
     ),
     actions={"eha_knee": Action(Equation.ACTUATION, {"motor_torque": saturated})},
-    source="Fitzgerald, Kingsley, Umans, Electric Machinery, 6th ed., 2003, section 1.3",
+    source="Fitzgerald, Kingsley, Umans, Electric Machinery, 6th ed., 2003",
     separate="hold high pressures with the piston locked: torque per ampere falls with the current",
     starts=({"saturation": 0.01, "sharpness": 1.0}, {"saturation": 0.02, "sharpness": 4.0}),
 )  # fmt: skip

@@ -4,7 +4,7 @@
 
 regularised near dp = 0, where every flow is laminar:  q = k dp / (dp^2 + p_t^2)^(1/4).
 
-Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifices); Borutzky, Barnard,
+Source: Merritt, Hydraulic Control Systems, Wiley 1967 (orifices); Borutzky, Barnard,
 Thoma, Simulation Modelling Practice and Theory 10 (2002) 141, doi:10.1016/S1569-190X(02)00092-8
 (transition).
 """
@@ -65,6 +65,6 @@ EFFECT = Effect(
             {"chamber_flow_a": into_a, "chamber_flow_b": into_b, "conductance_ab": slope},
         )
     },
-    source="Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3",
+    source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="decay of several pressures with the piston locked: laminar decays by the same factor",
 )  # fmt: skip

@@ -5,8 +5,8 @@
 It moves less oil on side B, and its pressure there pushes less. Where the declared volume of
 chamber B was taken from the area as well, it is smaller by the same share (`chamber: scaled`).
 
-Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 6.3 (single-rod pistons); Jelali,
-Kroll, Hydraulic Servo-systems, Springer 2003, section 4.1.
+Source: Merritt, Hydraulic Control Systems, Wiley 1967 (single-rod pistons); Jelali,
+Kroll, Hydraulic Servo-systems, Springer 2003.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ EFFECT = Effect(
         choice("chamber", ("kept", "scaled"), "whether the volume of chamber B goes along"),
     ),
     actions={"eha_knee": Action(Equation.FLOW, {"area_b": smaller, "volume_b": smaller_volume})},
-    source="Merritt, Hydraulic Control Systems, Wiley 1967, section 6.3",
+    source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="move the rod by known strokes and compare the oil that both chambers take",
     starts=(
         {"area_difference": -0.05},

@@ -7,8 +7,8 @@ falls, L(t) = L_0 exp(r t). Warming of a machine that dissipates constantly star
 time, and viscosity falls exponentially with temperature (Reynolds' law), hence the exponential.
 Time counts from the start of the recording.
 
-Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 2.2 (viscosity against
-temperature); Manring, Hydraulic Control Systems, Wiley 2005, section 2.3.
+Source: Merritt, Hydraulic Control Systems, Wiley 1967 (viscosity against
+temperature); Manring, Hydraulic Control Systems, Wiley 2005.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ EFFECT = Effect(
         ),
         "linear_drive": Action(Equation.FORCE, {"rod_viscous": drive}, choices={"part": ("rod",)}),
     },
-    source="Merritt, Hydraulic Control Systems, Wiley 1967, section 2.2",
+    source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="repeat the same free motion cold and warm, or log oil_temperature",
     starts=({"part": _PUMP}, {"part": _ROD}, {"part": _OIL}),
 )

@@ -5,7 +5,7 @@
 Reynolds' law, a straight line through Vogel's over the tens of kelvin of a test. Needs the channel
 `oil_temperature`; without it the effect does nothing.
 
-Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 2.2; Vogel, Phys. Z. 22 (1921) 645.
+Source: Merritt, Hydraulic Control Systems, Wiley 1967; Vogel, Phys. Z. 22 (1921) 645.
 """
 
 from __future__ import annotations
@@ -60,6 +60,6 @@ EFFECT = Effect(
             {"pump_viscous": thinner, "rod_viscous": thinner, "leakage": leakier},
         )
     },
-    source="Merritt, Hydraulic Control Systems, Wiley 1967, section 2.2",
+    source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="log oil_temperature, and repeat the same motion at two temperatures",
 )  # fmt: skip

@@ -12,8 +12,8 @@ balance)::
 
 with G the bypass conductance while the bypass is open. Places where effects act are the functions
 of `hooks`. Where a creep speed v_0 is given, sign(v) is tanh(v / v_0) and nothing sticks: friction
-that creeps at rest, as seals do (and the usual regularisation: Quinn, ASME J. Comput. Nonlinear
-Dyn. 3 (2008) 031002).
+that creeps at rest, as seals do (and the usual regularisation: Quinn, J. Vib. Acoust. 126 (2004)
+391, doi:10.1115/1.1760564).
 """
 
 from __future__ import annotations
@@ -207,6 +207,69 @@ def rates(
         else:
             d_v = (net - dir_r * level) / mass
     return d_omega, d_a, d_b, d_v, c_a, c_b, s_omega, s_v
+
+
+@njit()
+def _direction(speed: float, net: float, level_up: float, level_down: float) -> float:
+    """Direction of motion: of the speed, or at rest of what breaks away, or 0 where it sticks."""
+    if speed > 0.0:
+        return 1.0
+    if speed < 0.0:
+        return -1.0
+    if net > level_up:
+        return 1.0
+    if net < -level_down:
+        return -1.0
+    return 0.0
+
+
+@njit()
+def shaft_direction(
+    i: float,
+    omega: float,
+    theta: float,
+    p_a: float,
+    p_b: float,
+    x: float,
+    v: float,
+    t: float,
+    P: Vector,
+    S: Vector,
+) -> float:
+    """Direction in which the shaft turns or breaks away; 0 where it sticks."""
+    if omega != 0.0:
+        return 1.0 if omega > 0.0 else -1.0
+    up = pump_level(1.0, i, 0.0, theta, p_a, p_b, x, v, t, P, S)
+    down = pump_level(-1.0, i, 0.0, theta, p_a, p_b, x, v, t, P, S)
+    net = shaft_net(up, i, 0.0, theta, p_a, p_b, x, v, t, P, S)
+    if P[CREEP_PUMP] > 0.0:
+        return 1.0 if net >= 0.0 else -1.0
+    return _direction(0.0, net, pump_sticks(up, P, S), pump_sticks(down, P, S))
+
+
+@njit()
+def rod_direction(
+    i: float,
+    omega: float,
+    theta: float,
+    p_a: float,
+    p_b: float,
+    x: float,
+    v: float,
+    t: float,
+    area: float,
+    P: Vector,
+    S: Vector,
+) -> float:
+    """Direction in which the rod moves or breaks away; 0 where it sticks."""
+    if v != 0.0:
+        return 1.0 if v > 0.0 else -1.0
+    up = rod_dry(P[F_ROD], 1.0, i, omega, theta, p_a, p_b, x, 0.0, t, P, S)
+    down = rod_dry(P[F_ROD], -1.0, i, omega, theta, p_a, p_b, x, 0.0, t, P, S)
+    net = rod_net(up, i, omega, theta, p_a, p_b, x, 0.0, t, area, P, S)
+    if P[CREEP_ROD] > 0.0:
+        return 1.0 if net >= 0.0 else -1.0
+    return _direction(0.0, net, rod_sticks(up, P, S), rod_sticks(down, P, S))
 
 
 @njit()

@@ -30,7 +30,6 @@ from eha_bench.plants.eha_knee.equations import (
     CURRENT,
     DEAD_VOLUME,
     DEMAND,
-    F_ROD,
     FORCE,
     G_BYPASS,
     I_MAX,
@@ -44,10 +43,9 @@ from eha_bench.plants.eha_knee.equations import (
     V_B,
     VELOCITY,
     measure,
-    pump_level,
     rates,
-    rod_net,
-    shaft_net,
+    rod_direction,
+    shaft_direction,
 )
 from eha_bench.plants.eha_knee.hooks import (
     activate,
@@ -64,9 +62,6 @@ from eha_bench.plants.eha_knee.hooks import (
     initial_pressure_b,
     memory_record,
     parameter_record,
-    pump_sticks,
-    rod_dry,
-    rod_sticks,
     start_states,
     volume_b,
 )
@@ -141,69 +136,6 @@ def _step(
 
 
 @njit()
-def _direction(speed: float, net: float, level_up: float, level_down: float) -> float:
-    """Direction of motion: of the speed, or at rest of what breaks away, or 0 where it sticks."""
-    if speed > 0.0:
-        return 1.0
-    if speed < 0.0:
-        return -1.0
-    if net > level_up:
-        return 1.0
-    if net < -level_down:
-        return -1.0
-    return 0.0
-
-
-@njit()
-def _shaft_direction(
-    i: float,
-    omega: float,
-    theta: float,
-    p_a: float,
-    p_b: float,
-    x: float,
-    v: float,
-    t: float,
-    P: Vector,
-    S: Vector,
-) -> float:
-    """Direction in which the shaft turns or breaks away; 0 where it sticks."""
-    if omega != 0.0:
-        return 1.0 if omega > 0.0 else -1.0
-    up = pump_level(1.0, i, 0.0, theta, p_a, p_b, x, v, t, P, S)
-    down = pump_level(-1.0, i, 0.0, theta, p_a, p_b, x, v, t, P, S)
-    net = shaft_net(up, i, 0.0, theta, p_a, p_b, x, v, t, P, S)
-    if P[CREEP_PUMP] > 0.0:
-        return 1.0 if net >= 0.0 else -1.0
-    return _direction(0.0, net, pump_sticks(up, P, S), pump_sticks(down, P, S))
-
-
-@njit()
-def _rod_direction(
-    i: float,
-    omega: float,
-    theta: float,
-    p_a: float,
-    p_b: float,
-    x: float,
-    v: float,
-    t: float,
-    area: float,
-    P: Vector,
-    S: Vector,
-) -> float:
-    """Direction in which the rod moves or breaks away; 0 where it sticks."""
-    if v != 0.0:
-        return 1.0 if v > 0.0 else -1.0
-    up = rod_dry(P[F_ROD], 1.0, i, omega, theta, p_a, p_b, x, 0.0, t, P, S)
-    down = rod_dry(P[F_ROD], -1.0, i, omega, theta, p_a, p_b, x, 0.0, t, P, S)
-    net = rod_net(up, i, omega, theta, p_a, p_b, x, 0.0, t, area, P, S)
-    if P[CREEP_ROD] > 0.0:
-        return 1.0 if net >= 0.0 else -1.0
-    return _direction(0.0, net, rod_sticks(up, P, S), rod_sticks(down, P, S))
-
-
-@njit()
 def _substep(
     h: float,
     i: float,
@@ -228,10 +160,10 @@ def _substep(
         omega, theta, p_a, p_b, x, v = Y[0], Y[1], Y[2], Y[3], Y[4], Y[5]
         dir_m = 0.0
         if not hold_shaft:
-            dir_m = _shaft_direction(i, omega, theta, p_a, p_b, x, v, t, P, S)
+            dir_m = shaft_direction(i, omega, theta, p_a, p_b, x, v, t, P, S)
         dir_r = 0.0
         if not hold_rod:
-            dir_r = _rod_direction(i, omega, theta, p_a, p_b, x, v, t, area, P, S)
+            dir_r = rod_direction(i, omega, theta, p_a, p_b, x, v, t, area, P, S)
             if v == 0.0 and ((x >= x_max and dir_r > 0.0) or (x <= -x_max and dir_r < 0.0)):
                 dir_r = 0.0
         omega1, theta1, a1, b1, x1, v1 = _step(
