@@ -65,22 +65,35 @@ class Screen:
     def run(self, start: Start, shares: Sequence[float] = _SHARES) -> Screened:
         """Return a start's predicted gain, from simulations at shares of its strength."""
         best = Screened(start, 0.0, 0.0, np.zeros(0, dtype=np.float32))
-        for share in shares:
-            limit = 50.0 * self.fit.soft
-            moved = self.problem.residual(start.apply(self.fit.vector, share))
-            change = np.clip(moved - self.fit.residual, -limit, limit) * self._weight
-            column = self._off(change) / share
-            size = float(column @ column)
-            if size < 1e-6:
+        queue = list(shares)
+        again = 2
+        while queue:
+            found = self._at(start, queue.pop(0))
+            if found is None:
                 continue
-            low = (start.low - start.neutral) / (start.strength - start.neutral)
-            high = (start.high - start.neutral) / (start.strength - start.neutral)
-            low, high = min(low, high), max(low, high)
-            amplitude = float(np.clip(-(column @ self._target) / size, low, high))
-            gain = -(2.0 * amplitude * float(column @ self._target) + amplitude**2 * size)
-            if gain > best.gain:
-                best = Screened(start, amplitude, gain, column.astype(np.float32))
+            if found.gain > best.gain:
+                best = found
+            # far from the probe the change is not proportional: probe where it points to
+            if not queue and again and best.gain > 0.0 and abs(best.amplitude) < 0.1 * min(shares):
+                queue = [best.amplitude]
+                shares = [abs(best.amplitude)]
+                again -= 1
         return best
+
+    def _at(self, start: Start, share: float) -> Screened | None:
+        limit = 50.0 * self.fit.soft
+        moved = self.problem.residual(start.apply(self.fit.vector, share))
+        change = np.clip(moved - self.fit.residual, -limit, limit) * self._weight
+        column = self._off(change) / share
+        size = float(column @ column)
+        if size * share * share < 1e-6:
+            return None
+        low = (start.low - start.neutral) / (start.strength - start.neutral)
+        high = (start.high - start.neutral) / (start.strength - start.neutral)
+        low, high = min(low, high), max(low, high)
+        amplitude = float(np.clip(-(column @ self._target) / size, low, high))
+        gain = -(2.0 * amplitude * float(column @ self._target) + amplitude**2 * size)
+        return Screened(start, amplitude, gain, column.astype(np.float32))
 
     def all(self, starts: Sequence[Start]) -> list[Screened]:
         """Return all starts, the most promising first; ties keep the order given."""

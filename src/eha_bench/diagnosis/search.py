@@ -275,7 +275,7 @@ def _free(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[F
 def _refit(search: Search, coarse: Problem, item: Screened) -> Trial:
     size = item.amplitude
     # a predicted amplitude is a fraction of the real one; never start from nothing
-    size = float(np.sign(size) or 1.0) * max(abs(size), 0.05)
+    size = float(np.sign(size) or 1.0) * max(abs(size), 1e-3)
     vector = item.start.apply(search.fit.vector, size)
     vector[item.start.strength_at] = np.clip(
         vector[item.start.strength_at], item.start.low, item.start.high
