@@ -77,7 +77,7 @@ def write_twelve(path: Path, clock: np.ndarray, values: dict[str, np.ndarray]) -
         ]
     )  # fmt: skip
     with path.open("wb") as stream:
-        sink = McapSink(stream, level=3)
+        sink = McapSink(stream)
         schema = sink.schema("rig_msgs/msg/Stamped", "ros2msg", definition.encode())
         ids = [sink.channel(f"/rig/{name}", "cdr", schema) for name in values]
         stamps = (EPOCH + np.rint(clock * 1e9).astype(np.int64)).astype(np.uint64)

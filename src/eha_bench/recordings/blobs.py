@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.recordings.batch_decoder import Part
 from eha_bench.recordings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.payloads import Bytes, Payloads
 from eha_bench.recordings.source import Source, Wanted
-from eha_bench.recordings.topic_reader import Part, TopicReader, finished
+from eha_bench.recordings.topic_reader import TopicReader, finished
 from eha_bench.recordings.track import Track
 
 
@@ -81,7 +82,10 @@ def collect(
     Raises:
         RecordingError: a topic cannot be decoded.
     """
-    readers = {topic: TopicReader(topic, what) for topic, what in wanted.items()}
+    readers = {
+        topic: TopicReader(topic, what, lambda number: connections[number].encoded)
+        for topic, what in wanted.items()
+    }
     ids: dict[str, list[int]] = {topic: [] for topic in wanted}
     for connection in connections.values():
         if connection.topic in ids:
@@ -92,7 +96,7 @@ def collect(
             if not parts:
                 continue
             try:
-                reader.extend(parts, lambda number: connections[number].encoded)
+                reader.extend(parts)
             except UnreadableTopic as error:
                 raise source.refuse(topic, error) from error
     return finished(source, readers)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Collection, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
 
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
 from eha_bench.recordings.demux import Split, Splitter
 from eha_bench.recordings.mcap_file import Chunk, McapFile, Stretch, message_index
-from eha_bench.recordings.payloads import Bytes
 from eha_bench.recordings.source import Span
 
 Part = Chunk | Stretch
@@ -27,36 +24,28 @@ class ChunkReader:
 
     def splits(self, ids: Collection[int] | None, span: Span | None = None) -> Iterator[Split]:
         """Yield the records of every part that may hold one of the channels within the span."""
-        parts = self._needed(ids, span)
-        chunks = iter([part for part in parts if isinstance(part, Chunk)])
-        ahead: deque[tuple[Chunk, Future[Bytes]]] = deque()
         splitter = Splitter()
-        # while one chunk is decoded the next is decompressed: both let go of the interpreter
-        with ThreadPoolExecutor(1) as pool:
-            for part in parts:
-                while len(ahead) < 2 and (chunk := next(chunks, None)) is not None:
-                    ahead.append((chunk, pool.submit(self._decompress, chunk)))
-                if not isinstance(part, Chunk):
-                    yield splitter.split(self._file.buffer, part.start, part.stop)
-                    continue
-                opened = self._opened(*ahead.popleft(), splitter)
-                if opened is not None:
-                    yield opened
-                    del opened  # or there would be three chunks in memory
+        for part in self.needed(ids, span):
+            if not isinstance(part, Chunk):
+                yield splitter.split(self._file.buffer, part.start, part.stop)
+                continue
+            try:
+                yield self.open(part, splitter)
+            except DamagedChunk as error:
+                self.lost += 1
+                self.notes.append(f"the chunk at byte {part.offset} is lost: {error}")
 
-    def _decompress(self, chunk: Chunk) -> Bytes:
+    def open(self, chunk: Chunk, splitter: Splitter) -> Split:
+        """Return the records of a chunk.
+
+        Raises:
+            DamagedChunk: it cannot be decompressed, or its checksum is wrong.
+        """
         data = self._file.buffer.data[chunk.data_start : chunk.data_start + chunk.data_size]
         if chunk.torn:
-            return decompress_torn(data, chunk.compression)
-        return decompress(data, chunk.compression, chunk.uncompressed_size, chunk.crc)
-
-    def _opened(self, chunk: Chunk, content: Future[Bytes], splitter: Splitter) -> Split | None:
-        try:
-            buffer = content.result()
-        except DamagedChunk as error:
-            self.lost += 1
-            self.notes.append(f"the chunk at byte {chunk.offset} is lost: {error}")
-            return None
+            buffer = decompress_torn(data, chunk.compression)
+        else:
+            buffer = decompress(data, chunk.compression, chunk.uncompressed_size, chunk.crc)
         index = partial(message_index, self._file, chunk) if chunk.channels else None
         found = splitter.split(buffer, 0, buffer.size, index)
         found.chunk = chunk
@@ -67,7 +56,7 @@ class ChunkReader:
             )
         return found
 
-    def _needed(self, ids: Collection[int] | None, span: Span | None) -> list[Part]:
+    def needed(self, ids: Collection[int] | None, span: Span | None) -> list[Part]:
         """Return the parts to open, in order of time."""
         known = self._file.channels.keys()
         parts = [

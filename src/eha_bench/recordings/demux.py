@@ -10,7 +10,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -270,7 +269,6 @@ def _same(buffer: Bytes, start: int, step: int, cycle: Cycle, count: int) -> int
     return count
 
 
-@lru_cache(maxsize=8)
 def _pattern(cycle: Cycle, count: int) -> NDArray[np.uint32]:
     """Return the upper two bytes of the length, and the channel, of `count` cycles of records."""
     heads = b"".join(_MESSAGE.pack(MESSAGE, length, channel)[7:] for length, channel in cycle)

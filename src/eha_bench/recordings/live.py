@@ -77,7 +77,7 @@ class LiveWriter:
         except OSError as error:
             raise self._unwritable(error) from error
         try:
-            self._sink = McapSink(self._stream, level=1)
+            self._sink = McapSink(self._stream)
             self._channel = begin(
                 self._sink, self._message, epoch_ns, metadata or {}, attachments or {}
             )
@@ -241,7 +241,9 @@ class LiveWriter:
         times = self._records["log_time"][:count]
         self._guarded(
             lambda: self._sink.chunk(
-                self._bytes[: count * self._size], {self._channel: (times, self._offsets[:count])}
+                self._bytes[: count * self._size],
+                {self._channel: (times, self._offsets[:count])},
+                level=1,
             )
         )
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from dataclasses import dataclass
 from typing import Any, BinaryIO, Final
 
 import numpy as np
@@ -39,12 +40,35 @@ Index = dict[int, tuple[np.ndarray, np.ndarray]]
 """Channel id -> (log times, offsets of the records in the chunk), both (n,)."""
 
 
+@dataclass(frozen=True)
+class Compressed:
+    """A chunk's content.
+
+    Attributes:
+        data: its bytes, any contiguous buffer.
+        compression: `zstd`, `lz4` or empty.
+        size: its size in bytes before compression.
+        crc: its CRC-32 before compression.
+    """
+
+    data: Any
+    compression: str
+    size: int
+    crc: int
+
+
+def compressed(records: Any, level: int) -> Compressed:
+    """Return whole message records, any contiguous buffer, as a chunk compressed with zstd."""
+    raw = memoryview(records).cast("B")
+    data = zstandard.ZstdCompressor(level=level).compress(raw)
+    return Compressed(data, "zstd", len(raw), zlib.crc32(raw))
+
+
 class McapSink:
     """An MCAP file being written; the caller opens and closes the stream."""
 
-    def __init__(self, stream: BinaryIO, *, level: int = 3, profile: str = "ros2") -> None:
+    def __init__(self, stream: BinaryIO, *, profile: str = "ros2") -> None:
         self._stream = stream
-        self._compressor = zstandard.ZstdCompressor(level=level)
         self._position = 0
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
@@ -109,45 +133,39 @@ class McapSink:
             )
         )
 
-    def chunk(self, records: Any, index: Index) -> None:
+    def chunk(self, records: Any, index: Index, level: int = 3) -> None:
         """Compress and write a chunk of whole message records, and its message indexes.
 
         Args:
             records: the bytes of the records, any contiguous buffer.
             index: where each channel's records are.
+            level: of the compression.
         """
-        raw = memoryview(records).cast("B")
-        compressed = self._compressor.compress(raw)
-        self.compressed_chunk(compressed, "zstd", len(raw), zlib.crc32(raw), index)
+        self.compressed_chunk(compressed(records, level), index)
 
-    def compressed_chunk(
-        self, compressed: Any, compression: str, size: int, crc: int, index: Index
-    ) -> None:
+    def compressed_chunk(self, chunk: Compressed, index: Index) -> None:
         """Write a chunk that is compressed already, and its message indexes.
 
         Args:
-            compressed: its bytes, any contiguous buffer.
-            compression: `zstd`, `lz4` or empty.
-            size: its size in bytes before compression.
-            crc: its CRC-32 before compression.
+            chunk: the chunk.
             index: where each channel's records are in it; at least one message.
         """
-        name = compression.encode()
+        name = chunk.compression.encode()
         start = min(int(times.min()) for times, _ in index.values())
         end = max(int(times.max()) for times, _ in index.values())
         offset = self._position
         head = _CHUNK_HEAD.pack(
             Opcode.CHUNK,
-            _CHUNK_HEAD.size - 9 + len(name) + 8 + len(compressed),
+            _CHUNK_HEAD.size - 9 + len(name) + 8 + len(chunk.data),
             start,
             end,
-            size,
-            crc,
+            chunk.size,
+            chunk.crc,
             len(name),
         )
-        head += name + len(compressed).to_bytes(8, "little")
-        parts = [head, compressed]
-        length = len(head) + len(compressed)
+        head += name + len(chunk.data).to_bytes(8, "little")
+        parts = [head, chunk.data]
+        length = len(head) + len(chunk.data)
         indexes = {}
         position = offset + length
         for channel, (times, offsets) in index.items():
@@ -167,13 +185,13 @@ class McapSink:
             ChunkIndex(
                 chunk_length=length,
                 chunk_start_offset=offset,
-                compression=compression,
-                compressed_size=len(compressed),
+                compression=chunk.compression,
+                compressed_size=len(chunk.data),
                 message_end_time=end,
                 message_index_length=self._position - offset - length,
                 message_index_offsets=indexes,
                 message_start_time=start,
-                uncompressed_size=size,
+                uncompressed_size=chunk.size,
             )
         )
 

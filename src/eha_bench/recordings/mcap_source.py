@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
+from eha_bench.recordings.batch_decoder import Part, in_order
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.chunk_reader import ChunkReader
 from eha_bench.recordings.decoder import Encoded, UnreadableTopic
@@ -17,9 +18,10 @@ from eha_bench.recordings.mcap_file import (
     add_schema,
     open_mcap,
 )
+from eha_bench.recordings.parallel import ParallelReader
 from eha_bench.recordings.payloads import Payloads
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
-from eha_bench.recordings.topic_reader import Part, TopicReader, finished, in_order
+from eha_bench.recordings.topic_reader import TopicReader, finished
 from eha_bench.recordings.track import Arena, StampColumn, Track
 
 _SCHEMA, _CHANNEL = 3, 4
@@ -82,6 +84,9 @@ class McapSource(Source):
             RecordingError: a topic cannot be decoded.
         """
         ids = self._ids(wanted)
+        together = self._together(ids, wanted, span)
+        if together is not None:
+            return together
         readers = self._readers(wanted, {} if span else self._expected(ids))
         for part in self._reader.splits(ids, span):
             self._collect(part, ids, readers)
@@ -122,6 +127,16 @@ class McapSource(Source):
     def _ids(self, wanted: Mapping[str, Wanted]) -> dict[int, str]:
         return {c.id: c.topic for c in self._file.channels.values() if c.topic in wanted}
 
+    def _together(
+        self, ids: Mapping[int, str], wanted: Mapping[str, Wanted], span: Span | None
+    ) -> dict[str, Track] | None:
+        """Read on several cores, if nothing is out of the ordinary."""
+        parts = self._reader.needed(ids, span)
+        chunks = [part for part in parts if isinstance(part, Chunk)]
+        if len(chunks) < len(parts):
+            return None
+        return ParallelReader(chunks, ids, wanted, self._encoded, self._reader.open).tracks()
+
     def _readers(
         self, wanted: Mapping[str, Wanted], expected: Mapping[str, int]
     ) -> dict[str, TopicReader]:
@@ -141,7 +156,12 @@ class McapSource(Source):
         arena = Arena(sum(expected.get(t, 0) * len(what.fields) for t, what in wanted.items()))
         for topic, what in wanted.items():
             readers[topic] = TopicReader(
-                topic, what, expected.get(topic, 0), arena, partial(follow, topic, what.clock)
+                topic,
+                what,
+                self._encoded,
+                expected.get(topic, 0),
+                arena,
+                partial(follow, topic, what.clock),
             )
         return readers
 
@@ -173,7 +193,7 @@ class McapSource(Source):
             for (channel, payloads), where in zip(members, rows, strict=True)
         ]
         try:
-            reader.extend(batch, self._encoded)
+            reader.extend(batch)
         except UnreadableTopic as error:
             raise self.refuse(topic, error) from error
 

@@ -13,7 +13,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.chunk_reader import ChunkReader
 from eha_bench.recordings.demux import LOG_TIME, PAYLOAD, Split
 from eha_bench.recordings.mcap_file import Chunk, McapFile, add_channel, add_schema, open_mcap
-from eha_bench.recordings.mcap_sink import Index, McapSink
+from eha_bench.recordings.mcap_sink import Compressed, Index, McapSink
 from eha_bench.recordings.mcap_source import damage
 from eha_bench.recordings.writer import CHUNK_SIZE, replacing
 
@@ -170,7 +170,8 @@ def _copy(sink: McapSink, file: McapFile, split: Split, tally: _Tally) -> None:
         data = file.buffer.data[chunk.data_start : chunk.data_start + chunk.data_size]
         crc = chunk.crc or zlib.crc32(split.buffer.data)
         index = found.index(slice(None), 0)
-        sink.compressed_chunk(data, chunk.compression, chunk.uncompressed_size, crc, index)
+        whole = Compressed(data, chunk.compression, chunk.uncompressed_size, crc)
+        sink.compressed_chunk(whole, index)
         return
     starts, sizes = found.starts[known], found.sizes[known]
     places = np.cumsum(sizes) - sizes

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections import deque
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -14,9 +16,10 @@ import numpy as np
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
-from eha_bench.recordings.mcap_sink import McapSink
+from eha_bench.recordings.mcap_sink import Compressed, McapSink, compressed
 from eha_bench.recordings.sample import Sample
 
+_WORKERS = 2
 CHUNK_SIZE = 1 << 20
 """Bytes of a chunk before compression."""
 
@@ -39,14 +42,14 @@ def write(path: str | Path, recording: Recording, *, level: int = 3) -> Path:
     with replacing(target) as stream:
         units = sample.checked_units(recording.units, tuple(recording.values))
         message = Sample.of(units)
-        sink = McapSink(stream, level=level)
+        sink = McapSink(stream)
         channel = begin(
             sink, message, recording.epoch_ns, recording.metadata, recording.attachments
         )
         if recording.notes:
             notes = {str(number): note for number, note in enumerate(recording.notes)}
             sink.metadata(sample.NOTES, notes)
-        _chunks(sink, message, channel, recording)
+        _chunks(sink, message, channel, recording, level)
         sink.finish()
     return target
 
@@ -78,21 +81,42 @@ def media_type(name: str) -> str:
     )
 
 
-def _chunks(sink: McapSink, message: Sample, channel: int, recording: Recording) -> None:
+def _chunks(
+    sink: McapSink, message: Sample, channel: int, recording: Recording, level: int
+) -> None:
     size = message.record.itemsize
     rows = max(CHUNK_SIZE // size, 1)
     stamps = sample.log_times(recording.time, recording.epoch_ns)
-    records = message.records(min(rows, len(recording)), channel)
-    offsets = np.arange(len(records), dtype=np.uint64) * np.uint64(size)
-    for start in range(0, len(recording), rows):
-        stop = min(start + rows, len(recording))
-        part = records[: stop - start]
-        sample.stamp(part, stamps[start:stop])
-        part["sequence"] = np.arange(start, stop)
-        part[sample.TIME] = recording.time[start:stop]
-        for column, name in enumerate(message.channels):
-            part["values"][:, column] = recording.values[name][start:stop]
-        sink.chunk(part, {channel: (stamps[start:stop], offsets[: stop - start])})
+    offsets = np.arange(rows, dtype=np.uint64) * np.uint64(size)
+    waiting: deque[tuple[slice, Future[Compressed]]] = deque()
+
+    def put() -> None:
+        where, job = waiting.popleft()
+        part = stamps[where]
+        sink.compressed_chunk(job.result(), {channel: (part, offsets[: part.size])})
+
+    with ThreadPoolExecutor(_WORKERS) as pool:
+        for start in range(0, len(recording), rows):
+            where = slice(start, min(start + rows, len(recording)))
+            if len(waiting) == _WORKERS:
+                put()
+            records = _records(message, channel, recording, stamps, where)
+            waiting.append((where, pool.submit(compressed, records, level)))
+        while waiting:
+            put()
+
+
+def _records(
+    message: Sample, channel: int, recording: Recording, stamps: np.ndarray, where: slice
+) -> np.ndarray:
+    """Return the records of some ticks."""
+    records = message.records(where.stop - where.start, channel)
+    sample.stamp(records, stamps[where])
+    records["sequence"] = np.arange(where.start, where.stop)
+    records[sample.TIME] = recording.time[where]
+    for column, name in enumerate(message.channels):
+        records["values"][:, column] = recording.values[name][where]
+    return records
 
 
 @contextmanager
