@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from eha_bench.diagnosis.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.evidence import SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit import Fit
+from eha_bench.diagnosis.learn import learn, times_of
 from eha_bench.diagnosis.problem import soften
 from eha_bench.diagnosis.search import Search
-from eha_bench.diagnosis.unknown import Located, Locator, learn, locate_all, times_of
+from eha_bench.diagnosis.unknown import Located, Locator, locate_all
 
 Progress = Callable[[str, float], None]
 

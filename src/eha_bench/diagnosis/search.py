@@ -7,126 +7,42 @@ with every candidate; a candidate is credited only with what these cannot do.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, Baseline, friction_at_rest
+from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, friction_at_rest
 from eha_bench.diagnosis.candidates import Start, all_starts
 from eha_bench.diagnosis.evidence import (
     SOFT_MEAN,
     Comparison,
-    Excess,
     Groups,
     compare,
     excess,
-    groups_of,
 )
 from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.periodic import is_periodic, scan, short_problem
 from eha_bench.diagnosis.problem import Problem, soften
 from eha_bench.diagnosis.screen import Screen, Screened
+from eha_bench.diagnosis.search_state import (
+    Accepted,
+    Ranked,
+    Search,
+    Thresholds,
+    Trial,
+    begin,
+)
 from eha_bench.diagnosis.unknown import medium_problem
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
+__all__ = ["Search", "begin", "equivalents", "look", "run"]
+
 MOST_EFFECTS = 4
 _SHORTLIST = 5
 _FINALISTS = 3
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A candidate after its refit.
-
-    Attributes:
-        start: where its search began. fit: the end. comparison: with the fit without it.
-    """
-
-    start: Start
-    fit: Fit
-    comparison: Comparison
-
-    @property
-    def candidate(self) -> str:
-        """Effect's id, or `parameter:name`."""
-        return self.start.candidate
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """What was added: an effect, or a parameter that was only assumed.
-
-    Attributes:
-        start: the candidate. comparison: what it gained when it was added.
-        equivalent: other candidates that fit as well, the best first.
-    """
-
-    start: Start
-    comparison: Comparison
-    equivalent: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """One line of the ranking: the best that a candidate could do as the first to be added."""
-
-    candidate: str
-    score: float
-    p_value: float
-    cost: float
-    predicted: float
-    refitted: bool
-
-
-@dataclass
-class Search:
-    """The state of a search.
-
-    Attributes:
-        problem: residuals over all training windows.
-        keys: parameters that are always fitted.
-        fit: current best. base: without any added effect.
-        accepted: in the order added. ranking: of the first look.
-        excess_base, excess_left: beyond noise before and after.
-    """
-
-    problem: Problem
-    keys: tuple[str, ...]
-    declared: tuple[str, ...]
-    base: Fit
-    fit: Fit
-    groups: Groups
-    declared_vector: FloatArray
-    excess_base: Excess
-    excess_left: Excess
-    accepted: list[Accepted] = field(default_factory=list)
-    ranking: list[Ranked] = field(default_factory=list)
-    looks: list[list[Trial]] = field(default_factory=list)
-
-    @property
-    def effects(self) -> list[Accepted]:
-        """What was added and is an effect."""
-        return [item for item in self.accepted if not item.start.mundane]
-
-
-def begin(baseline: Baseline) -> Search:
-    """Return a search that starts from a calibrated model."""
-    model = baseline.dataset.model
-    found = excess(baseline.problem, baseline.fit)
-    return Search(
-        baseline.problem,
-        baseline.keys,
-        tuple(effect.id for effect in model.effects),
-        baseline.fit,
-        baseline.fit,
-        groups_of(baseline.problem),
-        model.vector(),
-        found,
-        found,
-    )
 
 
 def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = None) -> None:
@@ -144,22 +60,6 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
         _add(search, chosen, trials)
         _review(search, limits)
     progress("search", 1.0)
-
-
-@dataclass(frozen=True)
-class Thresholds:
-    """When a candidate is believed.
-
-    Attributes:
-        gain: least fall of the cost, fitted and left out (a cost of 1 is one sigma).
-        share: least part of the present excess that it takes on runs left out.
-        p_value: largest probability that it gains nothing on runs left out.
-    """
-
-    gain: float = 30.0
-    share: float = 0.25
-    p_value: float = 1e-3
-    runs_better: float = 0.5
 
 
 def _worth_a_look(search: Search) -> bool:
