@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from eha_bench.bench.folder import ResultFolder
+from eha_bench.bench.interruption import Interruption
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
 from eha_bench.bench.scoring import judge, judge_together
@@ -19,7 +20,7 @@ from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
-from eha_bench.targets.target import Ending, Outcome, Target
+from eha_bench.targets.target import Ending, Outcome, Stopping, Target
 
 _STATUS = {
     Ending.INTERRUPTED: Status.INCOMPLETE,
@@ -92,16 +93,16 @@ def run_suite(
     run.save(complete=False)
     jobs = [(trial, repeat) for trial, repeat in run.jobs if (trial.id, repeat) not in kept]
     try:
-        with target:
+        with Interruption() as interrupted, target:
             for number, (trial, repeat) in enumerate(jobs):
                 progress(number, len(jobs), f"{trial.id} ({repeat + 1}/{trial.repeats})")
-                result, ending = _run_one(run, trial, repeat)
+                result, ending = _run_one(run, trial, repeat, interrupted)
                 run.done[trial.id, repeat] = result
                 run.save(complete=False)
-                if ending is not Ending.COMPLETE:
+                if ending is not Ending.COMPLETE or (interrupted() and number + 1 < len(jobs)):
                     return run.result(complete=False)
     except KeyboardInterrupt:
-        # between two runs, or while one was being scored: what is done stands
+        # asked for twice: what is done stands
         return run.save(complete=False)
     for trial in suite.trials:
         keys = [(trial.id, repeat) for repeat in range(trial.repeats)]
@@ -126,9 +127,11 @@ def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, i
     }
 
 
-def _run_one(run: _Run, trial: Trial, repeat: int) -> tuple[TrialResult, Ending]:
+def _run_one(
+    run: _Run, trial: Trial, repeat: int, stopping: Stopping
+) -> tuple[TrialResult, Ending]:
     started = time.time_ns()
-    outcome = run.target.run(trial, repeat)
+    outcome = run.target.run(trial, repeat, stopping)
     path = run.folder.recording(trial.id, repeat)
     write(path, _described(run, trial, repeat, outcome, started))
     relative = path.relative_to(run.folder.path).as_posix()

@@ -25,7 +25,7 @@ from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.eha_knee.plant import EhaKnee, Session
 from eha_bench.plants.model import Model, load_model
 from eha_bench.targets.sensors import RIG_SENSORS, Sensor, SensorNoise
-from eha_bench.targets.target import Ending, Identity, Outcome, Target
+from eha_bench.targets.target import Ending, Identity, Outcome, Stopping, Target, never
 
 FloatArray = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ class Simulator(Target):
         self._controllers.make(trial.mode, self._context(trial))
         self._initial(trial)
 
-    def run(self, trial: Trial, repeat: int) -> Outcome:
+    def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
         """Run one repeat; the same trial, repeat and files give the same recording."""
         clock = trial.clock()
         controller = self._controllers.make(trial.mode, self._context(trial))
@@ -114,6 +114,9 @@ class Simulator(Target):
         ending, reason, done = Ending.COMPLETE, "", clock.size
         try:
             for tick in range(clock.size):
+                if tick > 0 and stopping():
+                    ending, reason, done = Ending.INTERRUPTED, "interrupted", tick
+                    break
                 measured[tick] = noise.read(tick, self._truth(session))
                 reading = dict(zip(channels, measured[tick].tolist(), strict=True))
                 reading["pressure_difference"] = reading["pressure_a"] - reading["pressure_b"]
@@ -140,9 +143,14 @@ class Simulator(Target):
             time=clock[:done] - clock[0],
             values=values,
             units={"reference": _REFERENCE_UNIT[trial.mode]},
-            metadata={"signal_start": repr(float(abs(clock[0])))},
+            metadata={"signal_start": repr(float(abs(clock[0]))), **self._constants()},
         )
         return Outcome(recording, ending, reason)
+
+    def _constants(self) -> dict[str, str]:
+        """Return the plant's parameters, SI, as metadata: identification needs some of them."""
+        names = (parameter.name for parameter in self._plant.layout.parameters)
+        return {f"model.{name}": repr(self._model.value(name)) for name in names}
 
     def _truth(self, session: Session) -> FloatArray:
         reading = session.reading

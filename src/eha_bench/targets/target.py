@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from types import TracebackType
@@ -11,6 +11,14 @@ from typing import Self
 
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
+
+Stopping = Callable[[], bool]
+"""Tells whether somebody asked the run to stop."""
+
+
+def never() -> bool:
+    """Nobody asks the run to stop."""
+    return False
 
 
 class Ending(StrEnum):
@@ -53,8 +61,14 @@ class Target(ABC):
         """Raise an EhaBenchError if this target cannot run the trial, before anything moves."""
 
     @abstractmethod
-    def run(self, trial: Trial, repeat: int) -> Outcome:
-        """Run one repeat of a trial from rest and return what was recorded."""
+    def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
+        """Run one repeat of a trial from rest and return what was recorded.
+
+        Args:
+            trial: what to run.
+            repeat: which repeat, from 0.
+            stopping: asked at every tick; once it is true the run ends, safely and readable.
+        """
 
     def __enter__(self) -> Self:
         """Take hold of the target."""
