@@ -297,3 +297,24 @@ def test_info_as_json(shared_data: Path) -> None:
     assert state["rate"] == pytest.approx(1000.0)
     assert state["count"] == 4000
     assert content["health"] == "good"
+
+
+def test_names_in_a_log_do_not_spoil_a_message(float_log: Any) -> None:
+    bad = "/a\nb\x1b[31m" + "x" * 3000
+    path = float_log({bad: [(0, 1.0), (1000, 2.0)]})
+    for channels in (None, one("/none", "data"), one(bad, "nothing")):
+        with pytest.raises(RecordingError) as caught:
+            recordings.read(path, channels=channels)
+        assert str(caught.value).isprintable()
+        assert len(str(caught.value)) < 2000
+    assert recordings.read(path, channels=one(bad, "data"))["probe"].tolist() == [1.0, 2.0]
+
+
+def test_a_description_cannot_fill_the_memory(shared_data: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    shutil.copytree(shared_data / "bags/rosbag2_mcap/talker", folder)
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 30)]
+    text = (folder / "metadata.yaml").read_text()
+    (folder / "metadata.yaml").write_text("\n".join(lines) + "\n" + text)
+    assert sum(topic.count for topic in info(folder).topics) == 20

@@ -58,7 +58,7 @@ def align(
     notes: list[str] = []
     clean: dict[str, Track] = {}
     for topic in dict.fromkeys(topic for topic, _ in keys.values()):
-        where = Place(file=path, topic=topic)
+        where = Place(file=path, topic="" if topic == path else topic)
         if not len(tracks[topic]):
             raise RecordingError(
                 "the topic has no messages", where=where, hint="map another topic in channels.yaml"
@@ -69,7 +69,7 @@ def align(
     stamps, cut = _clock(mapping, clean, keys, base, path)
     notes += cut
     epoch = int(stamps[0])
-    notes += gap_note(f"topic '{base}'", stamps, epoch)
+    notes += gap_note("time" if base == path else f"topic '{base}'", stamps, epoch)
     columns: dict[str, Column] = {}
     for topic, track in clean.items():
         names = [name for name, (owner, _) in keys.items() if owner == topic]

@@ -83,7 +83,7 @@ def make_decoder(encoded: Encoded, paths: tuple[FieldPath, ...]) -> Decoder:
             return ProtobufDecoder(encoded, paths)
         case other:
             raise UnreadableTopic(
-                f"its messages are serialized as '{other}'; "
+                f"its messages are serialized as {other[:40]!r}; "
                 f"only {', '.join(READ_ENCODINGS)} are read"
             )
 

@@ -63,7 +63,7 @@ def open_file(path: Path, head: bytes) -> Source:
         return MatSource(path)
     raise_for_relatives(path, head)
     if b"\0" not in head:
-        from eha_bench.recordings.table import CsvSource
+        from eha_bench.recordings.csv_source import CsvSource
 
         return CsvSource(path)
     raise RecordingError(

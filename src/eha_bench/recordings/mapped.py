@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.core.errors import MissingChannelError, Place, RecordingError
+from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
 from eha_bench.recordings.align import align
@@ -15,7 +15,7 @@ from eha_bench.recordings.channel_map import ChannelMap, Clock
 from eha_bench.recordings.decoder import READ_ENCODINGS
 from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.series import nan_note, seconds, seconds_in_place, unwrapped
-from eha_bench.recordings.source import Source, Span, Topic, Wanted
+from eha_bench.recordings.source import Source, Span, Topic, Wanted, shown
 from eha_bench.recordings.table import TableSource
 from eha_bench.recordings.track import Column, Stamps, Track, freeze
 
@@ -25,7 +25,6 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
 
     Raises:
         RecordingError: as `read`.
-        MissingChannelError: a mapped topic or column is not there.
     """
     where = Place(file=source.path)
     if isinstance(source, TableSource) != mapping.is_table:
@@ -147,7 +146,7 @@ def _wanted(
 
 def _missing_topic(
     source: Source, channel: str, topic: str, topics: Mapping[str, Topic]
-) -> MissingChannelError | RecordingError:
+) -> RecordingError:
     found = topics.get(topic)
     if found is not None:
         return RecordingError(
@@ -155,7 +154,7 @@ def _missing_topic(
             where=Place(file=source.path, topic=topic),
             hint="map another topic in channels.yaml",
         )
-    listed = ", ".join(topics) or "none"
+    listed = shown(topics) or "none"
     return RecordingError(
         f"the topic of channel '{channel}' is not in the recording",
         where=Place(file=source.path, topic=topic),
@@ -182,8 +181,8 @@ def unmapped(source: Source) -> RecordingError:
         encoding = topic.encoded.encoding if topic.encoded else ""
         if topic.encoded and encoding not in READ_ENCODINGS:
             return RecordingError(
-                f"its messages are serialized as '{encoding}', which is not read",
-                where=Place(file=source.path, topic=topic.name),
+                f"its messages are serialized as '{shown([encoding])}', which is not read",
+                where=Place(file=source.path, topic=shown([topic.name])),
                 hint=f"only {', '.join(READ_ENCODINGS)} are read",
             )
     if not topics:
@@ -195,5 +194,5 @@ def unmapped(source: Source) -> RecordingError:
     return RecordingError(
         "this recording was not written by eha-bench, and no channel map says what it holds",
         where=Place(file=source.path),
-        hint=f"give a channels.yaml that maps its topics: {', '.join(t.name for t in topics)}",
+        hint=f"give a channels.yaml that maps its topics: {shown(t.name for t in topics)}",
     )

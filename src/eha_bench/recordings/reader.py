@@ -34,8 +34,8 @@ def read(
         stop: only samples before this time, s.
 
     Raises:
-        RecordingError: missing, empty, damaged, no recording, or its time does not increase.
-        MissingChannelError: a mapped topic or column is not there.
+        RecordingError: missing, empty, damaged, no recording, its time does not increase, or it
+            lacks a mapped topic, field or column.
         InputError: the channel map is wrong.
     """
     span = Span(-math.inf if start is None else start, math.inf if stop is None else stop)

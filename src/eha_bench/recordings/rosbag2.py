@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from eha_bench.core.errors import InputError, Place, RecordingError
-from eha_bench.core.yaml_file import load, plain
+from eha_bench.core.yaml_file import load
 from eha_bench.recordings.decompress import LARGEST
 from eha_bench.recordings.formats import open_file
-from eha_bench.recordings.source import Source, Span, Topic, Wanted
+from eha_bench.recordings.source import Source, Span, Topic, Wanted, shown
 from eha_bench.recordings.track import Track
 
 _FILES = ("*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
@@ -107,7 +107,8 @@ class Rosbag2Source(Source):
         if not file.exists():
             return {}
         try:
-            content = plain(load(file))
+            # not turned into plain dicts: a file of a few aliases would then fill the memory
+            content = load(file)
         except InputError as error:
             self._notes.append(f"its metadata.yaml was left aside ({error})")
             return {}
@@ -127,11 +128,13 @@ class Rosbag2Source(Source):
             # only the name counts: a description never leads out of its folder
             name = PurePath(written).name
             if name != written:
-                self._notes.append(f"metadata.yaml names '{written[:80]}'; '{name[:80]}' was read")
+                self._notes.append(
+                    f"metadata.yaml names {shown([written])}; {shown([name])} was read"
+                )
             file = self._path / name
             if not file.is_file():
                 raise RecordingError(
-                    f"a part of the recording is missing: {name[:80]}",
+                    f"a part of the recording is missing: {shown([name])}",
                     where=Place(file=str(self._path)),
                     hint="put the file back, or remove metadata.yaml to read what is there",
                 )

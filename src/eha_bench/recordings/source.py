@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from eha_bench.core.errors import Place, RecordingError
@@ -51,6 +51,12 @@ class Span:
     def __str__(self) -> str:
         """As a person writes it."""
         return f"{self.start:.6g} s to {self.stop:.6g} s"
+
+
+def shown(names: Iterable[str]) -> str:
+    """Return names from a log as text for a message: on one line, and not without end."""
+    text = ", ".join("".join(c if c.isprintable() else "?" for c in name[:200]) for name in names)
+    return text if len(text) <= 800 else f"{text[:800]} ..."
 
 
 class Source(ABC):
@@ -114,12 +120,12 @@ class Source(ABC):
     def skipped(self) -> tuple[str, ...]:
         """Say which topics are left out because of what they are."""
         names = [topic.name for topic in self.topics() if topic.skipped]
-        return (f"skipped topics with service events: {', '.join(names)}",) if names else ()
+        return (f"skipped topics with service events: {shown(names)}",) if names else ()
 
     def refuse(self, topic: str, error: UnreadableTopic) -> RecordingError:
         """Return the error that says why a topic cannot be decoded."""
         return RecordingError(
             f"the topic cannot be decoded: {error}",
-            where=Place(file=self.path, topic=topic),
+            where=Place(file=self.path, topic=shown([topic])),
             hint="map another topic or field in channels.yaml",
         )

@@ -28,7 +28,7 @@ class SqliteSource(Source):
         self._damaged = False
         try:
             self._connections = self._read_connections()
-        except sqlite3.Error as error:
+        except (sqlite3.Error, ValueError, TypeError) as error:
             raise RecordingError(
                 f"this is not a rosbag2 database, or it is damaged ({error})",
                 where=Place(file=str(path)),
@@ -83,7 +83,10 @@ class SqliteSource(Source):
 
     def _open(self) -> sqlite3.Connection:
         # immutable: a bag on a read-only disk has no room for a lock or a journal
-        return sqlite3.connect(f"{self._path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+        where = f"{self._path.absolute().as_uri()}?mode=ro&immutable=1"
+        database = sqlite3.connect(where, uri=True)
+        database.text_factory = lambda raw: raw.decode("utf-8", "replace")
+        return database
 
     def _read_connections(self) -> dict[int, Connection]:
         with closing(self._open()) as database:
