@@ -160,11 +160,9 @@ def test_finite_differences_are_usable(name, start) -> None:
     vector = base.vector()
     middle = _simulate(vector, 25e-6)
     span = np.ptp(middle, axis=0)
-    for parameter in effect.parameters:
-        if parameter.choices or not parameter.searched or parameter.size > 1:
-            continue
-        if parameter.name == "count":
-            continue  # whole numbers, to be scanned
+    for parameter in effect.searched(start):
+        if parameter.size > 1 or parameter.name == "count":
+            continue  # a curve; whole numbers, to be scanned
         at = layout.index[f"{name}.{parameter.name}"]
         size = abs(vector[at]) or 1.0
         slopes = []

@@ -240,10 +240,19 @@ def test_narrow_bristles_are_stiction(knee, effect, part, distance, channel) -> 
     time = np.arange(0.0, 0.3, 1e-3)
     command = 4.0 * np.sin(2 * np.pi * 4 * time)
     plain = knee.run(time, command, locked=False)
-    bristles = effect("presliding_friction", distance=distance, part=part)
+    bristles = effect("presliding_friction", distance=distance, part=part, damping_time=0.0)
     bent = knee.run(time, command, bristles, locked=False, step=5e-6)
     worst = np.max(np.abs(plain[channel] - bent[channel]))
     assert worst < 1e-2 * np.ptp(plain[channel])
+
+
+@given(z=st.floats(-1, 1), v=st.floats(-1, 1), tau=st.floats(0, 0.01))
+def test_bending_bristles_only_take_energy_beyond_their_spring(z, v, tau) -> None:
+    """What damping adds to the spring's force opposes the motion: v dz/dt >= 0."""
+    pull = presliding_friction.drive_pull(0.0, 1.0, v, z, 1e-4, tau)
+    spring = presliding_friction.drive_pull(0.0, 1.0, v, z, 1e-4, 0.0)
+    assert (pull - spring) * v <= 1e-12
+    assert spring == -z
 
 
 def test_bristles_of_the_pump_are_a_spring_under_a_small_torque(knee, effect) -> None:

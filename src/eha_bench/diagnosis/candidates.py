@@ -88,12 +88,10 @@ def effect_starts(layout: Layout, effect: Effect) -> list[Start]:
 
 def _start(layout: Layout, effect: Effect, values: dict[str, float]) -> Start:
     settings = []
-    keys = []
     for parameter in effect.parameters:
         at = layout.index[f"{effect.id}.{parameter.name}"]
         settings += [(at + k, values[parameter.name]) for k in range(parameter.size)]
-        if not parameter.choices and parameter.searched:
-            keys.append(f"{effect.id}.{parameter.name}")
+    keys = [f"{effect.id}.{parameter.name}" for parameter in effect.searched(values)]
     strength = effect.strength
     return Start(
         effect.id,

@@ -71,7 +71,9 @@ def _range(parameter: Parameter) -> str:
 
 def _note(parameter: Parameter) -> str:
     kept = "" if parameter.searched else "not searched"
-    return "; ".join(part for part in (parameter.source, kept) if part)
+    name, words = parameter.when
+    only = f"only for {name}: {', '.join(words)}" if name else ""
+    return "; ".join(part for part in (parameter.source, only, kept) if part)
 
 
 if __name__ == "__main__":

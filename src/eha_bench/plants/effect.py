@@ -105,6 +105,18 @@ class Effect:
         known = ", ".join(parameter.name for parameter in self.parameters)
         raise PluginError(f"effect '{self.id}' has no parameter '{name}'", hint=f"it has: {known}")
 
+    def searched(self, values: Mapping[str, object]) -> tuple[Parameter, ...]:
+        """Return what a search moves, given the choices (words or places) among `values`."""
+        return tuple(
+            parameter
+            for parameter in self.parameters
+            if parameter.searched and not parameter.choices and self._matters(parameter, values)
+        )
+
+    def _matters(self, parameter: Parameter, values: Mapping[str, object]) -> bool:
+        name, words = parameter.when
+        return not name or self._chosen(name, values) in words
+
     def action(self, plant: str) -> Action:
         """Return how the effect acts in a plant.
 
@@ -138,8 +150,10 @@ class Effect:
 
     def _word(self, action: Action, values: Mapping[str, object] | None) -> str:
         """Return the word that decides the equation, "" where nothing is chosen."""
-        if not action.chosen_by:
-            return ""
-        parameter = self.parameter(action.chosen_by)
-        value = (values or {}).get(parameter.name, parameter.default)
+        return self._chosen(action.chosen_by, values or {}) if action.chosen_by else ""
+
+    def _chosen(self, name: str, values: Mapping[str, object]) -> str:
+        """Return the word of a choice, given as word or place, or its default."""
+        parameter = self.parameter(name)
+        value = values.get(name, parameter.default)
         return value if isinstance(value, str) else str(parameter.decode(float(str(value))))

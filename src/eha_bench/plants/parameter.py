@@ -21,7 +21,8 @@ class Parameter:
         size: how many numbers it holds (1: a scalar; more: a list, as the knots of a curve).
         choices: where the value is one of these words (stored as its place in the list).
         searched: False where a search leaves it alone, because data hardly ever determine it (a
-            reference pressure, a regularisation width, the mass of the rod alone).
+            reference pressure, a regularisation width).
+        when: the choice and the words of it with which the parameter matters; nothing: always.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Parameter:
     size: int = 1
     choices: tuple[str, ...] = ()
     searched: bool = True
+    when: tuple[str, tuple[str, ...]] = ("", ())
 
     def __post_init__(self) -> None:
         """Refuse a default outside its bounds: a typing error in a plug-in."""

@@ -79,7 +79,7 @@ EFFECT = Effect(
         Parameter("static_ratio", "", 1.0, 1.0, 5.0, "r"),
         Parameter(
             "stribeck_velocity", "m/s", 5e-3, 1e-6, 1.0, "v_s",
-            "lubricated seals and guides; only for the rod", searched=False,
+            "lubricated seals and guides", searched=False, when=("part", ("rod",)),
         ),
     ),
     actions={

@@ -155,11 +155,11 @@ EFFECT = Effect(
         choice("side", ("position_sensor", "joint", "load"), "what is beyond the play"),
         Parameter(
             "joint_stiffness", "N/m", 2e7, 1e5, 1e8, "k",
-            "hardened pin of the rod; only for side: load", searched=False,
+            "hardened pin of the rod", searched=False, when=("side", ("load",)),
         ),
         Parameter(
-            "rod_mass", "kg", 2.0, 0.5, 1e3, "",
-            "rod and piston alone; only for side: load", searched=False,
+            "rod_mass", "kg", 2.0, 0.5, 1e3, "", "rod and piston alone",
+            when=("side", ("load",)),
         ),
     ),
     actions={

@@ -1,12 +1,13 @@
 """Before it slides, dry friction yields like a spring (bristles bend).
 
-    dz/dx = (1 - z sign(v)) / s,   F = F_f z,   -1 <= z <= 1
+    dz/dt = (v - |v| z) / s,   F = F_f (z + tau dz/dt),   -1 <= z <= 1
 
-Dahl's model: z is the share of the dry friction F_f that is reached, s the distance over which it
-builds up; sliding further than a few s gives the full friction, and towards s = 0 it sticks. On the
-rod, or on the pump: there the distance is that of the piston which the pump's turning would move,
-x = D_p theta / A, so that one parameter serves both. Bristles start relaxed where there is rest at
-the first sample, bent to the end where there is motion.
+The LuGre model (tau = sigma_1 / sigma_0), without damping tau Dahl's. z is the share of the dry
+friction F_f that is reached, s the distance over which it builds up; sliding further than a few s
+gives the full friction, and towards s = 0 it sticks. On the rod, or on the pump: there the distance
+is that of the piston which the pump's turning would move, x = D_p theta / A, so that one parameter
+serves both. Bristles start relaxed where there is rest at the first sample, bent to the end where
+there is motion. They only take energy: v dz/dt >= 0.
 
 Source: Dahl, AIAA J. 14 (1976) 1675, doi:10.2514/3.61511; Canudas de Wit, Olsson, Astrom,
 Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419, doi:10.1109/9.376053.
@@ -69,9 +70,25 @@ def rod_sticks(level: float, part: float) -> float:
     return level if part == _PUMP else 0.0
 
 
-def rod_pull(force: float, level: float, bristle: float, part: float) -> float:
+@njit()
+def _pull(z: float, v: float, distance: float, damping_time: float) -> float:
+    """Return the share of the dry friction that bent and bending bristles put up."""
+    return z + damping_time * (v - abs(v) * z) / distance
+
+
+def rod_pull(
+    force: float,
+    level: float,
+    v: float,
+    bristle: float,
+    distance: float,
+    damping_time: float,
+    part: float,
+) -> float:
     """Return the force on the rod less the pull of its bristles, N."""
-    return force if part == _PUMP else force - level * bristle
+    if part == _PUMP:
+        return force
+    return force - level * _pull(bristle, v, distance, damping_time)
 
 
 def pump_sticks(level: float, part: float) -> float:
@@ -79,9 +96,22 @@ def pump_sticks(level: float, part: float) -> float:
     return 0.0 if part == _PUMP else level
 
 
-def pump_pull(torque: float, level: float, winding: float, part: float) -> float:
+def pump_pull(
+    torque: float,
+    level: float,
+    omega: float,
+    winding: float,
+    pump_displacement: float,
+    piston_area_a: float,
+    distance: float,
+    damping_time: float,
+    part: float,
+) -> float:
     """Return the torque on the shaft less the pull of its bristles, N*m."""
-    return torque - level * winding if part == _PUMP else torque
+    if part != _PUMP:
+        return torque
+    v = pump_displacement / piston_area_a * omega
+    return torque - level * _pull(winding, v, distance, damping_time)
 
 
 def drive_sticks(level: float) -> float:
@@ -89,9 +119,11 @@ def drive_sticks(level: float) -> float:
     return 0.0
 
 
-def drive_pull(force: float, level: float, bristle: float) -> float:
+def drive_pull(
+    force: float, level: float, v: float, bristle: float, distance: float, damping_time: float
+) -> float:
     """Return the force on the carriage less the pull of the bristles, N."""
-    return force - level * bristle
+    return force - level * _pull(bristle, v, distance, damping_time)
 
 
 EFFECT = Effect(
@@ -100,6 +132,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("distance", "m", 2e-4, 0.0, 0.1, "s"),
         choice("part", ("rod", "pump"), "whose friction yields"),
+        Parameter("damping_time", "s", 5e-4, 0.0, 0.1, "tau", "of the bristles; 0: Dahl"),
     ),
     actions={
         "eha_knee": Action(
