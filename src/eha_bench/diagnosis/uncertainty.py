@@ -40,7 +40,8 @@ def deviations(fit: Fit, groups: Groups) -> dict[str, float]:
     soft, weight = soften(fit.residual, fit.soft)
     weighted = fit.jacobian * weight[:, None]
     normal = weighted.T @ weighted
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    dead = np.diag(normal) < 1e-6
+    scale = np.sqrt(np.where(dead, 1.0, np.diag(normal)))
     unit = normal / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(unit)
     inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-12)) @ vectors.T
@@ -49,7 +50,6 @@ def deviations(fit: Fit, groups: Groups) -> dict[str, float]:
     sandwich = np.diag(inverse @ middle @ inverse)
     usual = np.diag(inverse) * max(1.0, float(soft @ soft) / max(1, soft.size - len(fit.free)))
     variance = np.maximum(sandwich, usual) / scale**2
-    dead = np.diag(normal) < 1e-6
     return {
         item.key: float("inf") if dead[k] else float(np.sqrt(variance[k]) * item.scale)
         for k, item in enumerate(fit.free)
