@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from eha_bench.core.signal import Sweep
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.response_point import ResponsePoint
-from eha_bench.metrics.step_response import require_finite
+from eha_bench.metrics.step_response import magnitude, require_finite
 from eha_bench.metrics.window import Timeline
 
 FloatArray = NDArray[np.float64]
@@ -53,10 +53,12 @@ def _sweep_points(values: FloatArray, line: Timeline, sweep: Sweep) -> list[Resp
         done = sweep.until(end)
     stop = min(done.stop + _TAIL * (done.stop - done.start), end)
     window = line.between(done.start, stop)
-    require_finite(line, values, window)
-    require_finite(line, line.reference, window)
     if window.stop - window.start < 64:
         raise NotScored(f"{window.stop - window.start} samples in the sweep")
+    require_finite(line, values, window)
+    require_finite(line, line.reference, window)
+    if magnitude(line.reference[window]) == 0.0 or magnitude(values[window]) == 0.0:
+        raise NotScored("the reference or the channel is zero throughout the sweep")
     response, bin_width = _spectrum(line, values, window)
     reference, _ = _spectrum(line, line.reference, window)
     low, high = sorted((done.f_start, done.f_stop))

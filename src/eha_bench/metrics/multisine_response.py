@@ -18,7 +18,7 @@ from scipy.ndimage import uniform_filter1d
 from eha_bench.core.signal import Lines
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.response_point import ResponsePoint
-from eha_bench.metrics.step_response import require_finite
+from eha_bench.metrics.step_response import magnitude, require_finite
 from eha_bench.metrics.window import Timeline
 
 FloatArray = NDArray[np.float64]
@@ -71,12 +71,14 @@ def _realisation(
     used = whole - TRANSIENT_PERIODS
     start = block.start + TRANSIENT_PERIODS * block.period
     window = line.between(start, start + used * block.period)
+    if window.stop - window.start < 0.9 * used * block.period / line.period:
+        return None
     require_finite(line, values, window)
     require_finite(line, line.reference, window)
     response = _spectra(values, line, window, start, block.period, used)
     reference = _spectra(line.reference, line, window, start, block.period, used).mean(axis=0)
     excited = reference[harmonics]
-    if np.any(np.abs(excited) < 1e-6 * np.max(np.abs(excited))) or not np.any(excited):
+    if np.any(np.abs(excited) < 1e-6 * np.max(np.abs(excited))) or magnitude(excited) == 0.0:
         raise NotScored("the reference does not hold the lines that the signal has")
     ratios = response[:, harmonics] / excited
     mean = ratios.mean(axis=0)
@@ -91,7 +93,7 @@ def _spectra(
     values: FloatArray, line: Timeline, window: slice, start: float, period: float, used: int
 ) -> ComplexArray:
     """Return the spectrum of every period, (used, m)."""
-    scale = float(np.max(np.abs(values[window]))) or 1.0
+    scale = magnitude(values[window]) or 1.0
     count = round(period / line.period)
     fits = abs(period / line.period - count) * used < 0.01
     if fits and window.stop - window.start == used * count:

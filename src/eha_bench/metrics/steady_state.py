@@ -16,6 +16,7 @@ from eha_bench.metrics.step_response import (
     final_window,
     has_steps,
     level,
+    magnitude,
     require_finite,
 )
 from eha_bench.metrics.window import Timeline, commanded_edges, timeline
@@ -75,7 +76,7 @@ def _mean(
     if window.stop <= window.start:
         raise NotScored("no sample at the end of the hold")
     require_finite(line, values, window)
-    scale = float(abs(values[window]).max()) or 1.0
+    scale = magnitude(values[window]) or 1.0
     noise = estimate([values[window] / scale])
     found = level(values[window] / scale, noise)
     reach = noise.quantile() * math.sqrt(found.variance) * scale

@@ -59,8 +59,16 @@ def around(step: StepResponse, value: float, variance: float, convention: str) -
 
 
 def since_edge(step: StepResponse, measure: Measure) -> Measure:
-    """Return a time since the edge, later at most by what the edge may have been earlier."""
-    return replace(measure, low=max(measure.low, 0.0), high=measure.high + step.slack)
+    """Return a time since the edge, later at most by what the edge may have been earlier.
+
+    Nothing answers before it is asked: where the edge lies between two samples, interpolation
+    could say so.
+    """
+    low, value, high = (
+        part if math.isnan(part) else max(part, 0.0)
+        for part in (measure.low, measure.value, measure.high)
+    )
+    return replace(measure, value=value, low=low, high=high + step.slack)
 
 
 def said(step: StepResponse, convention: str) -> str:

@@ -32,6 +32,7 @@ MOST_EDGES = 64
 
 _EXACT = 1e-6  # noise below this share of the step: crossings are interpolated between samples
 _LARGEST = 1e100
+_SMALLEST = 1e-100
 _RESOLVED = 4  # samples from 25 to 75 % below which a polynomial cannot follow the response
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 
@@ -195,6 +196,12 @@ def require_finite(line: Timeline, values: FloatArray, window: slice) -> None:
         raise NotScored(f"{missing} sample(s) {what}, the first at {at:.6g} s")
 
 
+def magnitude(values: FloatArray | NDArray[np.complex128]) -> float:
+    """Return the largest magnitude, or 0 where its square would be lost in underflow."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    return largest if largest > _SMALLEST else 0.0
+
+
 def level(values: FloatArray, noise: Noise) -> Level:
     """Return the mean of (n,) samples with the variances of mean and drift."""
     half = max(values.size // 2, 1)
@@ -211,7 +218,7 @@ def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> St
     if end.stop - before.stop < 3 or end.stop - end.start < 1:
         raise NotScored(f"{max(end.stop - before.stop, 0)} sample(s) in the hold after the edge")
     require_finite(line, values, whole)
-    scale = float(np.max(np.abs(values[whole])))
+    scale = magnitude(values[whole])
     if scale == 0.0:
         raise NotScored("no step: the response is zero throughout")
     data = values[whole] / scale  # so that differences of the largest numbers are finite

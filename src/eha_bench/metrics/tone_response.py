@@ -15,7 +15,7 @@ from eha_bench.core.trial import Trial
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.sine_fit import fit4
-from eha_bench.metrics.step_response import require_finite
+from eha_bench.metrics.step_response import magnitude, require_finite
 from eha_bench.metrics.window import Timeline, timeline
 
 FloatArray = NDArray[np.float64]
@@ -122,7 +122,7 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     require_finite(line, values, whole)
     require_finite(line, line.reference, whole)
     frequency = _commanded_frequency(line, tone, whole)
-    scale = float(np.max(np.abs(values[whole])))
+    scale = magnitude(values[whole])
     if scale == 0.0:
         raise NotScored("the channel is zero throughout")
     data = values / scale
@@ -130,10 +130,12 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     blocks = (periods - TRANSIENT_PERIODS) // block
     phasors = _block_phasors(line.time, data, stop, blocks, frequency / block, block)
     settled_blocks = _settled(phasors)
+    if settled_blocks * block < 2:
+        raise NotScored(f"not settled: the {label} response changes from period to period")
     settled = settled_blocks * block
     window = line.between(stop - settled / frequency, stop)
     time = line.time[window] - stop
-    command_scale = float(np.max(np.abs(line.reference[window]))) or 1.0
+    command_scale = magnitude(line.reference[window]) or 1.0
     both = np.column_stack([data[window], line.reference[window] / command_scale])
     response, command = harmonic_fits(time, both, frequency, settled)
     _require_stationary(phasors[:settled_blocks], response.variance, label)
@@ -162,7 +164,7 @@ def _commanded_frequency(line: Timeline, tone: Tone, window: slice) -> float:
     if not line.how:
         return tone.frequency
     reference = line.reference[window]
-    scale = float(np.max(np.abs(reference)))
+    scale = magnitude(reference)
     if scale == 0.0 or np.ptp(reference) == 0.0:
         return tone.frequency
     time = line.time[window]

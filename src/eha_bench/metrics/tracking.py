@@ -28,6 +28,8 @@ class TrackingError:
 
     Attributes:
         error: (n,) in units of `scale`.
+        reference: (n,) in units of `scale`.
+        period: time between samples, s.
         span: max - min of the reference, the time of settling included, in units of `scale`.
         scale: SI value of one.
         noise: standard deviation of the error's white part, in units of `scale`.
@@ -35,6 +37,8 @@ class TrackingError:
     """
 
     error: FloatArray
+    reference: FloatArray
+    period: float
     span: float
     scale: float
     noise: float
@@ -71,13 +75,14 @@ def _error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
         float(np.max(np.abs(values[window]))), float(np.max(np.abs(line.reference[window])))
     )
     scale = largest or 1.0
-    error = line.reference[window] / scale - values[window] / scale
+    reference = line.reference[window] / scale
+    error = reference - values[window] / scale
     commanded = line.reference[: window.stop] / scale
     span = float(np.ptp(commanded[np.isfinite(commanded)]))
     how = line.how if line.recorded else "reference as the trial defines it"
     if end < trial.duration - 0.5 * line.period:
         how = "; ".join(part for part in (how, f"recording ends at {end:.4g} s") if part)
-    return TrackingError(error, span, scale, white_noise(error), how)
+    return TrackingError(error, reference, line.period, span, scale, white_noise(error), how)
 
 
 class TrackingMetric(Metric):

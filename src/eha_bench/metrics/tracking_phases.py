@@ -1,0 +1,100 @@
+"""Tracking error with its lag taken off, and apart for motion and rest of the reference."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from eha_bench.core.metric import MetricSpec
+from eha_bench.core.score import Measure
+from eha_bench.metrics.metric import NotScored
+from eha_bench.metrics.tracking import TrackingError, TrackingMetric
+
+FloatArray = NDArray[np.float64]
+
+_LONGEST = 0.25  # of the scored time: lags that are tried
+_STILL = 1e-3  # of the fastest change: below it the reference rests
+
+
+class TrackingLagCompensated(TrackingMetric):
+    """RMS error left when the measurement is moved forward in time by its best lag."""
+
+    spec = MetricSpec("tracking_rms_lag_compensated", "tracking_rms at the best time lag", None)
+    by_default = False
+
+    def of(self, error: TrackingError) -> Measure:
+        """Return the least RMS over lags from 0 to a quarter of the scored time."""
+        reference, measured = error.reference, error.reference - error.error
+        count = reference.size
+        longest = max(int(_LONGEST * count), 1)
+
+        def rms(lag: float) -> float:
+            whole = math.floor(lag)
+            share = lag - whole
+            later = measured[whole:]
+            moved = later if share == 0.0 else (1.0 - share) * later[:-1] + share * later[1:]
+            rest = reference[: moved.size] - moved
+            return math.sqrt(float(rest @ rest) / rest.size)
+
+        coarse = np.unique(np.linspace(0, longest, min(longest + 1, 400)).astype(int))
+        tried = np.array([rms(float(lag)) for lag in coarse])
+        # a periodic reference fits again a period later: the first minimum as good as any
+        low = tried <= float(tried.min()) + 0.05 * float(np.ptp(tried))
+        first = int(np.argmax(low))
+        end = first + (int(np.argmin(low[first:])) if not np.all(low[first:]) else low.size - first)
+        best = int(coarse[first + int(np.argmin(tried[first:end]))])
+        step = int(coarse[1]) if coarse.size > 1 else 1
+        found = minimize_scalar(
+            rms, bounds=(max(best - step, 0), min(best + step, count - 2)), method="bounded"
+        )
+        lag, value = min(
+            ((float(found.x), float(found.fun)), (float(best), rms(float(best)))),
+            key=lambda pair: pair[1],
+        )
+        reason = f"RMS after a lag of {lag * error.period:.4g} s is taken off"
+        return Measure(value * error.scale, reason=reason)
+
+
+class _PhaseMetric(TrackingMetric):
+    """RMS error over the part of the scored time in which the reference moves, or rests."""
+
+    by_default = False
+
+    def of(self, error: TrackingError) -> Measure:
+        """Return the RMS over that part."""
+        change = np.abs(np.gradient(error.reference))
+        moving = change > _STILL * float(change.max())
+        part = error.error[self.chosen(moving)]
+        if part.size < 8:
+            raise NotScored(f"{part.size} sample(s) in this phase of the motion")
+        value = math.sqrt(float(part @ part) / part.size)
+        reason = f"RMS over {part.size} of {error.error.size} samples"
+        return Measure(value * error.scale, reason=reason)
+
+    @abstractmethod
+    def chosen(self, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which samples count."""
+
+
+class TrackingMoving(_PhaseMetric):
+    """RMS error while the reference moves."""
+
+    spec = MetricSpec("tracking_rms_moving", "tracking_rms while the reference moves", None)
+
+    def chosen(self, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return the samples at which the reference changes."""
+        return moving
+
+
+class TrackingResting(_PhaseMetric):
+    """RMS error while the reference rests."""
+
+    spec = MetricSpec("tracking_rms_resting", "tracking_rms while the reference rests", None)
+
+    def chosen(self, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return the samples at which the reference does not change."""
+        return ~moving
