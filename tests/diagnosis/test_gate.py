@@ -56,8 +56,12 @@ def test_noise_is_never_below_the_quantisation():
 
 
 def test_a_dead_sensor_is_said_and_left_out():
-    found = admit(run(recording(pressure_a=np.full(2000, 3.0))), recording(
-        pressure_a=np.full(2000, 3.0)), ["current_command"], OUTPUTS)
+    found = admit(
+        run(recording(pressure_a=np.full(2000, 3.0))),
+        recording(pressure_a=np.full(2000, 3.0)),
+        ["current_command"],
+        OUTPUTS,
+    )
     assert "pressure_a" not in found.outputs
     assert any("dead sensor" in note for note in found.notes)
 

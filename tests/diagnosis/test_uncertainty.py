@@ -12,9 +12,7 @@ from eha_bench.diagnosis.uncertainty import deviations, undetermined
 
 
 def linear_fit(matrix: np.ndarray, residual: np.ndarray, names: list[str], values: np.ndarray):
-    free = tuple(
-        Free(name, k, -np.inf, np.inf, abs(values[k])) for k, name in enumerate(names)
-    )
+    free = tuple(Free(name, k, -np.inf, np.inf, abs(values[k])) for k, name in enumerate(names))
     soft, _ = soften(residual)
     return Fit(values, free, residual, matrix, float(soft @ soft))
 

@@ -63,9 +63,7 @@ def score(
     _finish(result, out, json=json)
 
 
-def _finish(
-    result: Result, folder: Path, *, json: bool, interruptible: bool = False
-) -> None:
+def _finish(result: Result, folder: Path, *, json: bool, interruptible: bool = False) -> None:
     """Print the outcome and the report's path, and leave with the result's exit status."""
     from eha_bench.core.result import Status
 

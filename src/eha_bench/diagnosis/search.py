@@ -58,8 +58,28 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
         if chosen is None:
             break
         _add(search, chosen, trials)
+        if _idle(search, limits):
+            _drop_last(search)
+            continue
         _review(search, limits)
     progress("search", 1.0)
+
+
+def _idle(search: Search, limits: Thresholds) -> bool:
+    """Whether what was added last does nothing: its refit only led the others to a better place."""
+    vector = search.fit.vector.copy()
+    start = search.accepted[-1].start
+    vector[start.strength_at] = start.neutral
+    soft, _ = soften(search.problem.residual(vector))
+    return float(soft @ soft) - search.fit.cost < limits.gain
+
+
+def _drop_last(search: Search) -> None:
+    """Take out what was added last, and keep the better place."""
+    item, kept = search.accepted[-1], search.accepted[:-1]
+    search.fit = _without(search, item, kept)
+    search.accepted = kept
+    search.excess_left = excess(search.problem, search.fit)
 
 
 def _worth_a_look(search: Search) -> bool:
