@@ -144,6 +144,18 @@ def test_first_compilation_is_announced_once(tmp_path, monkeypatch, caplog) -> N
     assert [path.suffix for path in tmp_path.iterdir() if path.is_file()] == [".py"]
 
 
+def test_folder_that_cannot_be_written_costs_a_compilation_but_works(
+    tmp_path, monkeypatch, caplog
+) -> None:
+    (tmp_path / "file").write_text("not a folder", encoding="utf-8")
+    monkeypatch.setenv("EHA_BENCH_CACHE", str(tmp_path / "file" / "cache"))
+    layout = _layout(_effect(_plain, states=("idle",)))
+    with caplog.at_level(logging.WARNING, logger="eha_bench"):
+        module = assemble(layout, (equations, kernel), hooks)
+    assert "EHA_BENCH_CACHE" in caplog.text
+    assert Path(module.__file__).exists()
+
+
 def test_kernel_is_named_after_what_it_is_made_of(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("EHA_BENCH_CACHE", str(tmp_path))
     names = {

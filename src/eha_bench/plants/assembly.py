@@ -14,12 +14,15 @@ equations.
 from __future__ import annotations
 
 import ast
+import atexit
 import hashlib
 import importlib.util
 import inspect
 import logging
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -201,7 +204,22 @@ def kernel_folder() -> Path:
 
 
 def _write(name: str, text: str) -> Path:
-    folder = kernel_folder()
+    """Write the kernel's source where it stays, or where nothing stays for this process alone."""
+    try:
+        return _write_in(kernel_folder(), name, text)
+    except OSError as error:
+        _LOG.warning(
+            "the kernel cannot be kept in %s (%s) and is compiled for this process alone; "
+            "name a folder in EHA_BENCH_CACHE",
+            kernel_folder(),
+            error.strerror or error,
+        )
+        folder = tempfile.mkdtemp(prefix="eha-bench-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        return _write_in(Path(folder), name, text)
+
+
+def _write_in(folder: Path, name: str, text: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.py"
     if not path.exists():
