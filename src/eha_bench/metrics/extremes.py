@@ -17,7 +17,7 @@ from scipy.signal import savgol_filter
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
-from eha_bench.metrics.local import Peak, peak, vertex
+from eha_bench.metrics.local_peak import Peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge

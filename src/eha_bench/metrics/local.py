@@ -169,7 +169,7 @@ class Crossing:
             spread = math.sqrt(noise.variance(local.weights(time)) + level_variance)
             return abs(local.value(time) - target) <= noise.quantile() * spread
 
-        first, last = _reach(local, self.time, near)
+        first, last = holds_around(local, self.time, near)
         inside = (local.origin - local.scale, local.origin + local.scale)
         return (
             first if first > inside[0] else min(low, first),
@@ -219,7 +219,7 @@ def refined(
     return Crossing(place, local.slope(place), noise.variance(local.weights(place)), local)
 
 
-def _reach(local: Fit, place: float, near: Callable[[float], bool]) -> tuple[float, float]:
+def holds_around(local: Fit, place: float, near: Callable[[float], bool]) -> tuple[float, float]:
     """Return how far from a place, within the window, a condition holds without a break."""
     ends = []
     for side in (-1.0, 1.0):
@@ -241,85 +241,3 @@ def _between(yes: float, no: float, near: Callable[[float], bool]) -> float:
         middle = 0.5 * (yes + no)
         yes, no = (middle, no) if near(middle) else (yes, middle)
     return yes
-
-
-@dataclass(frozen=True)
-class Peak:
-    """The largest value of a response.
-
-    Attributes:
-        value: of the response.
-        time: s.
-        variance: of the value.
-        earliest, latest: 95 % interval of the time.
-    """
-
-    value: float
-    time: float
-    variance: float
-    earliest: float
-    latest: float
-
-
-def peak(time: FloatArray, values: FloatArray, index: int, noise: Noise, widest: int) -> Peak:
-    """Return the maximum of a local polynomial around sample `index` of (n,) samples."""
-    centre = float(time[index])
-    half = half_width(time, values, centre, noise, widest) + 1
-    for _ in range(3):  # the window follows the maximum that it finds
-        local = fit(time, values, centre, half, 3)
-        grid = np.linspace(-0.9, 0.9, 181)
-        heights = np.polynomial.polynomial.polyval(grid, local.coefficients)
-        best = float(grid[int(np.argmax(heights))])
-        place = min(max(local.origin + best * local.scale, float(time[0])), float(time[-1]))
-        if abs(best) < 0.2:
-            break
-        centre = place
-    value = local.value(place)
-    variance = noise.variance(local.weights(place))
-    curvature = _curvature(local, place)
-    if curvature < 0.0:
-        # the maximum of a noisy parabola lies above the true one by this much on average
-        excess = noise.variance(local.slope_weights(place)) / (-2.0 * curvature)
-        excess = min(excess, math.sqrt(variance))
-        value -= excess
-        variance += 2.0 * excess**2  # the square of a normal slope varies as much
-    earliest, latest = _flat(local, place, noise)
-    return Peak(value, place, variance, earliest, latest)
-
-
-def _flat(local: Fit, place: float, noise: Noise) -> tuple[float, float]:
-    """Return where around a place the slope cannot be told from zero (Fieller's interval)."""
-
-    def flat(time: float) -> bool:
-        spread = math.sqrt(noise.variance(local.slope_weights(time)))
-        return abs(local.slope(time)) <= noise.quantile() * spread
-
-    return _reach(local, place, flat)
-
-
-def _curvature(local: Fit, place: float) -> float:
-    x = (place - local.origin) / local.scale
-    coefficients = np.polynomial.polynomial.polyder(local.coefficients, 2)
-    if coefficients.size == 0:
-        return 0.0
-    return float(np.polynomial.polynomial.polyval(x, coefficients)) / local.scale**2
-
-
-def vertex(time: FloatArray, values: FloatArray, index: int) -> Peak:
-    """Return the vertex of the parabola through the three samples around `index` (no noise)."""
-    at = float(time[index])
-    here = Peak(float(values[index]), at, 0.0, at, at)
-    if not 0 < index < values.size - 1:
-        return here
-    left, right = float(time[index] - time[index - 1]), float(time[index + 1] - time[index])
-    before = (float(values[index] - values[index - 1])) / left
-    after = (float(values[index + 1] - values[index])) / right
-    bend = (after - before) / (left + right)
-    slope = before + bend * left
-    if not bend < 0.0:
-        return here
-    shift = -slope / (2.0 * bend)
-    if not -left <= shift <= right:
-        return here
-    place = at + shift
-    return Peak(here.value + slope * shift / 2.0, place, 0.0, place, place)

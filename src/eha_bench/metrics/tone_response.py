@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Tone
 from eha_bench.core.trial import Trial
+from eha_bench.metrics.harmonic_fit import harmonic_fits
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.sine_fit import fit4
@@ -23,9 +24,6 @@ ComplexArray = NDArray[np.complex128]
 
 TRANSIENT_PERIODS = 2
 """Periods at the start of a tone that are never scored."""
-
-HARMONICS = 10
-"""Highest harmonic that counts as distortion."""
 
 _FEWEST_PER_PERIOD = 4
 _BLOCKS = 64  # blocks of periods that are compared for stationarity, at most about twice as many
@@ -171,111 +169,6 @@ def _commanded_frequency(line: Timeline, tone: Tone, window: slice) -> float:
     found = fit4(time - time[0], reference / scale, tone.frequency)
     # a clock that runs fast or slow, not another signal
     return found.frequency if abs(found.frequency / tone.frequency - 1.0) < 0.01 else tone.frequency
-
-
-@dataclass(frozen=True)
-class HarmonicFit:
-    """Phasors of a fundamental and its harmonics, with what they leave."""
-
-    phasors: tuple[complex, ...]  # fundamental first
-    variance: float  # of each part of a phasor
-    residual_rms: float
-    freedom: float
-
-
-def harmonic_fits(
-    time: FloatArray, values: FloatArray, frequency: float, periods: int
-) -> list[HarmonicFit]:
-    """Fit offset, fundamental and harmonics at once; the noise comes from between the lines.
-
-    `time` (n,) s over whole periods, `values` (n, k): k channels.
-    """
-    period = (time[-1] - time[0]) / (time.size - 1)
-    highest = max(1, min(HARMONICS, math.ceil(0.5 / (frequency * period)) - 1))
-    highest = max(1, min(highest, (time.size - 2) // 3))
-    turns, projections = _sums(time, values, frequency, highest)
-    # over whole periods the columns are nearly orthogonal: normal equations lose nothing
-    right = np.concatenate([projections[:1].real, projections[1:].real, projections[1:].imag])
-    solution = np.linalg.solve(_normal(turns, highest), right)
-    residual = values - solution[0]
-    for part in _parts(time.size):
-        turn = np.exp(2j * np.pi * frequency * time[part])
-        power = np.ones_like(turn)
-        for h in range(1, highest + 1):
-            power *= turn
-            residual[part] -= power.real[:, None] * solution[h]
-            residual[part] -= power.imag[:, None] * solution[highest + h]
-    return [
-        _fitted(solution[:, k], residual[:, k], periods, highest) for k in range(values.shape[1])
-    ]
-
-
-def _parts(count: int) -> list[slice]:
-    """Return pieces that fit the processor's cache."""
-    return [slice(start, start + 16384) for start in range(0, count, 16384)]
-
-
-def _sums(
-    time: FloatArray, values: FloatArray, frequency: float, highest: int
-) -> tuple[ComplexArray, ComplexArray]:
-    """Return sums of exp(j m w t) for m = 0 .. 2 highest, and of values times it up to highest.
-
-    The least squares need no more than these, and no matrix of the record's length.
-    """
-    turns = np.zeros(2 * highest + 1, dtype=np.complex128)
-    projections = np.zeros((highest + 1, values.shape[1]), dtype=np.complex128)
-    for part in _parts(time.size):
-        turn = np.exp(2j * np.pi * frequency * time[part])
-        power = np.ones_like(turn)
-        for m in range(2 * highest + 1):
-            turns[m] += power.sum()
-            if m <= highest:
-                projections[m] += (power[:, None] * values[part]).sum(axis=0)
-            power *= turn
-    return turns, projections
-
-
-def _normal(turns: ComplexArray, highest: int) -> FloatArray:
-    """Return the normal matrix of the columns 1, cos(h w t), sin(h w t), h = 1 .. highest."""
-    orders = np.arange(1, highest + 1)
-    total = turns[orders[:, None] + orders]
-    gap = orders[:, None] - orders
-    difference = np.where(gap >= 0, turns[np.abs(gap)], turns[np.abs(gap)].conj())
-    cosines, sines = turns[orders].real, turns[orders].imag
-    cross = 0.5 * (total.imag - difference.imag)  # row: cosine, column: sine
-    matrix: FloatArray = np.block(
-        [
-            [turns[:1].real[:, None], cosines[None, :], sines[None, :]],
-            [cosines[:, None], 0.5 * (difference.real + total.real), cross],
-            [sines[:, None], cross.T, 0.5 * (difference.real - total.real)],
-        ]
-    )
-    return matrix
-
-
-def _fitted(solution: FloatArray, residual: FloatArray, periods: int, highest: int) -> HarmonicFit:
-    # a cos + b sin = Re((a - jb) exp(jwt)); a sine of phase 0 is -j
-    phasors = tuple(complex(solution[1 + h], -solution[1 + highest + h]) for h in range(highest))
-    density, freedom = _noise_density(residual, periods, highest)
-    variance = 2.0 * density / residual.size
-    rms = math.sqrt(float(residual @ residual) / max(residual.size - 1 - 2 * highest, 1))
-    return HarmonicFit(phasors, variance, rms, freedom)
-
-
-def _noise_density(residual: FloatArray, periods: int, highest: int) -> tuple[float, float]:
-    """Return the noise variance per sample near the fundamental, and its degrees of freedom.
-
-    A record of P periods has P - 1 free lines between two harmonics: the nearest twelve to the
-    fundamental tell its noise, correlated or not.
-    """
-    spectrum = np.fft.rfft(residual)
-    bins = np.arange(1, min((residual.size - 1) // 2, 4 * periods + 64))
-    free = bins[(bins % periods != 0) | (bins > highest * periods)]
-    if free.size == 0:
-        return 0.0, 0.0
-    nearest = free[np.argsort(np.abs(free - periods), kind="stable")[:12]]
-    power = np.abs(spectrum[nearest]) ** 2 / residual.size
-    return float(power.mean()), 2.0 * float(nearest.size)
 
 
 def _settled(phasors: ComplexArray) -> int:
