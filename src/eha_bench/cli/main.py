@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+import sys
+
 import typer
 
 from eha_bench.cli import closing, files, recording_files, running
@@ -39,5 +42,7 @@ closing.register(app)
 
 def main() -> None:
     """Entry point of the command: errors become sentences, results become exit statuses."""
+    logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    logging.getLogger("eha_bench").setLevel(logging.INFO)
     with errors_as_sentences():
         app()
