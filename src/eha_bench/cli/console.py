@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from collections.abc import Iterator
@@ -15,6 +16,22 @@ INTERRUPTED = 130
 def say(text: str) -> None:
     """Print a line for people."""
     print(text, file=sys.stderr)
+
+
+class _ToPeople(logging.Handler):
+    """Passes log lines on to people."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print the line."""
+        say(record.getMessage())
+
+
+def say_what_the_product_logs() -> None:
+    """Show what eha_bench logs (that a kernel is being compiled), and no other library's lines."""
+    logger = logging.getLogger("eha_bench")
+    if not logger.handlers:
+        logger.addHandler(_ToPeople())
+        logger.setLevel(logging.INFO)
 
 
 @contextmanager

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import logging
-import sys
-
 import typer
 
 from eha_bench.cli import closing, files, recording_files, running
-from eha_bench.cli.console import errors_as_sentences
+from eha_bench.cli.console import errors_as_sentences, say_what_the_product_logs
 
 app = typer.Typer(
     name="eha-bench",
@@ -42,7 +39,6 @@ closing.register(app)
 
 def main() -> None:
     """Entry point of the command: errors become sentences, results become exit statuses."""
-    logging.basicConfig(format="%(message)s", stream=sys.stderr)
-    logging.getLogger("eha_bench").setLevel(logging.INFO)
+    say_what_the_product_logs()
     with errors_as_sentences():
         app()
