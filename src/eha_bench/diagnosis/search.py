@@ -70,7 +70,7 @@ def _idle(search: Search, limits: Thresholds) -> bool:
     vector = search.fit.vector.copy()
     start = search.accepted[-1].start
     vector[start.strength_at] = start.neutral
-    soft, _ = soften(search.problem.residual(vector))
+    soft, _ = soften(search.problem.residual(vector), search.problem.soft)
     return float(soft @ soft) - search.fit.cost < limits.gain
 
 
@@ -303,7 +303,7 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
     )
     search.problem.prepare(chosen.fit.vector)
     residual = search.problem.residual(chosen.fit.vector)
-    soft, _ = soften(residual)
+    soft, _ = soften(residual, search.problem.soft)
     search.fit = _polish(
         search, replace(chosen.fit, residual=residual, cost=float(soft @ soft)), []
     )
