@@ -73,6 +73,9 @@ def effect_starts(layout: Layout, effect: Effect) -> list[Start]:
     found = []
     seen = set()
     for point in points:
+        if any(int(point[name]) not in words[name] for name in words if name in point):
+            # a part that this plant does not have
+            continue
         open_choices = [name for name in words if name not in point]
         for combination in itertools.product(*(words[name] for name in open_choices)):
             values = {parameter.name: parameter.default for parameter in effect.parameters}
