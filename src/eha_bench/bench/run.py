@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from eha_bench.bench.folder import ResultFolder
-from eha_bench.bench.interruption import Interruption
+from eha_bench.core.interruption import Interruption
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
 from eha_bench.bench.scoring import judge, judge_together

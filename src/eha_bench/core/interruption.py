@@ -1,15 +1,17 @@
-"""Ctrl-C as a request: the run stops at its next tick, and nothing is torn out of the middle.
+"""Ctrl-C as a request: work stops at its next checkpoint, and nothing is torn out of the middle.
 
 A KeyboardInterrupt can be raised anywhere, also inside a finalizer, where Python only reports it
-and goes on. While a suite runs, the first SIGINT (or SIGTERM, as a nightly job sends it) is
-therefore only noted; a second one interrupts at once.
+and goes on. While a suite runs or a model is fitted, the first SIGINT (or SIGTERM, as a nightly job
+sends it) is therefore only noted; a second one interrupts at once.
 """
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -52,3 +54,30 @@ class Interruption:
         if self._requested:
             raise KeyboardInterrupt
         self._requested = True
+
+
+def _never() -> bool:
+    return False
+
+
+_asked: ContextVar[Callable[[], bool]] = ContextVar("asked", default=_never)
+
+
+@contextmanager
+def checkpoints(asked: Callable[[], bool]) -> Iterator[None]:
+    """A context in which `checkpoint` interrupts as soon as a stop is asked for."""
+    token = _asked.set(asked)
+    try:
+        yield
+    finally:
+        _asked.reset(token)
+
+
+def checkpoint() -> None:
+    """Stop here if that was asked for: long work calls it where it can be left.
+
+    Raises:
+        KeyboardInterrupt: within `checkpoints`, after a stop was asked for.
+    """
+    if _asked.get()():
+        raise KeyboardInterrupt

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from eha_bench.bench.interruption import Interruption
+from eha_bench.core.interruption import Interruption, checkpoint, checkpoints
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -32,3 +32,13 @@ def test_another_thread_is_left_alone() -> None:
     thread.start()
     thread.join()
     assert found == [False]
+
+
+def test_checkpoints_interrupt_only_where_they_were_asked_to() -> None:
+    asked = [False]
+    with checkpoints(lambda: asked[0]):
+        checkpoint()
+        asked[0] = True
+        with pytest.raises(KeyboardInterrupt):
+            checkpoint()
+    checkpoint()
