@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
+from eha_bench.core import units
+from eha_bench.core.common_units import COMMON
 from eha_bench.core.errors import UnitError
 from eha_bench.core.units import (
     Unit,
@@ -146,3 +148,12 @@ def test_field_tells_editors_that_text_is_welcome() -> None:
     schema = _Pump.model_json_schema()["properties"]["speed"]
     assert {"type": "string"} in schema["anyOf"]
     assert "rad/s" in schema["description"]
+
+
+@pytest.mark.parametrize("unit", COMMON)
+def test_the_common_units_are_what_pint_says(unit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    si_unit, factor, offset = COMMON[unit]
+    said = base_unit.__wrapped__(unit)
+    monkeypatch.setattr(units, "COMMON", {})
+    assert (factor, offset) == factor_and_offset.__wrapped__(unit, si_unit)
+    assert said == base_unit.__wrapped__(unit)

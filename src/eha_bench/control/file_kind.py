@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from eha_bench.control.controller_file import ControllerFile, load_controllers
+from pathlib import Path
+from typing import Any
+
 from eha_bench.core.file_kind import FileKind
 from eha_bench.core.trial import ControlMode
 
-KIND = FileKind(
-    "controller",
-    frozenset(mode.value for mode in ControlMode),
-    0,
-    load_controllers,
-    ControllerFile.model_json_schema,
-)
+
+def _check(path: Path) -> object:
+    from eha_bench.control.controller_file import load_controllers
+
+    return load_controllers(path)
+
+
+def _schema() -> dict[str, Any]:
+    from eha_bench.control.controller_file import ControllerFile
+
+    return ControllerFile.model_json_schema()
+
+
+KIND = FileKind("controller", frozenset(mode.value for mode in ControlMode), 0, _check, _schema)

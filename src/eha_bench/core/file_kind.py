@@ -25,6 +25,9 @@ class FileKind:
         priority: kinds are tried from high to low; more telling keys stand higher.
         check: reads a file and raises an InputError where it is wrong.
         schema: returns the JSON Schema.
+
+    All kinds are loaded to tell which one a file is, so a module that registers one imports what
+    checks it inside these functions.
     """
 
     name: str
@@ -57,7 +60,7 @@ def kind_of(path: Path) -> FileKind:
     Raises:
         InputError: not YAML, or of no known kind.
     """
-    content = yaml_file.load(path)
+    content = yaml_file.peek(path)
     keys = set(content) if isinstance(content, dict) else set()
     for kind in kinds():
         if kind.keys & keys:

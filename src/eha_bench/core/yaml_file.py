@@ -49,8 +49,26 @@ def load(path: Path) -> Any:
     return parse(read_text(path), str(path))
 
 
+_PEEKED: dict[str, tuple[str, Any]] = {}
+
+
+def peek(path: Path) -> Any:
+    """Return what `load` does, and keep it for the next who parses the same text, and only them.
+
+    Who asks what kind of file it is before reading it so pays for one parse.
+    """
+    text = read_text(path)
+    content = parse(text, str(path))
+    _PEEKED.clear()
+    _PEEKED[str(path)] = text, content
+    return content
+
+
 def parse(text: str, name: str) -> Any:
     """Return YAML text as line-carrying maps and sequences; `name` stands in messages."""
+    peeked = _PEEKED.pop(name, None)
+    if peeked is not None and peeked[0] == text:
+        return peeked[1]
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
 

@@ -2,7 +2,22 @@
 
 from __future__ import annotations
 
-from eha_bench.core.file_kind import FileKind
-from eha_bench.diagnosis.dataset import DatasetFile, load_dataset
+from pathlib import Path
+from typing import Any
 
-KIND = FileKind("dataset", frozenset({"runs"}), 4, load_dataset, DatasetFile.model_json_schema)
+from eha_bench.core.file_kind import FileKind
+
+
+def _check(path: Path) -> object:
+    from eha_bench.diagnosis.dataset import load_dataset
+
+    return load_dataset(path)
+
+
+def _schema() -> dict[str, Any]:
+    from eha_bench.diagnosis.dataset import DatasetFile
+
+    return DatasetFile.model_json_schema()
+
+
+KIND = FileKind("dataset", frozenset({"runs"}), 4, _check, _schema)

@@ -29,11 +29,11 @@ from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import PluginError
+from eha_bench.plants import compiled
 from eha_bench.plants.effect import Effect
 from eha_bench.plants.parameter import Parameter
 
@@ -175,6 +175,8 @@ def assemble(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType)
     Raises:
         PluginError: an effect names a hook or a quantity that the plant does not have.
     """
+    import numba  # here, because a layout alone needs no compiler
+
     text = _compose(layout, modules, hooks)
     digest = hashlib.sha256(text.encode())
     digest.update(f"{numba.__version__} {np.__version__}".encode())
@@ -304,7 +306,7 @@ def _compose(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType)
         lines.append(f"    S[{place}] = {f'1.0 if {test} else 0.0' if test else '0.0'}")
     for name, body in bodies.items():
         lines += _hook(name, signatures[name], body, layout.flags[name])
-    replaced = {"__future__", "numba", hooks.__name__, *(module.__name__ for module in modules)}
+    replaced = {"__future__", compiled.__name__, hooks.__name__, *(m.__name__ for m in modules)}
     own = [_without_imports(module, replaced) for module in modules]
     return "\n".join([*lines, "", "", *own])
 

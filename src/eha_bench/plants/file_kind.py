@@ -2,7 +2,22 @@
 
 from __future__ import annotations
 
-from eha_bench.core.file_kind import FileKind
-from eha_bench.plants.model import ModelFile, load_model
+from pathlib import Path
+from typing import Any
 
-KIND = FileKind("model", frozenset({"model"}), 1, load_model, ModelFile.model_json_schema)
+from eha_bench.core.file_kind import FileKind
+
+
+def _check(path: Path) -> object:
+    from eha_bench.plants.model import load_model
+
+    return load_model(path)
+
+
+def _schema() -> dict[str, Any]:
+    from eha_bench.plants.model import ModelFile
+
+    return ModelFile.model_json_schema()
+
+
+KIND = FileKind("model", frozenset({"model"}), 1, _check, _schema)

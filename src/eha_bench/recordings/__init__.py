@@ -1,12 +1,17 @@
 """Files to recordings and back: any log as a `Recording`, and a `Recording` as MCAP."""
 
-from eha_bench.recordings.channel_map import ChannelMap, ChannelMapFile, load_channel_map
-from eha_bench.recordings.information import RecordingInformation, TopicInformation, info
-from eha_bench.recordings.live import LiveWriter
-from eha_bench.recordings.reader import read
-from eha_bench.recordings.recover import RecoveryReport, recover
-from eha_bench.recordings.rosbag2_metadata import write_rosbag2_metadata
-from eha_bench.recordings.writer import write
+from typing import TYPE_CHECKING
+
+from eha_bench.core.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from eha_bench.recordings.channel_map import ChannelMap, ChannelMapFile, load_channel_map
+    from eha_bench.recordings.information import RecordingInformation, TopicInformation, info
+    from eha_bench.recordings.live import LiveWriter
+    from eha_bench.recordings.reader import read
+    from eha_bench.recordings.recovery import RecoveryReport, recover
+    from eha_bench.recordings.rosbag2_metadata import write_rosbag2_metadata
+    from eha_bench.recordings.writer import write
 
 __all__ = [
     "ChannelMap",
@@ -22,3 +27,22 @@ __all__ = [
     "write",
     "write_rosbag2_metadata",
 ]
+
+# A channel map is checked without a single format's reader.
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "ChannelMap": "eha_bench.recordings.channel_map",
+        "ChannelMapFile": "eha_bench.recordings.channel_map",
+        "LiveWriter": "eha_bench.recordings.live",
+        "RecordingInformation": "eha_bench.recordings.information",
+        "RecoveryReport": "eha_bench.recordings.recovery",
+        "TopicInformation": "eha_bench.recordings.information",
+        "info": "eha_bench.recordings.information",
+        "load_channel_map": "eha_bench.recordings.channel_map",
+        "read": "eha_bench.recordings.reader",
+        "recover": "eha_bench.recordings.recovery",
+        "write": "eha_bench.recordings.writer",
+        "write_rosbag2_metadata": "eha_bench.recordings.rosbag2_metadata",
+    },
+)

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
-from eha_bench.core.file_kind import FileKind
-from eha_bench.recordings.channel_map import ChannelMapFile, load_channel_map
+from pathlib import Path
+from typing import Any
 
-KIND = FileKind(
-    "channels", frozenset({"channels"}), 2, load_channel_map, ChannelMapFile.model_json_schema
-)
+from eha_bench.core.file_kind import FileKind
+
+
+def _check(path: Path) -> object:
+    from eha_bench.recordings.channel_map import load_channel_map
+
+    return load_channel_map(path)
+
+
+def _schema() -> dict[str, Any]:
+    from eha_bench.recordings.channel_map import ChannelMapFile
+
+    return ChannelMapFile.model_json_schema()
+
+
+KIND = FileKind("channels", frozenset({"channels"}), 2, _check, _schema)

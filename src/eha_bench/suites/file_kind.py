@@ -2,8 +2,22 @@
 
 from __future__ import annotations
 
-from eha_bench.core.file_kind import FileKind
-from eha_bench.suites.load import load_suite
-from eha_bench.suites.schema import suite_schema
+from pathlib import Path
+from typing import Any
 
-KIND = FileKind("suite", frozenset({"trials"}), 10, load_suite, suite_schema)
+from eha_bench.core.file_kind import FileKind
+
+
+def _check(path: Path) -> object:
+    from eha_bench.suites.load import load_suite
+
+    return load_suite(path)
+
+
+def _schema() -> dict[str, Any]:
+    from eha_bench.suites.schema import suite_schema
+
+    return suite_schema()
+
+
+KIND = FileKind("suite", frozenset({"trials"}), 10, _check, _schema)

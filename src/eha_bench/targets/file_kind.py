@@ -2,8 +2,22 @@
 
 from __future__ import annotations
 
-from eha_bench.core.file_kind import FileKind
-from eha_bench.targets.resolve import open_target
-from eha_bench.targets.simulator import SimulatorFile
+from pathlib import Path
+from typing import Any
 
-KIND = FileKind("target", frozenset({"target"}), 3, open_target, SimulatorFile.model_json_schema)
+from eha_bench.core.file_kind import FileKind
+
+
+def _check(path: Path) -> object:
+    from eha_bench.targets.resolve import open_target
+
+    return open_target(path)
+
+
+def _schema() -> dict[str, Any]:
+    from eha_bench.targets.simulator import SimulatorFile
+
+    return SimulatorFile.model_json_schema()
+
+
+KIND = FileKind("target", frozenset({"target"}), 3, _check, _schema)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.effects._types import Vector
 
 KNOTS = 24

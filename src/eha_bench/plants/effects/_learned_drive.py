@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.effects._curve import curve
 from eha_bench.plants.effects._types import Vector
 

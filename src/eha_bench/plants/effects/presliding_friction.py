@@ -17,8 +17,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.parameter import Parameter, choice
 

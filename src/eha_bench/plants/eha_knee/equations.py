@@ -21,10 +21,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-# assembly: this import is replaced by the composed hooks
+# assembly: these two imports are replaced, the hooks by the composed ones
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.eha_knee.hooks import (
     bulk_modulus,
     chamber_flow_a,

@@ -9,8 +9,9 @@ angle, chamber pressures, rod position and velocity, time. Units SI.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from eha_bench.plants.compiled import njit
 
 Vector = NDArray[np.float64]
 

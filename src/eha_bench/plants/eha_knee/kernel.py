@@ -18,10 +18,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-# assembly: these two imports are replaced by the code they import
+# assembly: these imports are replaced by the code they import
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.eha_knee.equations import (
     A_A,
     A_B,

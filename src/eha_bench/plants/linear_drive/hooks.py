@@ -10,8 +10,9 @@ velocity of the carriage, time. Names are those of the knee's hooks where an eff
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from eha_bench.plants.compiled import njit
 
 Vector = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-# assembly: these two imports are replaced by the code they import
+# assembly: these imports are replaced by the code they import
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.linear_drive.equations import (
     CREEP,
     DEMAND,
