@@ -119,6 +119,11 @@ class Page:
         """Dispatch mousePressed, mouseMoved or mouseReleased at a point of the viewport."""
         self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **params)
 
+    def touch(self, kind: str, *points: tuple[float, float]) -> None:
+        """Dispatch touchStart, touchMove or touchEnd with the fingers that are down."""
+        fingers = [{"x": x, "y": y, "id": n} for n, (x, y) in enumerate(points)]
+        self.send("Input.dispatchTouchEvent", type=kind, touchPoints=fingers)
+
     def drag(self, start: tuple[float, float], stop: tuple[float, float]) -> None:
         """Drag with the left button held."""
         self.mouse("mouseMoved", *start)

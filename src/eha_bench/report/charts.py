@@ -10,7 +10,7 @@ import numpy as np
 
 from eha_bench.core.recording import Recording
 from eha_bench.report.engineering import DisplayUnit
-from eha_bench.report.marks import LevelLine, Mark, Point, Role, TimeBand, TimeLine, ValueBand
+from eha_bench.report.marks import LevelLine, Mark, Point, Role, TimeBand, TimeLine, Tube, ValueBand
 from eha_bench.report.packing import packed_clock, packed_curve, stretches
 from eha_bench.report.scene import Scene
 
@@ -71,9 +71,10 @@ def chart_data(scene: Scene) -> ChartData:
 
 def _mark(mark: Mark, unit: DisplayUnit, recording: Recording) -> dict[str, Any]:
     data: dict[str, Any] = {"kind": type(mark).__name__, **asdict(mark)}
+    shown = unit.difference if isinstance(mark, Tube) else unit.shown
     for name in ("value", "low", "high"):
         if name in data:
-            data[name] = unit.shown(data[name])
+            data[name] = shown(data[name])
     # JSON has no infinity: what lasts for ever lasts to the end of the recording.
     if "stop" in data:
         data["start"] = max(data["start"], float(recording.time[0]))
@@ -91,7 +92,7 @@ def _events(scene: Scene) -> Iterator[float]:
                 yield mark.time
             case LevelLine() if mark.role in (Role.LIMIT, Role.SAFETY):
                 yield from _crossings(scene.recording, mark)
-            case ValueBand() | TimeBand() | LevelLine():
+            case ValueBand() | TimeBand() | LevelLine() | Tube():
                 pass
 
 

@@ -15,6 +15,7 @@ CHARACTER_WIDTH: Final = 0.56
 """Mean width of a character as a share of the font size."""
 LINE_HEIGHT: Final = 1.25
 _GAP: Final = 6.0
+_NEAR: Final = 6  # of the places that are tried, in their order
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,9 @@ class LabelPlacer:
             for box in boxes
             if box.inside(self.area) and not any(box.meets(other) for other in self._taken)
         ]
-        chosen = next((box for box in free if not self._covers(box)), (free or boxes)[0])
+        # Further off a label would seem to name something else: rather over a curve than far away.
+        near = [box for box in free if any(box is other for other in boxes[:_NEAR])]
+        chosen = next((box for box in near if not self._covers(box)), (free or boxes)[0])
         self._taken.append(chosen)
         return chosen
 

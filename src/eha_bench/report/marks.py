@@ -90,7 +90,20 @@ class Point:
     label: str
 
 
-Mark = LevelLine | TimeLine | ValueBand | TimeBand | Point
+@dataclass(frozen=True)
+class Tube:
+    """Lines at `low` and `high` (SI) from what the reference asks, from `start` to `stop` (s)."""
+
+    channel: str
+    low: float
+    high: float
+    start: float
+    stop: float
+    role: Role
+    label: str = ""
+
+
+Mark = LevelLine | TimeLine | ValueBand | TimeBand | Point | Tube
 
 
 @dataclass(frozen=True)
@@ -100,6 +113,7 @@ class Step:
     Attributes:
         time, until: from the edge to the end of its hold, s.
         initial, final: levels of the followed channel, SI: measured if `settled`, else commanded.
+        asked: the level that the reference goes to, SI.
         settled: whether the response settled, so that there is a band to draw.
     """
 
@@ -107,6 +121,7 @@ class Step:
     until: float
     initial: float
     final: float
+    asked: float
     settled: bool
 
     @property
@@ -165,13 +180,27 @@ def _limit(trial: Trial, limit: AcceptanceLimit, steps: Sequence[Step]) -> Itera
                 if side > 0.0:
                     shown = "" if number else text
                     yield TimeLine(limit.channel, step.time + side, Role.LIMIT, shown)
-    elif limit.metric == "overshoot" and limit.channel == trial.channel:
-        for number, step in enumerate(steps):
-            for side, text in sides:
-                if side > 0.0:
-                    value = step.final + side * step.size
-                    shown = "" if number else text
-                    yield LevelLine(limit.channel, value, step.time, step.until, Role.LIMIT, shown)
+    elif limit.metric == "tracking_max":
+        if math.isfinite(high):
+            yield Tube(limit.channel, -high, high, 0.0, trial.duration, Role.LIMIT, label)
+    elif limit.channel == trial.channel:
+        yield from _step_levels(limit, sides, steps)
+
+
+def _step_levels(
+    limit: AcceptanceLimit, sides: Sequence[tuple[float, str]], steps: Sequence[Step]
+) -> Iterator[LevelLine]:
+    """Limits that are levels about where a step ends; the first step's carry the label."""
+    for number, step in enumerate(steps):
+        for side, text in sides:
+            if limit.metric == "overshoot" and side > 0.0:
+                start, value = step.time, step.final + side * step.size
+            elif limit.metric == "steady_state_error":
+                start, value = step.final_start, step.asked - side
+            else:
+                continue
+            label = "" if number else text
+            yield LevelLine(limit.channel, value, start, step.until, Role.LIMIT, label)
 
 
 def _measured(step: Step, scores: Sequence[Score], followed: str) -> Iterator[Mark]:

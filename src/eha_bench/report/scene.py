@@ -20,6 +20,7 @@ from eha_bench.metrics.step_response import step_responses
 from eha_bench.metrics.window import commanded_edges, timeline
 from eha_bench.report.marks import Mark, Step, marks_of
 from eha_bench.report.panels import Panel, panels_of
+from eha_bench.report.sine_marks import sine_marks, swing_of
 
 # Of what was recorded before and after the scored part this share of its length is shown.
 _MARGIN: Final = 0.1
@@ -54,7 +55,11 @@ def scene_of(recording: Recording, run: TrialResult, trial: Trial | None) -> Sce
         return Scene(recording, _panels(recording, trial.channel))
     steps = tuple(_steps(bound, trial))
     placed = _cut(replace(bound, time=line.time), trial.duration)
-    return Scene(placed, _panels(placed, trial.channel), marks_of(trial, run, steps), steps)
+    marks = marks_of(trial, run, steps)
+    swing = swing_of(bound, trial, line)
+    if swing is not None:
+        marks += tuple(sine_marks(swing, trial.limits, run.scores))
+    return Scene(placed, _panels(placed, trial.channel), marks, steps)
 
 
 def _panels(recording: Recording, followed: str) -> tuple[Panel, ...]:
@@ -72,7 +77,7 @@ def _steps(recording: Recording, trial: Trial) -> Iterator[Step]:
     try:
         for response in step_responses(recording, trial, trial.channel):
             edge = response.edge
-            yield Step(edge.time, edge.until, response.initial, response.final, settled=True)
+            yield Step(edge.time, edge.until, response.initial, response.final, edge.after, True)
     except EhaBenchError:
         # Not settled, say: then only what was commanded is known.
         yield from _commanded_steps(recording, trial)
@@ -84,4 +89,6 @@ def _commanded_steps(recording: Recording, trial: Trial) -> Iterator[Step]:
     except EhaBenchError:
         edges = trial.signal.edges
     for edge in edges:
-        yield Step(edge.time, min(edge.until, trial.duration), edge.before, edge.after, False)
+        yield Step(
+            edge.time, min(edge.until, trial.duration), edge.before, edge.after, edge.after, False
+        )

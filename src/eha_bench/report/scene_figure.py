@@ -2,38 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from eha_bench.core.recording import Recording
-from eha_bench.report.embed_svg import SHADES
 from eha_bench.report.engineering import DisplayUnit
 from eha_bench.report.envelope import envelope_indices
-from eha_bench.report.figures import plot_style, render_svg
-from eha_bench.report.labels import Box, LabelPlacer
-from eha_bench.report.marks import LevelLine, Mark, Point, Role, TimeBand, TimeLine, ValueBand
+from eha_bench.report.labels import CHARACTER_WIDTH, Box, LabelPlacer
+from eha_bench.report.marks import LevelLine, Mark, Point, Role, TimeBand, TimeLine, Tube, ValueBand
 from eha_bench.report.panels import Panel
 from eha_bench.report.scene import Scene
+from eha_bench.report.svg_canvas import Canvas
+from eha_bench.report.ticks import Ticks, ticks_between
 
 FloatArray = NDArray[np.float64]
 
-WIDTH: Final = 9.2
-LEFT: Final = 0.62
-RIGHT: Final = 0.12
-FIRST_HEIGHT: Final = 2.7
-OTHER_HEIGHT: Final = 1.2
-POINTS: Final = 2000
+# In points: 1/72 inch. The page shows the drawing as wide as its column.
+WIDTH: Final = 662.0
+LEFT: Final = 45.0
+RIGHT: Final = 9.0
+FIRST_HEIGHT: Final = 194.0
+OTHER_HEIGHT: Final = 86.0
+GAP: Final = 26.0
+TOP: Final = 22.0
+BOTTOM: Final = 32.0
+POINTS: Final = 1300
 LABEL_SIZE: Final = 7.5
-CURVES: Final = 2.5
+TEXT_SIZE: Final = 9.0
+HEADING_SIZE: Final = 9.5
 MILLISECONDS_BELOW: Final = 2.0
+REACH: Final = 0.6  # of the curves' height: how far off a level may lie and still be shown
+PAD: Final = 0.08
 
 _ROLE_SHADE: Final = {
     Role.LEVEL: "muted",
@@ -43,13 +47,13 @@ _ROLE_SHADE: Final = {
     Role.MEASURED: "text",
     Role.UNSCORED: "muted",
 }
-_DASHES: Final[dict[Role, tuple[float, tuple[float, ...]]]] = {
-    Role.LEVEL: (0, (1, 2)),
-    Role.BAND: (0, (1, 2)),
-    Role.LIMIT: (0, (6, 2)),
-    Role.SAFETY: (0, (6, 2, 1, 2)),
-    Role.MEASURED: (0, (1, 2)),
-    Role.UNSCORED: (0, (1, 2)),
+_DASHES: Final[dict[Role, tuple[float, ...]]] = {
+    Role.LEVEL: (1, 2),
+    Role.BAND: (1, 2),
+    Role.LIMIT: (6, 2),
+    Role.SAFETY: (6, 2, 1, 2),
+    Role.MEASURED: (1, 2),
+    Role.UNSCORED: (1, 2),
 }
 
 
@@ -66,6 +70,57 @@ class TimeAxis:
         short = self.stop - self.start <= MILLISECONDS_BELOW
         return DisplayUnit("ms", 1e3) if short else DisplayUnit("s")
 
+    @property
+    def ticks(self) -> Ticks:
+        """Round instants, in the unit shown."""
+        return ticks_between(self.unit.shown(self.start), self.unit.shown(self.stop), 14)
+
+
+@dataclass(frozen=True)
+class Area:
+    """Where a panel is drawn, in points, and the values (display unit) at its edges."""
+
+    top: float
+    bottom: float
+    low: float
+    high: float
+    axis: TimeAxis
+    panel: Panel
+
+    left: Final = LEFT
+    right: Final = WIDTH - RIGHT
+
+    def x(self, time: float) -> float:
+        """Place of an instant in s; beyond the axis, its end."""
+        span = self.axis.stop - self.axis.start
+        share = min(1.0, max(0.0, (time - self.axis.start) / span))
+        return self.left + share * (self.right - self.left)
+
+    def y(self, value: float) -> float:
+        """Place of a value in SI."""
+        return self.y_shown(self.panel.unit.shown(value))
+
+    def y_shown(self, value: float) -> float:
+        """Place of a value in the panel's unit."""
+        share = (value - self.low) / (self.high - self.low)
+        return self.bottom - share * (self.bottom - self.top)
+
+    def holds(self, value: float) -> bool:
+        """Whether a value (SI) lies within the area."""
+        return self.low <= self.panel.unit.shown(value) <= self.high
+
+    def points(self, time: FloatArray, values: FloatArray) -> FloatArray:
+        """Return the places (n, 2) of values in SI; what lies outside is cut to the edge."""
+        unit = self.panel.unit
+        shown = (unit.factor * values + unit.offset - self.low) / (self.high - self.low)
+        along = (time - self.axis.start) / (self.axis.stop - self.axis.start)
+        return np.column_stack(
+            (
+                self.left + along * (self.right - self.left),
+                self.bottom - np.clip(shown, 0.0, 1.0) * (self.bottom - self.top),
+            )
+        )
+
 
 def scene_svg(scene: Scene, *, key: str, title: str, points: int = POINTS) -> Markup:
     """Draw a recording: one panel below the other over one time axis, with its marks.
@@ -76,180 +131,207 @@ def scene_svg(scene: Scene, *, key: str, title: str, points: int = POINTS) -> Ma
         title: what a screen reader says.
         points: kept of each curve, about; see `envelope_indices`.
     """
-    recording, panels, marks = scene.recording, scene.panels, scene.marks
+    recording, panels = scene.recording, scene.panels
     axis = TimeAxis(float(recording.time[0]), float(recording.time[-1]))
     heights = [FIRST_HEIGHT] + [OTHER_HEIGHT] * (len(panels) - 1)
-    with plot_style():
-        gap, top, bottom = 0.36, 0.30, 0.44
-        height = sum(heights) + gap * (len(panels) - 1) + top + bottom
-        figure = Figure(figsize=(WIDTH, height))
-        lower = height - top
-        first: Axes | None = None
-        for panel, tall in zip(panels, heights, strict=True):
-            lower -= tall
-            place = (LEFT / WIDTH, lower / height, 1.0 - (LEFT + RIGHT) / WIDTH, tall / height)
-            axes = figure.add_axes(place, sharex=first, label=panel.heading)
-            lower -= gap
-            _draw_panel(axes, recording, panel, axis, points)
-            _draw_marks(axes, panel, marks, axis)
-            axes.tick_params(bottom=panel is panels[-1], labelbottom=panel is panels[-1])
-            axes.set_xlim(axis.unit.shown(axis.start), axis.unit.shown(axis.stop))
-            first = first or axes
-        for axes, panel in zip(figure.axes, panels, strict=True):
-            _draw_labels(axes, panel, marks, axis)
-        figure.axes[-1].set_xlabel(f"time / {axis.unit.symbol}")
-        return render_svg(figure, key, title=title)
+    height = TOP + sum(heights) + GAP * (len(panels) - 1) + BOTTOM
+    canvas = Canvas(WIDTH, height)
+    top = TOP
+    for panel, tall in zip(panels, heights, strict=True):
+        own = [
+            mark
+            for mark in scene.marks
+            if isinstance(mark, TimeBand) or mark.channel in panel.channels
+        ]
+        low, high = _range(recording, panel, own)
+        area = Area(top, top + tall, low, high, axis, panel)
+        _draw_panel(canvas, area, recording, own, points, last=panel is panels[-1])
+        top += tall + GAP
+    return canvas.svg(key, title=title)
+
+
+def _range(recording: Recording, panel: Panel, marks: Sequence[Mark]) -> tuple[float, float]:
+    """The values (display unit) at the panel's edges: its curves, and the marks near to them."""
+    unit = panel.unit
+    ends = [unit.shown(v) for name in panel.channels for v in _extremes(recording[name])]
+    low, high = min(ends), max(ends)
+    reach = REACH * max(high - low, unit.difference(panel.least_span))
+    near = [unit.shown(v) for mark in marks for v in _values(mark)]
+    near = [v for v in near if low - reach <= v <= high + reach]
+    low, high = min([low, *near]), max([high, *near])
+    least = unit.difference(panel.least_span) or (1.0 if low == high else 0.0)
+    pad = PAD * (high - low) + max(0.0, least - (high - low)) / 2.0
+    # of huge values a span of 1 may be nothing
+    pad = max(pad, 1e-9 * max(abs(low), abs(high)))
+    return low - pad, high + pad
+
+
+def _extremes(values: FloatArray) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    return float(finite.min()), float(finite.max())
+
+
+def _values(mark: Mark) -> Iterator[float]:
+    match mark:
+        case LevelLine() if mark.role is not Role.SAFETY:
+            yield mark.value
+        case Point():
+            yield mark.value
+        case ValueBand():
+            yield from (mark.low, mark.high)
+        case _:
+            pass
 
 
 def _draw_panel(
-    axes: Axes, recording: Recording, panel: Panel, axis: TimeAxis, points: int
+    canvas: Canvas,
+    area: Area,
+    recording: Recording,
+    marks: Sequence[Mark],
+    points: int,
+    *,
+    last: bool,
 ) -> None:
-    unit = f" / {panel.unit.symbol}" if panel.unit.symbol else ""
-    axes.set_title(panel.heading + unit)
-    axes.locator_params(axis="y", nbins=5 if axes.get_position().height > 0.3 else 3)
-    axes.margins(y=0.08)
-    lines: list[Line2D] = []
-    for trace in panel.traces:
+    _draw_bands(canvas, area, marks)
+    _draw_axes(canvas, area, last=last)
+    _draw_lines(canvas, area, recording, marks)
+    followed: list[FloatArray] = []
+    for trace in area.panel.traces:
         values = recording[trace.channel]
         keep = envelope_indices(values, points)
-        lines += axes.plot(
-            axis.unit.shown(1.0) * recording.time[keep],
-            panel.unit.factor * values[keep] + panel.unit.offset,
-            color=SHADES[trace.colour],
-            linestyle=(0, (4, 2)) if trace.dashed else "-",
-            linewidth=1.1 if trace.dashed else 1.4,
-            label=trace.label,
-            zorder=CURVES + (0.5 if trace.dashed else 0.0),
-        )
-    low, high = axes.get_ylim()
-    lacking = panel.unit.difference(panel.least_span) - (high - low)
-    if lacking > 0.0:
-        axes.set_ylim(low - lacking / 2.0, high + lacking / 2.0)
-    if len(lines) > 1:
-        axes.legend(
-            handles=lines,
-            loc="lower right",
-            bbox_to_anchor=(1.0, 0.99),
-            ncols=len(lines),
-            borderaxespad=0.0,
-            borderpad=0.2,
-            handlelength=1.8,
-            columnspacing=1.4,
-        )
+        places = area.points(recording.time[keep], values[keep])
+        followed.append(_followed(places))
+        width, dash = (1.1, (4.0, 2.0)) if trace.dashed else (1.4, ())
+        canvas.curve(places, trace.colour, width=width, dash=dash)
+    for mark in marks:
+        if isinstance(mark, Point):
+            canvas.ring(area.x(mark.time), area.y(mark.value), 2.5, "text")
+    _draw_heading(canvas, area)
+    _draw_labels(canvas, area, marks, np.concatenate(followed))
 
 
-def _draw_marks(axes: Axes, panel: Panel, marks: Sequence[Mark], axis: TimeAxis) -> None:
-    seconds, shown = axis.unit.shown(1.0), panel.unit.shown
-    own = [mark for mark in marks if isinstance(mark, TimeBand) or mark.channel in panel.channels]
-    low, high = axes.get_ylim()
-    for mark in own:
+def _draw_axes(canvas: Canvas, area: Area, *, last: bool) -> None:
+    across = ticks_between(area.low, area.high, 8 if area.bottom - area.top > 120.0 else 4)
+    along = area.axis.ticks
+    times = [area.x(value / area.axis.unit.factor) for value in along.values]
+    levels = [area.y_shown(value) for value in across.values]
+    canvas.ruling(
+        [(area.left, y, area.right, y) for y in levels]
+        + [(x, area.top, x, area.bottom) for x in times],
+        "grid",
+    )
+    canvas.ruling(
+        [
+            (area.left, area.top, area.left, area.bottom),
+            (area.left, area.bottom, area.right, area.bottom),
+            *((x, area.bottom, x, area.bottom + 3.0) for x in times if last),
+        ],
+        "axis",
+    )
+    for y, label in zip(levels, across.labels, strict=True):
+        canvas.text(label, area.left - 4.0, y + 3.2, "muted", size=TEXT_SIZE, anchor="end")
+    if not last:
+        return
+    for x, label in zip(times, along.labels, strict=True):
+        canvas.text(label, x, area.bottom + 13.0, "muted", size=TEXT_SIZE, anchor="middle")
+    middle = (area.left + area.right) / 2.0
+    name = f"time / {area.axis.unit.symbol}"
+    canvas.text(name, middle, area.bottom + 26.0, "muted", size=TEXT_SIZE, anchor="middle")
+
+
+def _draw_heading(canvas: Canvas, area: Area) -> None:
+    panel = area.panel
+    unit = f" / {panel.unit.symbol}" if panel.unit.symbol else ""
+    y = area.top - 6.0
+    canvas.text(panel.heading + unit, area.left, y, "text", size=HEADING_SIZE, bold=True)
+    if len(panel.traces) < 2:
+        return
+    right = area.right
+    for trace in reversed(panel.traces):
+        # A font may be wider than the mean letter says: there is room behind every word.
+        right -= 1.15 * CHARACTER_WIDTH * TEXT_SIZE * len(trace.label)
+        canvas.text(trace.label, right, y, "muted", size=TEXT_SIZE)
+        stop = right - 5.0
+        dash = (4.0, 2.0) if trace.dashed else ()
+        canvas.line((stop - 16.0, y - 3.0), (stop, y - 3.0), trace.colour, width=1.4, dash=dash)
+        right = stop - 28.0
+
+
+def _draw_bands(canvas: Canvas, area: Area, marks: Sequence[Mark]) -> None:
+    for mark in marks:
         match mark:
             case TimeBand():
-                span = (max(mark.start, axis.start) * seconds, mark.stop * seconds)
-                shade = SHADES[_ROLE_SHADE[mark.role]]
-                axes.axvspan(*span, color=shade, alpha=0.10, linewidth=0, zorder=0.5)
+                across = (area.top, area.bottom, 0.10)
             case ValueBand():
-                axes.fill_between(
-                    [mark.start * seconds, min(mark.stop, axis.stop) * seconds],
-                    shown(mark.low),
-                    shown(mark.high),
-                    color=SHADES[_ROLE_SHADE[mark.role]],
-                    alpha=0.16,
-                    linewidth=0,
-                    zorder=0.8,
-                )
-            case LevelLine():
-                # A safety limit far outside of what happened would flatten the curve.
-                if mark.role is not Role.SAFETY or low <= shown(mark.value) <= high:
-                    span = (
-                        max(mark.start, axis.start) * seconds,
-                        min(mark.stop, axis.stop) * seconds,
-                    )
-                    _line(axes, span, (shown(mark.value), shown(mark.value)), mark.role)
-            case TimeLine() if mark.time <= axis.stop:
-                axes.axvline(
-                    mark.time * seconds,
-                    color=SHADES[_ROLE_SHADE[mark.role]],
-                    linestyle=_DASHES[mark.role],
-                    linewidth=1.0,
-                    zorder=2,
-                )
-            case Point():
-                axes.plot(
-                    [mark.time * seconds],
-                    [shown(mark.value)],
-                    marker="o",
-                    markersize=5.0,
-                    color=SHADES["text"],
-                    markerfacecolor=SHADES["paper"],
-                    markeredgewidth=1.2,
-                    linestyle="none",
-                    zorder=4,
-                )
+                edges = [area.y(mark.high), area.y(mark.low)]
+                top, bottom = (min(max(y, area.top), area.bottom) for y in edges)
+                across = (top, bottom, 0.16)
             case _:
-                pass
+                continue
+        shade = _ROLE_SHADE[mark.role]
+        left, right = area.x(mark.start), area.x(mark.stop)
+        if right > left:
+            canvas.rectangle(left, across[0], right, across[1], shade, opacity=across[2])
 
 
-def _line(axes: Axes, x: tuple[float, float], y: tuple[float, float], role: Role) -> None:
-    axes.plot(
-        x, y, color=SHADES[_ROLE_SHADE[role]], linestyle=_DASHES[role], linewidth=1.0, zorder=2
-    )
-
-
-def _draw_labels(axes: Axes, panel: Panel, marks: Sequence[Mark], axis: TimeAxis) -> None:
-    """Label the marks once the axes' ranges are final."""
-    dpi = axes.figure.dpi
-    corners = axes.get_window_extent().get_points() * 72.0 / dpi
-    area = Box(corners[0, 0] + 2, corners[0, 1] + 2, corners[1, 0] - 2, corners[1, 1] + 2)
-    curves = [
-        _followed(line, dpi) for line in axes.get_lines() if line.get_transform() == axes.transData
-    ]
-    placer = LabelPlacer(area, LABEL_SIZE, np.concatenate(curves))
-    seconds, shown = axis.unit.shown(1.0), panel.unit.shown
-    low, high = axes.get_ylim()
-
-    def at(time: float, value: float) -> tuple[float, float]:
-        x, y = axes.transData.transform((time * seconds, shown(value))) * 72.0 / dpi
-        return float(x), float(y)
-
+def _draw_lines(canvas: Canvas, area: Area, recording: Recording, marks: Sequence[Mark]) -> None:
     for mark in marks:
-        if isinstance(mark, TimeBand) or mark.channel not in panel.channels or not mark.label:
+        match mark:
+            # A level far outside of what happened would flatten the curve: it is not drawn.
+            case LevelLine() if area.holds(mark.value):
+                y = area.y(mark.value)
+                start, stop = (area.x(mark.start), y), (area.x(mark.stop), y)
+            case TimeLine() if area.axis.start <= mark.time <= area.axis.stop:
+                x = area.x(mark.time)
+                start, stop = (x, area.top), (x, area.bottom)
+            case Tube() if "reference" in recording:
+                _draw_tube(canvas, area, recording, mark)
+                continue
+            case _:
+                continue
+        canvas.line(start, stop, _ROLE_SHADE[mark.role], dash=_DASHES[mark.role])
+
+
+def _draw_tube(canvas: Canvas, area: Area, recording: Recording, mark: Tube) -> None:
+    inside = (recording.time >= mark.start) & (recording.time <= mark.stop)
+    time, reference = recording.time[inside], recording["reference"][inside]
+    for side in (mark.low, mark.high):
+        keep = envelope_indices(reference, POINTS)
+        places = area.points(time[keep], reference[keep] + side)
+        # what is cut to the edge of the area is left out
+        places[(places[:, 1] <= area.top) | (places[:, 1] >= area.bottom)] = np.nan
+        canvas.curve(places, _ROLE_SHADE[mark.role], width=1.0, dash=_DASHES[mark.role])
+
+
+def _draw_labels(canvas: Canvas, area: Area, marks: Sequence[Mark], curves: FloatArray) -> None:
+    # The placer's heights grow upwards.
+    room = Box(area.left + 2.0, -area.bottom + 2.0, area.right - 2.0, -area.top + 2.0)
+    placer = LabelPlacer(room, LABEL_SIZE, curves * (1.0, -1.0))
+    for mark in marks:
+        if isinstance(mark, TimeBand | ValueBand) or not mark.label:
             continue
+        shade = _ROLE_SHADE[mark.role] if not isinstance(mark, Point) else "text"
         match mark:
             case Point():
-                box = placer.beside(mark.label, *at(mark.time, mark.value))
-                _write(axes, mark.label, box, "text")
-            case TimeLine() if mark.time <= axis.stop:
-                x, _ = at(mark.time, 0.0)
-                box = placer.along(mark.label, x + 3, area.bottom, align="left")
-                _write(axes, mark.label, box, _ROLE_SHADE[mark.role])
-            case LevelLine() if low <= shown(mark.value) <= high:
-                x, y = at(min(mark.stop, axis.stop), mark.value)
-                box = placer.along(mark.label, x - 2, y + 1, align="right")
-                _write(axes, mark.label, box, _ROLE_SHADE[mark.role])
+                box = placer.beside(mark.label, area.x(mark.time), -area.y(mark.value))
+            case TimeLine() if area.axis.start <= mark.time <= area.axis.stop:
+                place = (area.x(mark.time) + 3.0, room.bottom)
+                box = placer.along(mark.label, *place, align="left")
+            case LevelLine() if area.holds(mark.value):
+                place = (area.x(mark.stop) - 2.0, 1.0 - area.y(mark.value))
+                box = placer.along(mark.label, *place, align="right")
+            case Tube():
+                box = placer.along(mark.label, area.right - 2.0, room.top - 12.0, align="right")
             case _:
-                pass
+                continue
+        canvas.text(mark.label, box.left, -box.bottom - 2.0, shade, size=LABEL_SIZE)
 
 
-def _followed(line: Line2D, dpi: float) -> FloatArray:
-    """Points of a curve no further apart than a letter is wide, in points of the figure."""
-    corners = line.get_transform().transform(line.get_xydata()) * 72.0 / dpi
-    corners = corners[np.isfinite(corners).all(axis=1)]
+def _followed(places: FloatArray) -> FloatArray:
+    """Points of a curve no further apart than a letter is wide."""
+    corners = places[np.isfinite(places).all(axis=1)]
     if len(corners) < 2:
         return np.zeros((0, 2))
     length = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))))
-    places = np.linspace(0.0, length[-1], min(4000, int(length[-1] / 3.0) + 2))
-    return np.column_stack([np.interp(places, length, corners[:, i]) for i in (0, 1)])
-
-
-def _write(axes: Axes, text: str, box: Box, shade: str) -> None:
-    axes.annotate(
-        text,
-        (box.left, box.bottom),
-        xycoords="figure points",
-        fontsize=LABEL_SIZE,
-        color=SHADES[shade],
-        va="bottom",
-        ha="left",
-        annotation_clip=False,
-    )
+    along = np.linspace(0.0, length[-1], min(4000, int(length[-1] / 3.0) + 2))
+    return np.column_stack([np.interp(along, length, corners[:, i]) for i in (0, 1)])

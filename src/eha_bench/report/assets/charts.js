@@ -25,6 +25,13 @@
     return (Number(written) === 0 ? written.replace("-", "") : written).replace("-", MINUS);
   };
   const decimalsFor = (span) => (span > 0 ? Math.min(9, Math.max(0, 3 - Math.floor(Math.log10(span)))) : 3);
+  // Digits after the point that every multiple of a step needs: 2.5 -> 1, 0.02 -> 2.
+  const digits = (step) => {
+    let places = 0;
+    const whole = (scaled) => Math.abs(scaled - Math.round(scaled)) <= 1e-6 * scaled;
+    while (places < 12 && !whole(Math.abs(step) * 10 ** places)) places++;
+    return places;
+  };
   const make = (tag, className, content) => {
     const element = document.createElement(tag);
     if (className) element.className = className;
@@ -111,7 +118,7 @@
         ticks: { stroke: shades.axis, width: 1, size: 4 },
       };
       const scaled = (factor) => (u, splits, _axis, _space, step) => {
-        const decimals = (String(Number((step * factor).toPrecision(3))).split(".")[1] ?? "").length;
+        const decimals = digits(step * factor);
         return splits.map((value) => text(value * factor, decimals));
       };
       const labelled = this.last
@@ -143,7 +150,7 @@
 
     heights(low, high) {
       if (low == null || high == null) return [0, 1];
-      const reach = 0.35 * Math.max(high - low, this.data.leastSpan);
+      const reach = 0.6 * Math.max(high - low, this.data.leastSpan);
       const [start, stop] = this.figure.range;
       for (const mark of this.data.marks) {
         if (mark.value === undefined || mark.role === "safety") continue;
@@ -206,6 +213,11 @@
             ctx.stroke();
             const bottom = box.top + box.height - 2 * dpr;
             if (x(mark.time) > box.left && x(mark.time) < box.left + box.width) this.label(u, taken, mark.label, shade, [[x(mark.time) + 3 * dpr, bottom, "left"]], dpr);
+          } else if (mark.kind === "Tube") {
+            this.tube(u, mark, x, y);
+            if (x(mark.start) < box.left + box.width && x(mark.stop) > box.left) {
+              this.label(u, taken, mark.label, shade, [[Math.min(x(mark.stop), box.left + box.width) - 3 * dpr, box.top + 16 * dpr, "right"]], dpr);
+            }
           } else if (mark.kind === "Point") {
             ctx.setLineDash([]);
             ctx.lineWidth = 1.5 * dpr;
@@ -219,6 +231,24 @@
           }
         }
       });
+    }
+
+    // Lines at a distance from the reference, as the reference is drawn.
+    tube(u, mark, x, y) {
+      const { ctx } = u;
+      const place = this.data.traces.findIndex((trace) => trace.channel === "reference") + 1;
+      if (place === 0) return;
+      const [time, reference] = [u.data[0], u.data[place]];
+      const [min, max] = this.figure.range;
+      const from = Math.max(0, u.valToIdx(min) - 1), to = Math.min(time.length - 1, u.valToIdx(max) + 1);
+      for (const side of [mark.low, mark.high]) {
+        ctx.beginPath();
+        for (let i = from; i <= to; i++) {
+          if (reference[i] == null || time[i] < mark.start || time[i] > mark.stop) continue;
+          ctx.lineTo(x(time[i]), y(reference[i] + side));
+        }
+        ctx.stroke();
+      }
     }
 
     // Writes a label at the first free place, rather not over a curve; not at all where none is free.
@@ -308,10 +338,10 @@
         button("\u2192", "Later", () => this.pan(0.25)),
         button("+", "Zoom in", () => this.zoom(0.5)),
         button(MINUS, "Zoom out", () => this.zoom(2)),
-        button("Whole", "Show the whole run", () => this.setRange(this.scene.start, this.scene.stop)),
+        button("Whole", "Show the whole run", () => this.showWhole()),
         this.link,
       );
-      const hint = make("p", "hint", `Drag to zoom, double-click for the whole run. With the charts in focus: arrow keys move the cursor, + and ${MINUS} zoom, 0 shows the whole run.`);
+      const hint = make("p", "hint", `Drag to zoom, double-click for the whole run; on a touch screen, pinch and double-tap. With the charts in focus: arrow keys move the cursor, + and ${MINUS} zoom, 0 shows the whole run.`);
       hint.id = `${this.element.dataset.key}-hint`;
       charts.setAttribute("aria-describedby", hint.id);
       this.spoken = make("p", "for-readers");
@@ -319,7 +349,8 @@
       this.panels = this.scene.panels.map((data, i) => new Panel(this, data, i === this.scene.panels.length - 1));
       charts.append(tools, ...this.panels.map((panel) => panel.element), hint, this.spoken);
       charts.addEventListener("keydown", (event) => this.key(event));
-      charts.addEventListener("pointerleave", () => this.point(null));
+      charts.addEventListener("pointerleave", (event) => { if (event.pointerType !== "touch") this.point(null); });
+      pinch.attach(this, charts);
       this.element.prepend(charts);
       this.charts = charts;
       this.relink();
@@ -368,6 +399,11 @@
       const [min, max] = this.range;
       const middle = this.at !== null && this.at >= min && this.at <= max ? this.at : (min + max) / 2;
       this.setRange(middle - (middle - min) * factor, middle + (max - middle) * factor);
+      this.remember();
+    }
+
+    showWhole() {
+      this.setRange(this.scene.start, this.scene.stop);
       this.remember();
     }
 
@@ -448,7 +484,7 @@
         ArrowLeft: () => move(-step), ArrowRight: () => move(step),
         "+": () => this.zoom(0.5), "=": () => this.zoom(0.5),
         "-": () => this.zoom(2), [MINUS]: () => this.zoom(2),
-        0: () => { this.setRange(this.scene.start, this.scene.stop); this.remember(); },
+        0: () => this.showWhole(),
         Escape: () => this.point(null),
       };
       const action = actions[event.key];

@@ -1,0 +1,56 @@
+"""Round values for an axis, and how many digits their labels need."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from eha_bench.report.engineering import number
+
+_STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
+_MOST_DECIMALS: Final = 12
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """Values in ascending order, `decimals` digits after the point tell every one exactly."""
+
+    values: tuple[float, ...]
+    decimals: int
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The values as text, with a true minus."""
+        return tuple(number(value, self.decimals) for value in self.values)
+
+
+def decimals_of(step: float) -> int:
+    """Return how many digits after the point a multiple of `step` needs: 2.5 -> 1, 0.02 -> 2."""
+    for decimals in range(_MOST_DECIMALS):
+        scaled = abs(step) * 10.0**decimals
+        if abs(scaled - round(scaled)) <= 1e-6 * scaled:
+            return decimals
+    return _MOST_DECIMALS
+
+
+def ticks_between(low: float, high: float, most: int) -> Ticks:
+    """Return the ticks of an axis from `low` to `high`, at steps of 1, 2, 2.5 or 5 times 10^n.
+
+    Args:
+        low, high: the ends of the axis, finite, low < high.
+        most: intervals between ticks, at most.
+    """
+    rough = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(s * power for s in _STEPS if s * power >= rough * (1.0 - 1e-9))
+    places = _places(low, high, step)
+    if len(places) < 2:
+        # one tick alone tells no scale
+        step /= 2.0
+        places = _places(low, high, step)
+    return Ticks(tuple(place * step for place in places), decimals_of(step))
+
+
+def _places(low: float, high: float, step: float) -> range:
+    return range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
