@@ -7,12 +7,23 @@ neither has to know the other. The ids of the table are public (result.json).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, Final
 
 from eha_bench.core import plugins
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, PluginError
 from eha_bench.core.near_miss import suggest
+
+
+class Better(StrEnum):
+    """Which of two values of a metric is the better one."""
+
+    LOWER = "lower"
+    HIGHER = "higher"
+    NEARER_ZERO = "nearer to 0"
+    NEARER_ONE = "nearer to 1"
+    UNKNOWN = ""
 
 
 @dataclass(frozen=True)
@@ -26,12 +37,14 @@ class MetricSpec:
             that it is scored on (a peak in Pa, a tracking error in rad).
         channel: the channel it is scored on unless the suite says otherwise: None for the channel
             that should follow the reference, "" for the recording as a whole.
+        better: which of two values is the better one; UNKNOWN where that depends on the purpose.
     """
 
     id: str
     description: str
     unit: str | None = ""
     channel: str | None = None
+    better: Better = Better.UNKNOWN
 
     def unit_on(self, channel: str) -> str:
         """Return the SI unit of the metric's value when scored on `channel`."""
@@ -43,26 +56,70 @@ class MetricSpec:
 
 
 _ALL: Final = (
-    MetricSpec("rise_time", "10 to 90 % of the step, interpolated crossings", "s"),
-    MetricSpec("response_time", "from the command's edge to 95 % of the step", "s"),
-    MetricSpec("settling_time", "from the edge until within 2 % of the step for good", "s"),
-    MetricSpec("overshoot", "beyond the final level, as a fraction of the step"),
-    MetricSpec("undershoot", "before the initial level, as a fraction of the step"),
+    MetricSpec(
+        "rise_time", "10 to 90 % of the step, interpolated crossings", "s", better=Better.LOWER
+    ),
+    MetricSpec(
+        "response_time", "from the command's edge to 95 % of the step", "s", better=Better.LOWER
+    ),
+    MetricSpec(
+        "settling_time",
+        "from the edge until within 2 % of the step for good",
+        "s",
+        better=Better.LOWER,
+    ),
+    MetricSpec(
+        "overshoot", "beyond the final level, as a fraction of the step", better=Better.LOWER
+    ),
+    MetricSpec(
+        "undershoot", "before the initial level, as a fraction of the step", better=Better.LOWER
+    ),
     MetricSpec("peak", "the extreme value after the edge, in the direction of the step", None),
-    MetricSpec("peak_time", "from the edge to the peak", "s"),
-    MetricSpec("delay_time", "from the command's edge to 50 % of the step", "s"),
-    MetricSpec("steady_state_error", "reference minus final level", None),
+    MetricSpec("peak_time", "from the edge to the peak", "s", better=Better.LOWER),
+    MetricSpec(
+        "delay_time", "from the command's edge to 50 % of the step", "s", better=Better.LOWER
+    ),
+    MetricSpec(
+        "steady_state_error", "reference minus final level", None, better=Better.NEARER_ZERO
+    ),
     MetricSpec("holding_current", "mean current while the final level is held", "A", "current"),
-    MetricSpec("tracking_rms", "root mean square of reference minus measurement", None),
-    MetricSpec("tracking_max", "largest magnitude of reference minus measurement", None),
-    MetricSpec("tracking_nrmse", "tracking_rms over the span of the reference"),
-    MetricSpec("amplitude_ratio", "fundamental of the measurement over that of the reference"),
-    MetricSpec("phase_lag", "phase of the reference minus that of the measurement", "rad"),
-    MetricSpec("time_lag", "phase lag as time at the frequency of the fundamental", "s"),
-    MetricSpec("distortion", "total harmonic distortion of the measurement"),
-    MetricSpec("bandwidth_3db", "where the gain has fallen by 3 dB", "Hz"),
-    MetricSpec("bandwidth_90deg", "where the phase lag reaches 90 degrees", "Hz"),
-    MetricSpec("loop_overruns", "ticks at which the control loop was late", "", ""),
+    MetricSpec(
+        "tracking_rms", "root mean square of reference minus measurement", None, better=Better.LOWER
+    ),
+    MetricSpec(
+        "tracking_max",
+        "largest magnitude of reference minus measurement",
+        None,
+        better=Better.LOWER,
+    ),
+    MetricSpec(
+        "tracking_nrmse", "tracking_rms over the span of the reference", better=Better.LOWER
+    ),
+    MetricSpec(
+        "amplitude_ratio",
+        "fundamental of the measurement over that of the reference",
+        better=Better.NEARER_ONE,
+    ),
+    MetricSpec(
+        "phase_lag",
+        "phase of the reference minus that of the measurement",
+        "rad",
+        better=Better.NEARER_ZERO,
+    ),
+    MetricSpec(
+        "time_lag",
+        "phase lag as time at the frequency of the fundamental",
+        "s",
+        better=Better.NEARER_ZERO,
+    ),
+    MetricSpec("distortion", "total harmonic distortion of the measurement", better=Better.LOWER),
+    MetricSpec("bandwidth_3db", "where the gain has fallen by 3 dB", "Hz", better=Better.HIGHER),
+    MetricSpec(
+        "bandwidth_90deg", "where the phase lag reaches 90 degrees", "Hz", better=Better.HIGHER
+    ),
+    MetricSpec(
+        "loop_overruns", "ticks at which the control loop was late", "", "", better=Better.LOWER
+    ),
 )
 
 METRICS: Final[dict[str, MetricSpec]] = {spec.id: spec for spec in _ALL}

@@ -146,6 +146,7 @@ def _score_to_dict(score: Score) -> dict[str, Any]:
         "high": _number(score.measure.high),
         "unit": score.unit,
         "limit": score.limit,
+        "matters": score.matters,
         "status": score.status.value,
         "reason": score.measure.reason,
     }
@@ -177,7 +178,8 @@ def _from_dict(data: Mapping[str, Any]) -> Result:
                     ),
                     unit=str(score["unit"]),
                     status=ScoreStatus(score["status"]),
-                    limit=str(score.get("limit", "")),
+                    limit=str(score.get("limit") or ""),
+                    matters=str(score.get("matters") or ""),
                 )
                 for score in trial["scores"]
             ),

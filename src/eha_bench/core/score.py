@@ -45,7 +45,10 @@ class Measure:
 
 @dataclass(frozen=True)
 class Score:
-    """A measure with its name and verdict, as it stands in result.json."""
+    """A measure with its name and verdict, as it stands in result.json.
+
+    `matters` is the smallest difference that matters between two results, as the suite wrote it.
+    """
 
     metric: str
     channel: str
@@ -53,6 +56,7 @@ class Score:
     unit: str
     status: ScoreStatus
     limit: str = ""
+    matters: str = ""
 
     @property
     def value(self) -> float:

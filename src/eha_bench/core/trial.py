@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from eha_bench.core.channels import unit_of
 from eha_bench.core.limit import AcceptanceLimit, SafetyLimit
+from eha_bench.core.margin import Margin
 from eha_bench.core.signal import Signal
 
 
@@ -79,6 +80,7 @@ class Trial:
         scores: (metric, channel) pairs to compute beyond those that have limits.
         limits: acceptance limits.
         safety: safety limits.
+        margins: smallest difference that matters between two results, by metric.
         source: the trial as JSON text, so that a recording alone can be re-scored.
         description: for people.
     """
@@ -95,6 +97,7 @@ class Trial:
     scores: tuple[tuple[str, str], ...] = ()
     limits: tuple[AcceptanceLimit, ...] = ()
     safety: tuple[SafetyLimit, ...] = ()
+    margins: dict[str, Margin] = field(default_factory=dict)
     source: str = ""
     description: str = ""
 

@@ -92,6 +92,7 @@ def _score(
         unit=unit,
         status=judge(measure, limit),
         limit=limit.text if limit else "",
+        matters=trial.margins[name].text if name in trial.margins else "",
     )
 
 

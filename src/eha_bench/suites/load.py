@@ -18,6 +18,7 @@ from eha_bench.core.yaml_file import StrictModel, read_text, validate
 from eha_bench.core.yaml_file import parse as parse_yaml
 from eha_bench.suites.acceptance.baseline import Baseline
 from eha_bench.suites.acceptance.limits import judgement, safety_limits
+from eha_bench.suites.acceptance.margins import margins
 from eha_bench.suites.identifiers import check_identifier
 from eha_bench.suites.located import Located
 from eha_bench.suites.matrix import expand
@@ -29,8 +30,8 @@ from eha_bench.suites.trial_source import signal_from, source_of
 MOST_TICKS = 100_000_000
 """A run of a day at 1 kHz; more is a slip of the pen, and would not fit into memory."""
 
-_MERGED = ("setup", "accept", "safety")
-_APART = ("id", "signal", "accept", "scores", "safety")
+_MERGED = ("setup", "accept", "safety", "matters")
+_APART = ("id", "signal", "accept", "scores", "safety", "matters")
 
 M = TypeVar("M", bound=StrictModel)
 
@@ -118,6 +119,7 @@ def _trial(name: str, content: Located, path: Path, baseline: Baseline) -> Trial
         scores=judged.scores,
         limits=judged.limits,
         safety=safety_limits(content.at("safety"), run.mode),
+        margins=margins(content.at("matters"), run.mode),
         description=run.description.strip(),
     )
     _check_sampling(trial, content)

@@ -68,6 +68,9 @@ class TrialFile(RunKeys):
     )
     scores: list[str | ScoreFile] = Field(default=[], description="metrics without limit")
     safety: dict[str, str | BoundsFile] = Field(default={}, description="limit by channel")
+    matters: dict[str, str | float] = Field(
+        default={}, description="smallest difference that matters between results, by metric"
+    )
 
 
 class SuiteFile(StrictModel):

@@ -16,6 +16,7 @@ from eha_bench.core import plugins
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.excerpt import Excerpt, fitted
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
+from eha_bench.core.margin import Margin
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Setup, Trial
@@ -59,6 +60,12 @@ class _Safety(StrictModel):
     text: str
 
 
+class _Margin(StrictModel):
+    absolute: float = Field(ge=0, allow_inf_nan=False)
+    share: float = Field(ge=0, allow_inf_nan=False)
+    text: str
+
+
 class _Setup(StrictModel):
     piston: Piston
     bypass: Bypass
@@ -82,6 +89,7 @@ class TrialSource(StrictModel):
     scores: tuple[tuple[str, str], ...]
     limits: tuple[_Limit, ...]
     safety: tuple[_Safety, ...]
+    matters: dict[str, _Margin] = {}
 
 
 def source_of(trial: Trial, signal: SignalModel) -> str:
@@ -119,6 +127,10 @@ def source_of(trial: Trial, signal: SignalModel) -> str:
             _Safety(channel=limit.channel, bounds=_Bounds.of(limit.bounds), text=limit.text)
             for limit in trial.safety
         ),
+        matters={
+            metric: _Margin(absolute=margin.absolute, share=margin.share, text=margin.text)
+            for metric, margin in trial.margins.items()
+        },
     )
     return json.dumps(source.model_dump(mode="json"), ensure_ascii=False, allow_nan=False)
 
@@ -169,6 +181,10 @@ def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
         safety=tuple(
             SafetyLimit(limit.channel, limit.bounds.bounds(), limit.text) for limit in source.safety
         ),
+        margins={
+            metric: Margin(margin.absolute, margin.share, margin.text)
+            for metric, margin in source.matters.items()
+        },
         source=text,
         description=source.description,
     )

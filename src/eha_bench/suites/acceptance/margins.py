@@ -1,0 +1,26 @@
+"""The block `matters` of a trial: the smallest difference that matters, by metric."""
+
+from __future__ import annotations
+
+from eha_bench.core.errors import InputError, UnitError
+from eha_bench.core.margin import Margin, parse_margin
+from eha_bench.core.metric import metric_spec
+from eha_bench.core.trial import ControlMode
+from eha_bench.suites.located import Located
+
+
+def margins(matters: Located, mode: ControlMode) -> dict[str, Margin]:
+    """Return the smallest difference that matters between two results, by metric.
+
+    Raises:
+        InputError: an unknown metric, or not a difference in the metric's unit.
+    """
+    found = {}
+    for metric, entry in matters.mapping("differences by metric").items():
+        spec = metric_spec(metric, where=entry.place())
+        unit = spec.unit_on(spec.channel_for(mode.channel))
+        try:
+            found[metric] = parse_margin(entry.value, unit)
+        except UnitError as error:
+            raise InputError(error.what, where=entry.place(), hint=error.hint) from error
+    return found
