@@ -38,7 +38,7 @@ class Margin:
 
 
 def parse_margin(text: str | float, unit: str) -> Margin:
-    """Return what `5 % of baseline`, `5 %`, `2 ms` or a bare SI number means for a metric in `unit`.
+    """Return what `5 % of baseline`, `5 %`, `2 ms` or a bare SI number means for a metric.
 
     Raises:
         UnitError: not a quantity of that dimension, negative, or not finite.

@@ -7,7 +7,7 @@ import math
 from abc import abstractmethod
 from dataclasses import replace
 
-from eha_bench.core.metric import MetricSpec
+from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
@@ -119,7 +119,9 @@ class Distortion(SineMetric):
 class SineResidual(SineMetric):
     """RMS of what is neither offset, fundamental nor harmonic, in the channel's unit."""
 
-    spec = MetricSpec("sine_residual", "RMS left by offset, fundamental and harmonics", None)
+    spec = MetricSpec(
+        "sine_residual", "RMS left by offset, fundamental and harmonics", None, better=Better.LOWER
+    )
     by_default = False
 
     def of(self, tone: ToneResponse) -> Measure:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.core.metric import MetricSpec
+from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
@@ -157,7 +157,9 @@ class TrackingNrmse(TrackingMetric):
 class TrackingPercentile95(TrackingMetric):
     """The error's magnitude that 95 % of the samples keep, in the channel's unit."""
 
-    spec = MetricSpec("tracking_p95", "95th percentile of |reference - measurement|", None)
+    spec = MetricSpec(
+        "tracking_p95", "95th percentile of |reference - measurement|", None, better=Better.LOWER
+    )
     by_default = False
 
     def of(self, error: TrackingError) -> Measure:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from eha_bench.core.metric import MetricSpec
+from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.score import Measure
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.tracking import TrackingError, TrackingMetric
@@ -23,7 +23,12 @@ _STILL = 1e-3  # of the fastest change: below it the reference rests
 class TrackingLagCompensated(TrackingMetric):
     """RMS error left when the measurement is moved forward in time by its best lag."""
 
-    spec = MetricSpec("tracking_rms_lag_compensated", "tracking_rms at the best time lag", None)
+    spec = MetricSpec(
+        "tracking_rms_lag_compensated",
+        "tracking_rms at the best time lag",
+        None,
+        better=Better.LOWER,
+    )
     by_default = False
 
     def of(self, error: TrackingError) -> Measure:
@@ -83,7 +88,9 @@ class _PhaseMetric(TrackingMetric):
 class TrackingMoving(_PhaseMetric):
     """RMS error while the reference moves."""
 
-    spec = MetricSpec("tracking_rms_moving", "tracking_rms while the reference moves", None)
+    spec = MetricSpec(
+        "tracking_rms_moving", "tracking_rms while the reference moves", None, better=Better.LOWER
+    )
 
     def chosen(self, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return the samples at which the reference changes."""
@@ -93,7 +100,9 @@ class TrackingMoving(_PhaseMetric):
 class TrackingResting(_PhaseMetric):
     """RMS error while the reference rests."""
 
-    spec = MetricSpec("tracking_rms_resting", "tracking_rms while the reference rests", None)
+    spec = MetricSpec(
+        "tracking_rms_resting", "tracking_rms while the reference rests", None, better=Better.LOWER
+    )
 
     def chosen(self, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return the samples at which the reference does not change."""

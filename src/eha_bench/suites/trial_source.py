@@ -89,7 +89,7 @@ class TrialSource(StrictModel):
     scores: tuple[tuple[str, str], ...]
     limits: tuple[_Limit, ...]
     safety: tuple[_Safety, ...]
-    matters: dict[str, _Margin] = {}
+    matters: dict[str, _Margin] = Field(default={})
 
 
 def source_of(trial: Trial, signal: SignalModel) -> str:
