@@ -6,7 +6,7 @@ import gc
 
 import typer
 
-from eha_bench.cli import closing, files, recording_files, running
+from eha_bench.cli import closing, files, layout, recording_files, running
 from eha_bench.cli.console import errors_as_sentences, say_what_the_product_logs
 
 app = typer.Typer(
@@ -37,6 +37,7 @@ running.register(app)
 files.register(app)
 recording_files.register(app)
 closing.register(app)
+layout.register(app)
 
 
 def main() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -103,24 +103,44 @@ def panels_of(recording: Recording, followed: str = "") -> tuple[Panel, ...]:
         recording: what was measured.
         followed: the channel that should follow `reference`; "" where nobody knows.
     """
-    left = [name for name in recording if np.isfinite(recording[name]).any()]
-    panels: list[Panel] = []
+    drawn = [name for name in recording if np.isfinite(recording[name]).any()]
+    return tuple(
+        _panel(recording, list(names), heading_of(names, (followed,)))
+        for names in grouped(drawn, (followed,))
+    )
 
-    def take(names: Iterable[str], heading: str = "") -> None:
-        there = [name for name in names if name in left]
-        if there:
-            panels.append(_panel(recording, there, heading or channel_name(there[0])))
-            for name in there:
-                left.remove(name)
 
-    if followed in left:
-        first = ["reference", followed] if followed != "current" else ["reference", "current"]
-        take(first, _HEADINGS.get(followed, channel_name(followed)))
-    for names in _TOGETHER:
-        take(names, _HEADINGS.get(names[0], "") if len(names) > 1 else "")
-    for name in tuple(left):
-        take([name])
-    return tuple(panels)
+def grouped(names: Iterable[str], followed: Sequence[str] = ()) -> tuple[tuple[str, ...], ...]:
+    """Return which of these channels are drawn together, from top to bottom.
+
+    Args:
+        names: of channels that are there.
+        followed: those that should follow `reference`: drawn first, each together with it.
+    """
+    there = list(names)
+    groups: list[tuple[str, ...]] = []
+    for name in followed:
+        if name in there:
+            groups.append(("reference", name) if "reference" in there else (name,))
+    left = [name for name in there if not any(name in group for group in groups)]
+    for together in (*_TOGETHER, *((name,) for name in left)):
+        group = tuple(name for name in together if name in left)
+        groups += [group] if group else []
+        left = [name for name in left if name not in group]
+    return tuple(groups)
+
+
+def colour_of(channel: str, place: int) -> str:
+    """Return a channel's shade; one that is not ours has that of its place in its panel."""
+    return _COLOURS.get(channel) or _OTHER_COLOURS[place % len(_OTHER_COLOURS)]
+
+
+def heading_of(names: Sequence[str], followed: Sequence[str] = ()) -> str:
+    """Return what stands over channels that are drawn together."""
+    own = next((name for name in followed if name in names), "")
+    first = own or names[0]
+    alone = len(names) == 1 and not own
+    return channel_name(first) if alone else _HEADINGS.get(first, channel_name(first))
 
 
 def _panel(recording: Recording, names: list[str], heading: str) -> Panel:
@@ -135,7 +155,7 @@ def _panel(recording: Recording, names: list[str], heading: str) -> Panel:
             label="reference"
             if name == "reference"
             else (_LABELS.get(name, channel_name(name)) if len(names) > 1 else heading),
-            colour=_COLOURS.get(name) or _OTHER_COLOURS[known.index(name) % len(_OTHER_COLOURS)],
+            colour=colour_of(name, known.index(name) if name in known else 0),
             dashed=name in ("reference", "current_command"),
         )
         for name in names
