@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.interruption import checkpoints
 from eha_bench.diagnosis.dataset import Dataset
 from eha_bench.diagnosis.evidence import refined_noise
 from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
@@ -146,14 +147,41 @@ def _with_unmeasured(dataset: Dataset, windows: list[Window]) -> list[Window]:
     return out
 
 
+class CalibrationInterrupted(KeyboardInterrupt):
+    """Calibration was interrupted; `baseline` is as far as it had come."""
+
+    def __init__(self, baseline: Baseline) -> None:
+        super().__init__()
+        self.baseline = baseline
+
+
 def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
     """Fit the parameters under `calibrate`, and what is mundane, to all training runs.
 
     Raises:
         InputError: nothing to calibrate with.
+        CalibrationInterrupted: Ctrl-C once the data were read.
     """
     progress("read", 0.0)
     measured, windows, noise = gather(dataset)
+    best = [dataset.model.vector()]
+    try:
+        return _calibrated(dataset, measured, windows, noise, best, progress)
+    except KeyboardInterrupt as stop:
+        with checkpoints(lambda: False):
+            reached = _as_far_as(dataset, measured, windows, noise, best[-1])
+        raise CalibrationInterrupted(reached) from stop
+
+
+def _calibrated(
+    dataset: Dataset,
+    measured: tuple[Measured, ...],
+    windows: list[Window],
+    noise: dict[str, float],
+    best: list[FloatArray],
+    progress: Progress,
+) -> Baseline:
+    """Calibrate; the last of `best` is always the best vector so far."""
     plant = dataset.model.plant
     vector = dataset.model.vector()
     keys = tuple(dict.fromkeys(dataset.model.calibrate))
@@ -165,11 +193,17 @@ def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
     declared_cost = float(np.sum(first**2))
     layout = plant.layout
     fit = levenberg_marquardt(
-        rough, vector, free_parameters(layout, keys, vector), iterations=6, refresh=1
+        rough,
+        vector,
+        free_parameters(layout, keys, vector),
+        iterations=6,
+        refresh=1,
+        watch=best.append,
     )
     rough.scale_to(fit.residual)
     progress("calibrate", 0.4)
     fit, nuisance = friction_at_rest(rough, fit, keys)
+    best.append(fit.vector)
     progress("calibrate", 0.6)
     noise = refined_noise(rough, fit.residual, noise)
     problem = Problem(plant, windows, noise, STEP)
@@ -183,14 +217,51 @@ def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
         free_parameters(layout, everything, fit.vector),
         known=known,
         refresh=1,
+        watch=best.append,
     )
     progress("calibrate", 1.0)
+    return Baseline(
+        dataset,
+        measured,
+        problem,
+        fit,
+        everything,
+        tuple(nuisance),
+        declared_cost,
+        _notes(measured),
+    )
+
+
+def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:
     notes = tuple(note for item in measured for note in item.notes)
     total = sum(float(item.time[-1]) for item in measured)
     if total > BUDGET:
         notes = (*notes, f"of {total:.0f} s of training data {BUDGET:.0f} s are simulated, evenly")
+    return notes
+
+
+def _as_far_as(
+    dataset: Dataset,
+    measured: tuple[Measured, ...],
+    windows: list[Window],
+    noise: dict[str, float],
+    vector: FloatArray,
+) -> Baseline:
+    """Return a baseline at a vector that no fit has finished with."""
+    layout = dataset.model.plant.layout
+    keys = tuple(dict.fromkeys(dataset.model.calibrate))
+    nuisance = tuple(
+        key
+        for key in FRICTION_AT_REST
+        if key in layout.index and key not in keys and vector[layout.index[key]] != 0.0
+    )
+    problem = Problem(dataset.model.plant, windows, noise, COARSE)
+    problem.prepare(vector)
+    problem.scale_to(problem.residual(vector))
+    free = free_parameters(layout, (*keys, *nuisance), vector)
+    fit = levenberg_marquardt(problem, vector, free, iterations=0)
     return Baseline(
-        dataset, measured, problem, fit, everything, tuple(nuisance), declared_cost, notes
+        dataset, measured, problem, fit, (*keys, *nuisance), nuisance, np.nan, _notes(measured)
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from eha_bench.core.result import write_text
 from eha_bench.diagnosis.errors_by_channel import ChannelError
+from eha_bench.diagnosis.replay import Replay
 from eha_bench.diagnosis.uncertainty import Estimate
 from eha_bench.plants.model import Model
 
@@ -91,6 +92,8 @@ class Diagnosis:
         notes: what the data gate and the search found, one sentence each.
         revised: the model with everything that was found.
         recalibrated: the model with its own parameters estimated anew and nothing added.
+        replays: every run replayed freely by the declared, the recalibrated and the revised model;
+            what the errors are computed from. Not in diagnosis.json: `predict` gives them again.
         complete: False where it was interrupted.
         seconds: how long it took.
     """
@@ -108,6 +111,7 @@ class Diagnosis:
     calibrated: Mapping[str, Estimate] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    replays: tuple[Replay, ...] = ()
     complete: bool = True
     seconds: float = math.nan
 
@@ -198,6 +202,9 @@ def errors_to_dict(items: Mapping[str, ChannelError]) -> dict[str, Any]:
             "noise_floor": _number(item.noise_floor),
             "unit": item.unit,
             "uncalibrated": _number(item.uncalibrated),
+            "before_windows": _number(item.before_windows),
+            "after_windows": _number(item.after_windows),
+            "start": _number(item.start),
         }
         for name, item in items.items()
     }

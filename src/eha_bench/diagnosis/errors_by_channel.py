@@ -1,21 +1,28 @@
-"""Simulation error by channel, before and after, beside the noise floor.
+"""Simulation error by channel, before and after, beside the noise floor; root mean square, SI.
 
-Over the windows of a fit (locked and bypassed runs whole, free ones about 0.4 s), each from the
-start state that fits it best within what its measurement allows; root mean square, SI.
+The errors that count are those of whole runs replayed freely, as `predict` gives them. Beside
+them stand those over the windows of the fit (locked and bypassed runs whole, free ones about
+0.4 s), each from the start state that fits it best within what its measurement allows: where small
+errors add up over a whole run, these say how good the equations are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.channels import unit_of
 from eha_bench.diagnosis.problem import Problem
+from eha_bench.diagnosis.replay import Replay
 
 FloatArray = NDArray[np.float64]
+
+_MOVED = 2.0
+_ADDED_UP = 3.0
 
 
 @dataclass(frozen=True)
@@ -24,7 +31,11 @@ class ChannelError:
 
     Attributes:
         uncalibrated: of the declared model. before: recalibrated, without what was found.
-        after: with it. noise_floor: of the channel's noise.
+        after: with it. All three over whole runs, replayed freely; inf where a replay diverges.
+        noise_floor: of the channel's noise.
+        unit: of all of them.
+        before_windows, after_windows: over the windows of the fit.
+        start: what one standard deviation of the first sample changes in a whole replay.
     """
 
     uncalibrated: float
@@ -32,10 +43,81 @@ class ChannelError:
     after: float
     noise_floor: float
     unit: str
+    before_windows: float = nan
+    after_windows: float = nan
+    start: float = nan
+
+
+def replay_errors(
+    replays: Sequence[Replay],
+    floors: Mapping[str, float],
+    windows: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
+    places: tuple[int, int, int] = (0, 1, 2),
+) -> dict[str, ChannelError]:
+    """Return the errors of the declared, the recalibrated and the revised model, by channel.
+
+    Args:
+        replays: by these models.
+        floors: channel -> noise floor, SI.
+        windows: the recalibrated and the revised model's errors over windows, by channel.
+        places: of the declared, the recalibrated and the revised model among the replays'.
+    """
+    found = {}
+    for name in sorted({name for item in replays for name in item.measured}):
+        own = [item for item in replays if name in item.measured]
+        errors = [item.errors(name) for item in own]
+        declared, before, after = (_rms([e[k] for e in errors]) for k in places)
+        counts = [float(np.isfinite(item.measured[name]).sum()) for item in own]
+        moved = [item.moved.get(name, nan) for item in own]
+        found[name] = ChannelError(
+            declared,
+            before,
+            after,
+            floors.get(name, nan),
+            unit_of(name),
+            windows[0].get(name, nan),
+            windows[1].get(name, nan),
+            float(np.sqrt(np.average(np.square(moved), weights=counts))),
+        )
+    return found
+
+
+def _rms(errors: Sequence[FloatArray]) -> float:
+    """Root mean square of errors, NaN where nothing was measured; inf where a replay diverged."""
+    total, count = 0.0, 0
+    for error in errors:
+        there = error[~np.isnan(error)]
+        with np.errstate(over="ignore"):
+            total += float(there @ there)
+        count += there.size
+    return float(np.sqrt(total / count)) if count else nan
+
+
+def replay_notes(replays: Sequence[Replay], errors: Mapping[str, ChannelError]) -> Iterator[str]:
+    """Say where the error of a whole replay tells little about the model, one sentence each."""
+    for item in replays:
+        loose = [
+            f"{name} by {moved / errors[name].noise_floor:.1f}"
+            for name, moved in item.moved.items()
+            if name in errors and moved > _MOVED * errors[name].noise_floor
+        ]
+        if loose:
+            yield (
+                f"{item.run}: the noise of its first sample alone moves a whole replay of "
+                f"{', '.join(loose)} times the noise floor"
+            )
+    for name, error in errors.items():
+        if error.after == inf:
+            yield f"a whole replay of {name} diverges with the revised model"
+        elif error.after > _ADDED_UP * max(error.after_windows, error.noise_floor):
+            yield (
+                f"{name}: small errors add up over whole runs, to {error.after:.3g} "
+                f"{error.unit}; over short windows it is {error.after_windows:.3g} {error.unit}"
+            )
 
 
 def rms_by_channel(problem: Problem, vector: FloatArray) -> dict[str, float]:
-    """Return each channel's root mean square error, SI, the pressure difference included."""
+    """Return each channel's root mean square error over windows, SI, P1 - P2 included."""
     problem.prepare(vector)
     residual = problem.with_best_start(vector)
     names = problem.plant.outputs
@@ -69,15 +151,3 @@ def floors(noise: Mapping[str, float]) -> dict[str, float]:
     if "pressure_a" in noise and "pressure_b" in noise:
         found["pressure_difference"] = float(np.hypot(noise["pressure_a"], noise["pressure_b"]))
     return found
-
-
-def channel_errors(problem: Problem, vectors: Sequence[FloatArray]) -> dict[str, ChannelError]:
-    """Return the errors of the declared, the recalibrated and the revised model, by channel."""
-    declared, before, after = (rms_by_channel(problem, vector) for vector in vectors)
-    floor = floors(problem.noise)
-    return {
-        name: ChannelError(
-            declared[name], before[name], after[name], floor.get(name, float("nan")), unit_of(name)
-        )
-        for name in sorted(after)
-    }

@@ -129,7 +129,7 @@ def levenberg_marquardt(
     tolerance: float = 1.0,
     known: Mapping[str, FloatArray] | None = None,
     refresh: int = 2,
-    stop: Callable[[], None] | None = None,
+    watch: Callable[[FloatArray], None] | None = None,
 ) -> Fit:
     """Minimise the soft-L1 cost of a problem over the free parameters.
 
@@ -141,7 +141,7 @@ def levenberg_marquardt(
         tolerance: fall of the cost in one step that ends it (a cost of 1 is one sigma).
         known: columns of a Jacobian from nearby, by key, to start with.
         refresh: how often the Jacobian may be computed anew.
-        stop: called between steps; may raise to end the fit.
+        watch: given every vector that is better than all before.
     """
     free = tuple(free)
     vector = vector.copy()
@@ -156,8 +156,6 @@ def levenberg_marquardt(
     damping = 1e-3
     taken = 0
     for _ in range(iterations):
-        if stop:
-            stop()
         weighted = matrix * weight[:, None]
         normal = weighted.T @ weighted
         gradient = weighted.T @ soft
@@ -182,6 +180,8 @@ def levenberg_marquardt(
                 cost = new_cost
                 damping = max(damping / 5.0, 1e-9)
                 taken += 1
+                if watch:
+                    watch(vector)
                 break
             damping = max(damping * 10.0, 1e-4)
             weighted = matrix * weight[:, None]

@@ -107,6 +107,18 @@ def _charge_pressure(model: Model) -> float | None:
 
 def simulate_run(measured: Measured, model: Model, step: float = STEP) -> FloatArray:
     """Return the plant's outputs over a whole run, (n, outputs), from inputs and first sample."""
+    return simulate_from(measured, model, first_state(measured, model), step)
+
+
+def simulate_from(
+    measured: Measured, model: Model, state: Mapping[str, float], step: float
+) -> FloatArray:
+    """Return the plant's outputs over a whole run, (n, outputs), from what its sensors read first.
+
+    Args:
+        measured: the run. model: what is simulated. state: channel -> first reading, SI.
+        step: largest integration step, s.
+    """
     vector = model.vector()
     drive = Drive(
         measured.time,
@@ -115,7 +127,7 @@ def simulate_run(measured: Measured, model: Model, step: float = STEP) -> FloatA
         measured.run.locked,
         measured.run.bypass_open,
     )
-    initial = start_of(model.plant, vector, drive, first_state(measured, model))
+    initial = start_of(model.plant, vector, drive, state)
     full = Drive(drive.time, drive.inputs, initial, drive.locked, drive.bypass_open)
     return model.plant.simulate(vector, full, step)
 

@@ -20,6 +20,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.interruption import checkpoint
 from eha_bench.diagnosis.windows import Window
 from eha_bench.plants.plant import Drive, Plant
 
@@ -180,6 +181,7 @@ class Problem:
         return self._each(lambda part: self._simulated(part, vector, {}))
 
     def _each(self, function: Callable[[_Prepared], T]) -> list[T]:
+        checkpoint()
         if len(self._parts) < 2 or WORKERS == 1:
             return [function(part) for part in self._parts]
         with ThreadPoolExecutor(WORKERS) as pool:

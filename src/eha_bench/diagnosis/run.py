@@ -12,11 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.interruption import Interruption, checkpoints
 from eha_bench.core.result import write_text
 from eha_bench.diagnosis import search as searching
-from eha_bench.diagnosis.baseline import COARSE, STEP, Baseline, calibrated, no_progress
+from eha_bench.diagnosis.baseline import (
+    COARSE,
+    Baseline,
+    CalibrationInterrupted,
+    calibrated,
+    no_progress,
+)
 from eha_bench.diagnosis.candidates import LEARNED
-from eha_bench.diagnosis.dataset import Dataset, Run, load_dataset
+from eha_bench.diagnosis.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.decide import Decision, decide
 from eha_bench.diagnosis.diagnosis import (
     SCHEMA_VERSION,
@@ -28,20 +35,25 @@ from eha_bench.diagnosis.diagnosis import (
     errors_to_dict,
     estimate_to_dict,
 )
-from eha_bench.diagnosis.errors_by_channel import ChannelError, channel_errors
+from eha_bench.diagnosis.errors_by_channel import (
+    ChannelError,
+    floors,
+    replay_errors,
+    replay_notes,
+)
 from eha_bench.diagnosis.evidence import groups_of
-from eha_bench.diagnosis.fit import Fit
-from eha_bench.diagnosis.gate import admit
-from eha_bench.diagnosis.problem import Problem
+from eha_bench.diagnosis.replay import replay
 from eha_bench.diagnosis.revise import revised
+from eha_bench.diagnosis.scoring import scored
 from eha_bench.diagnosis.search import Search
 from eha_bench.diagnosis.uncertainty import Estimate, estimates, undetermined
-from eha_bench.diagnosis.windows import cut
 from eha_bench.plants.effect import Effect
 from eha_bench.plants.model import Model
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
+
+_NOTHING = 5.0
 
 
 @dataclass(frozen=True)
@@ -53,6 +65,7 @@ class Calibration:
         undetermined: directions that the data do not determine, in words.
         train: channel -> errors (before: declared; after: calibrated).
         notes: what the data gate found.
+        complete: False where it was interrupted.
     """
 
     model: Model
@@ -60,6 +73,7 @@ class Calibration:
     undetermined: tuple[str, ...]
     train: dict[str, ChannelError]
     notes: tuple[str, ...]
+    complete: bool = True
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of calibration.json; what is not computable is null."""
@@ -70,6 +84,7 @@ class Calibration:
             "error": {"train": errors_to_dict(self.train)},
             "model": "calibrated.yaml",
             "notes": list(self.notes),
+            "complete": self.complete,
         }
 
     def write(self, folder: Path) -> None:
@@ -85,6 +100,8 @@ def calibrate(
 ) -> Calibration:
     """Estimate the parameters under `calibrate` on all training runs by simulation error.
 
+    Ctrl-C ends the fit and keeps what was found until then (`complete` is False).
+
     Args:
         dataset: dataset.yaml, or as loaded.
         out: folder that gets calibration.json and calibrated.yaml.
@@ -94,16 +111,27 @@ def calibrate(
         InputError: a file is wrong or missing, or nothing can be compared.
     """
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
-    base = calibrated(loaded, progress)
-    model = revised(loaded.model, base.fit.vector, base.keys)
-    errors = channel_errors(base.problem, [loaded.model.vector(), base.fit.vector, base.fit.vector])
-    errors = {name: replace(item, before=item.uncalibrated) for name, item in errors.items()}
+    complete = True
+    with Interruption() as asked:
+        try:
+            with checkpoints(asked):
+                base = calibrated(loaded, progress)
+        except CalibrationInterrupted as stop:
+            base, complete = stop.baseline, False
+        model = revised(loaded.model, base.fit.vector, base.keys)
+        noise = base.problem.noise
+        replays = replay(
+            base.measured, [loaded.model, model], noise, lambda done: progress("replay", done)
+        )
+        errors = replay_errors(replays, floors(noise), places=(0, 0, 1))
+    notes = base.notes if complete else (*base.notes, "interrupted before the fit had ended")
     found = Calibration(
         model,
         estimates(base.fit, groups_of(base.problem), _units(loaded.model)),
         undetermined(base.fit),
         errors,
-        base.notes,
+        (*notes, *replay_notes(replays, errors)),
+        complete,
     )
     if out is not None:
         found.write(Path(out))
@@ -116,7 +144,7 @@ def diagnose(
     """Close the loop: residual, cause, revised model, errors before and after.
 
     Runs for holdout are read only when everything is decided. Ctrl-C ends the search and keeps what
-    was found until then (`complete` is False).
+    was found until then (`complete` is False); pressed again it leaves the errors out.
 
     Args:
         dataset: dataset.yaml, or as loaded.
@@ -128,30 +156,44 @@ def diagnose(
     """
     started = time.perf_counter()
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
-    base = calibrated(loaded, progress)
-    search = searching.begin(base)
-    complete = True
-    decision = Decision(Verdict.NONE, search.fit, (), None)
-    try:
-        searching.run(search, progress)
-        decision = decide(search, COARSE, progress)
-    except KeyboardInterrupt:
-        complete = False
-        verdict = Verdict.EFFECT if search.effects else Verdict.UNKNOWN
-        nothing = search.excess_base.significance < 5.0
-        decision = Decision(Verdict.NONE if nothing else verdict, search.fit, (), None)
-    found = _assemble(loaded, base, search, decision)
-    try:
-        holdout = _score_holdout(loaded, base, search, decision, progress) if complete else {}
-    except KeyboardInterrupt:
-        complete, holdout = False, {}
-    found = replace(
-        found, holdout=holdout, complete=complete, seconds=time.perf_counter() - started
-    )
+    with Interruption() as asked:
+        base, search, decision = _searched(loaded, asked, progress)
+        found = _assemble(loaded, base, search, decision)
+        vectors = (search.base.vector, decision.fit.vector)
+        try:
+            found = scored(found, loaded, base, vectors, progress)
+        except KeyboardInterrupt:
+            found = replace(found, notes=(*found.notes, "interrupted before the runs were scored"))
+    found = replace(found, complete=not asked(), seconds=time.perf_counter() - started)
     if out is not None:
         found.write(Path(out))
     progress("done", 1.0)
     return found
+
+
+def _searched(
+    dataset: Dataset, asked: Interruption, progress: Progress
+) -> tuple[Baseline, Search, Decision]:
+    """Calibrate, search and decide; where a stop is asked for, as far as that went."""
+    try:
+        with checkpoints(asked):
+            base = calibrated(dataset, progress)
+    except CalibrationInterrupted as stop:
+        search = searching.begin(stop.baseline)
+        note = "interrupted while calibrating: nothing was searched for, so the verdict is open"
+        return stop.baseline, search, Decision(Verdict.UNKNOWN, search.fit, (note,), None)
+    search = searching.begin(base)
+    try:
+        with checkpoints(asked):
+            searching.run(search, progress)
+            decision = decide(search, COARSE, progress)
+    except KeyboardInterrupt:
+        note = "interrupted while searching: what is named was found until then"
+        verdict = Verdict.EFFECT if search.effects else Verdict.UNKNOWN
+        if search.excess_base.significance < _NOTHING:
+            verdict = Verdict.NONE
+        decision = Decision(verdict, search.fit, (note,), None)
+    return base, search, decision
 
 
 run_diagnosis = diagnose
@@ -203,7 +245,6 @@ def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisi
             f"{fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}"
         )
     notes += decision.notes
-    vectors = [model.vector(), search.base.vector, fit.vector]
     return Diagnosis(
         decision.verdict,
         revised(model, fit.vector, keys, added),
@@ -213,7 +254,7 @@ def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisi
         groups,
         dict(sorted(separate.items())),
         _ranking(search),
-        channel_errors(base.problem, vectors),
+        {},
         {},
         {key: item for key, item in values.items() if "." not in key},
         undetermined(fit),
@@ -259,26 +300,6 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
         lines.append(RankLine(item.candidate, item.score, item.p_value, error, reason))
     order = {name: k for k, name in enumerate(i.start.candidate for i in search.accepted)}
     return tuple(sorted(lines, key=lambda line: (order.get(line.id, 99), line.error_after)))
-
-
-def _score_holdout(
-    dataset: Dataset, base: Baseline, search: Search, decision: Decision, progress: Progress
-) -> dict[str, ChannelError]:
-    """Read the holdout runs, for the first time, and score them."""
-    plant = dataset.model.plant
-    windows = []
-    noise = base.problem.noise
-    runs: tuple[Run, ...] = dataset.holdout
-    for number, run in enumerate(runs):
-        progress("score", number / len(runs))
-        measured = admit(run, run.read(), dataset.inputs, plant.outputs, strict=False)
-        if measured.outputs:
-            windows += cut(measured, noise)
-    if not windows:
-        return {}
-    problem = Problem(plant, windows, noise, STEP)
-    fit: Fit = decision.fit
-    return channel_errors(problem, [dataset.model.vector(), search.base.vector, fit.vector])
 
 
 __all__ = ["Calibration", "Unknown", "calibrate", "diagnose", "run_diagnosis"]

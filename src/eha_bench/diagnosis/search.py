@@ -298,6 +298,8 @@ def equivalents(chosen: Trial, trials: Sequence[Trial], groups: Groups) -> tuple
 
 
 def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
+    # the fit first: interrupted in what follows, the two still belong together
+    search.fit = chosen.fit
     search.accepted.append(
         Accepted(chosen.start, chosen.comparison, equivalents(chosen, trials, search.groups))
     )
