@@ -29,16 +29,16 @@ def _value(
     return scale * curve(u, period, low, high, values)
 
 
-def drive(
-    demand: float, current: float, x: float, v: float, t: float, equation: float, form: float,
+def asked(
+    value: float, current: float, x: float, v: float, t: float, equation: float, form: float,
     variable: float, place: float, period: float, low: float, high: float, scale: float,
     values: Vector,
 ) -> float:  # fmt: skip
-    """Return the drive's voltage with the curve added or as a gain, V."""
+    """Return the voltage that is asked for (and logged) with the curve added or as a gain, V."""
     if equation != _ACTUATION or place != _DRIVE:
-        return demand
+        return value
     f = _value(variable, current, x, v, t, period, low, high, scale, values)
-    return demand * (1.0 + f) if form == _GAIN else demand + f
+    return value * (1.0 + f) if form == _GAIN else value + f
 
 
 def motor(

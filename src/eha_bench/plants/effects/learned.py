@@ -11,7 +11,8 @@ balance (`equation`), as `form` says:
 * `friction`: f is added to the dry friction of pump (torque) or rod (force), which stays >= 0.
 
 `place` says where in the balance: into chamber_a, chamber_b or from a to b (`a_to_b`); in the
-`drive`, where the current sensor sees it, or in the `motor`, where it does not; or which sensor.
+`drive`, where the current sensor (or the logged voltage) sees it, or in the `motor`, where nothing
+does; or which sensor.
 
 Source: de Boor, A Practical Guide to Splines, Springer 2001 (broken lines).
 """
@@ -344,7 +345,7 @@ EFFECT = Effect(
         "linear_drive": Action(
             Equation.FORCE,
             {
-                "drive_command": _learned_drive.drive,
+                "asked_voltage": _learned_drive.asked,
                 "motor_force": _learned_drive.motor,
                 "rod_force": _learned_drive.carriage,
                 "rod_dry": _learned_drive.level,

@@ -28,6 +28,13 @@ def command(value: float, k: int, t: float, h: float, times: Vector, commands: V
 
 
 @njit()
+def asked_voltage(value: float, current: float, x: float, v: float, t: float, P: Vector,
+        S: Vector) -> float:
+    """Voltage that the drive is asked for, and that is logged as `voltage`, V."""
+    return value
+
+
+@njit()
 def drive_command(demand: float, current: float, x: float, v: float, t: float, P: Vector,
         S: Vector) -> float:
     """Voltage that the drive makes of the limited command, before its dynamics, V."""

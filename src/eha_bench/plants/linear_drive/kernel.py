@@ -29,6 +29,7 @@ from eha_bench.plants.linear_drive.equations import (
 from eha_bench.plants.linear_drive.hooks import (
     activate,
     advance_states,
+    asked_voltage,
     command,
     drive_command,
     drive_current,
@@ -122,8 +123,8 @@ def simulate(
 
     Args:
         first, last: ticks, 0 <= first <= last < len(times).
-        times: (n,) s; commands: (n,) V, held from times[k] to times[k + 1]; written where the
-            loop is closed.
+        times: (n,) s; commands: (n,) V, held from times[k] to times[k + 1]; written over with
+            what the closed loop, or an effect, asks for.
         references: (n,) m; pulses: (n,) V, added to what the controller asks for.
         closed: whether the controller closes the loop. h_max: largest substep, s.
         parameters, memory, Y: vectors `P` and `S` of the layout; state (3,). out: (n, 3).
@@ -133,7 +134,7 @@ def simulate(
     S = memory_record(memory)
     activate(P, S)
     start_states(Y[VOLTAGE], Y[POSITION], Y[VELOCITY], P, S)
-    before = math.nan
+    before = older = math.nan
     for k in range(first, last + 1):
         t = times[k]
         x, v, u = Y[POSITION], Y[VELOCITY], Y[VOLTAGE]
@@ -141,9 +142,11 @@ def simulate(
         if closed:
             if math.isnan(before):
                 before = read - P[PERIOD] * v
-            speed = (read - before) / P[PERIOD]
-            before = read
+                older = before - P[PERIOD] * v
+            speed = (read - older) / (2.0 * P[PERIOD])
+            before, older = read, before
             commands[k] = P[K_V] * (P[K_P] * (references[k] - read) - speed) + pulses[k]
+        commands[k] = asked_voltage(commands[k], u, x, v, t, P, S)
         out[k, 0] = commands[k]
         out[k, 1] = read
         out[k, 2] = measured_velocity(v, u, x, v, t, P, S)
