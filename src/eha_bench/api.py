@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from eha_bench.recordings import read
 from eha_bench.report import append_step_summary, markdown_summary, write_junit, write_report
 from eha_bench.suites import Suite, load_suite
 from eha_bench.targets.resolve import open_target
+from eha_bench.targets.target import Target
 
 Loader = Callable[[], Recording]
 
@@ -25,6 +27,8 @@ def run(
     out: str | Path | None = None,
     *,
     resume: bool = False,
+    retries: int = 0,
+    time_limit: float = math.inf,
     progress: Progress = silent,
 ) -> Result:
     """Run a suite on a target; write recordings, result.json and the reports.
@@ -34,23 +38,46 @@ def run(
         target: `simulator`, a target.yaml or a model.yaml; the suite's own target if None.
         out: result folder; reports/<suite name> if None.
         resume: do only what an earlier, interrupted run of the same left undone.
+        retries: how often a trial is run again whose infrastructure failed (not its limits).
+        time_limit: s after which the run stops.
         progress: told at the start of every trial.
 
     Raises:
         EhaBenchError: bad input, or the folder cannot be used.
     """
+    loaded, opened = _opened(suite, target)
+    folder = Path(out) if out else Path("reports") / loaded.name
+    result = run_suite(
+        loaded, opened, folder,
+        resume=resume, retries=retries, time_limit=time_limit, progress=progress,
+    )  # fmt: skip
+    trials = {trial.id: trial for trial in loaded.trials}
+    by_repeat = {(item.id, item.repeat): trials[item.id] for item in result.trials}
+    write_reports(folder, result, by_repeat, folder)
+    return result
+
+
+def preview(suite: str | Path, target: str | Path | None = None) -> dict[str, tuple[str, ...]]:
+    """Return what a run would do to its target, lines by trial id; nothing is opened or sent.
+
+    Raises:
+        EhaBenchError: bad input, or the target cannot run the suite.
+    """
+    loaded, opened = _opened(suite, target)
+    for trial in loaded.trials:
+        opened.check(trial)
+    return {trial.id: opened.preview(trial) for trial in loaded.trials}
+
+
+def _opened(suite: str | Path, target: str | Path | None) -> tuple[Suite, Target]:
+    """Return the suite, and the target that it is to be run on."""
     loaded = load_suite(Path(suite))
     opened = open_target(
         target or _beside(loaded, loaded.target) or "simulator",
         model=_beside(loaded, loaded.model),
         controller=_beside(loaded, loaded.controller),
     )
-    folder = Path(out) if out else Path("reports") / loaded.name
-    result = run_suite(loaded, opened, folder, resume=resume, progress=progress)
-    trials = {trial.id: trial for trial in loaded.trials}
-    by_repeat = {(item.id, item.repeat): trials[item.id] for item in result.trials}
-    write_reports(folder, result, by_repeat, folder)
-    return result
+    return loaded, opened
 
 
 def _beside(suite: Suite, name: str) -> Path | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -9,24 +10,28 @@ from pathlib import Path
 
 import numpy as np
 
+from eha_bench.bench.budget import Budget
 from eha_bench.bench.folder import ResultFolder
-from eha_bench.core.interruption import Interruption
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
 from eha_bench.bench.scoring import judge, judge_together
-from eha_bench.core.recording import Recording
+from eha_bench.core.errors import RecordingError, TargetFault
+from eha_bench.core.interruption import Interruption
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
-from eha_bench.targets.target import Ending, Outcome, Stopping, Target
+from eha_bench.targets.target import Ending, Journal, Stopping, Target
 
 _STATUS = {
     Ending.INTERRUPTED: Status.INCOMPLETE,
     Ending.SAFETY_STOP: Status.FAULT,
     Ending.FAULT: Status.FAULT,
+    Ending.INFRASTRUCTURE: Status.FAULT,
 }
+_RETRY_AFTER = 1.0
+"""Seconds before a trial is tried again: an adapter may need to come back."""
 
 
 @dataclass
@@ -58,7 +63,16 @@ class _Run:
 
     def save(self, *, complete: bool) -> Result:
         result = self.result(complete=complete)
-        result.write(self.folder.result)
+        try:
+            result.write(self.folder.result)
+        except OSError as error:
+            stopped = [trial for trial in result.trials if trial.status is Status.FAULT]
+            if not stopped:
+                raise
+            raise TargetFault(
+                f"{stopped[-1].reason}; the result cannot be written ({error.strerror})",
+                hint="make room; the recordings read up to where the disk was full",
+            ) from error
         return result
 
 
@@ -68,13 +82,17 @@ def run_suite(
     out: Path,
     *,
     resume: bool = False,
+    retries: int = 0,
+    time_limit: float = math.inf,
     progress: Progress = silent,
 ) -> Result:
     """Run every trial and repeat of a suite, write recordings and result.json into `out`.
 
     A run that is interrupted (Ctrl-C) or stopped by a fault leaves readable recordings and a
     result that says so; with `resume`, what an earlier run of the same suite on the same target
-    finished is kept and only the rest is run.
+    finished is kept and only the rest is run. `retries` is how often a trial is run again whose
+    infrastructure failed (the target did not answer, its loop was not healthy enough to be
+    scored), never one that failed or was stopped; after `time_limit` s the run stops.
 
     Raises:
         EhaBenchError: the suite cannot run on this target, or `out` cannot be used.
@@ -94,15 +112,18 @@ def run_suite(
     jobs = [(trial, repeat) for trial, repeat in run.jobs if (trial.id, repeat) not in kept]
     try:
         with Interruption() as interrupted, target:
+            budget = Budget(interrupted, time_limit)
             for number, (trial, repeat) in enumerate(jobs):
                 progress(number, len(jobs), f"{trial.id} ({repeat + 1}/{trial.repeats})")
-                result, ending = _run_one(run, trial, repeat, interrupted)
+                result, ending = _attempts(run, trial, repeat, budget, retries)
                 run.done[trial.id, repeat] = result
+                if ending is not Ending.COMPLETE or (budget() and number + 1 < len(jobs)):
+                    run.provenance["stopped_by"] = budget.reason if budget() else ending.value
+                    return run.save(complete=False)
                 run.save(complete=False)
-                if ending is not Ending.COMPLETE or (interrupted() and number + 1 < len(jobs)):
-                    return run.result(complete=False)
     except KeyboardInterrupt:
         # asked for twice: what is done stands
+        run.provenance["stopped_by"] = "interrupted"
         return run.save(complete=False)
     for trial in suite.trials:
         keys = [(trial.id, repeat) for repeat in range(trial.repeats)]
@@ -127,40 +148,76 @@ def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, i
     }
 
 
+def _attempts(
+    run: _Run, trial: Trial, repeat: int, budget: Budget, retries: int
+) -> tuple[TrialResult, Ending]:
+    """Run a repeat, and again as long as only its infrastructure failed and tries are left."""
+    notes: tuple[str, ...] = ()
+    for left in range(retries, -1, -1):
+        result, ending = _run_one(run, trial, repeat, budget)
+        unjudged = ending is Ending.COMPLETE and result.status is Status.INCOMPLETE
+        if not left or budget() or not (ending is Ending.INFRASTRUCTURE or unjudged):
+            break
+        notes += (f"run again: {result.reason}",)
+        run.provenance["retries"] = str(int(run.provenance.get("retries", "0")) + 1)
+        time.sleep(_RETRY_AFTER)
+    return replace(result, notes=(*result.notes, *notes)), ending
+
+
 def _run_one(
     run: _Run, trial: Trial, repeat: int, stopping: Stopping
 ) -> tuple[TrialResult, Ending]:
     started = time.time_ns()
-    outcome = run.target.run(trial, repeat, stopping)
     path = run.folder.recording(trial.id, repeat)
-    write(path, _described(run, trial, repeat, outcome, started))
+    metadata, attachments = _metadata(run, trial, repeat), _attachments(run, trial)
+    run.target.keep_journal(Journal(path, metadata, attachments))
+    outcome = run.target.run(trial, repeat, stopping)
+    if outcome.ending is Ending.INTERRUPTED and isinstance(stopping, Budget):
+        outcome = replace(outcome, reason=stopping.reason)
+    ending, reason = outcome.ending, outcome.reason
     relative = path.relative_to(run.folder.path).as_posix()
-    if outcome.ending is not Ending.COMPLETE:
-        status = _STATUS[outcome.ending]
-        reason = f"{outcome.ending.value}: {outcome.reason}"
-        result = TrialResult(trial.id, repeat, status, relative, file_sha256(path), reason=reason)
-        return result, outcome.ending
+    metadata |= outcome.recording.metadata
+    metadata |= {"ending": ending.value, "ending_reason": reason}
+    recording = replace(
+        outcome.recording,
+        metadata=metadata,
+        attachments=attachments,
+        epoch_ns=outcome.recording.epoch_ns or started,
+    )
+    if len(recording):
+        try:
+            write(path, recording)
+        except RecordingError as error:
+            if not path.is_file() or ending is Ending.COMPLETE:
+                raise
+            # the disk is full: what was written while the trial ran is what there is
+            reason = f"{reason}; {error.what}"
+    else:
+        relative = ""
+    if ending is not Ending.COMPLETE:
+        digest = file_sha256(path) if relative else ""
+        status, reason = _STATUS[ending], f"{ending.value}: {reason}"
+        return TrialResult(trial.id, repeat, status, relative, digest, reason=reason), ending
     judged = judge(outcome.recording, trial, repeat)
-    return replace(judged, recording=relative, sha256=file_sha256(path)), outcome.ending
+    return replace(judged, recording=relative, sha256=file_sha256(path)), ending
 
 
-def _described(run: _Run, trial: Trial, repeat: int, outcome: Outcome, started: int) -> Recording:
-    """Return the recording with all that is needed to score it again, alone."""
-    metadata = {
-        **outcome.recording.metadata,
+def _metadata(run: _Run, trial: Trial, repeat: int) -> dict[str, str]:
+    """Return what a recording says of its run, known before it begins."""
+    return {
         "suite": run.suite.name,
         "trial": trial.id,
         "repeat": str(repeat),
         "seed": str(trial.seed + repeat),
         "target": run.target.identity.name,
-        "ending": outcome.ending.value,
-        "ending_reason": outcome.reason,
         **run.provenance,
     }
-    attachments = {
+
+
+def _attachments(run: _Run, trial: Trial) -> dict[str, bytes]:
+    """Return the files that are needed to score a recording again, alone."""
+    return {
         "suite.yaml": run.suite.text.encode(),
         "trial.json": trial.source.encode(),
         **run.target.identity.attachments,
     }
-    epoch = outcome.recording.epoch_ns or started
-    return replace(outcome.recording, metadata=metadata, attachments=attachments, epoch_ns=epoch)

@@ -12,11 +12,12 @@ from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
-from eha_bench.core.score import Score
+from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.trial import Trial
 from eha_bench.metrics import judge_repeats, score
 from eha_bench.recordings import read
 from eha_bench.suites import Suite, trial_from_source
+from eha_bench.suites.trial_source import definition_of
 
 __all__ = ["judge", "judge_together", "score", "score_recordings"]
 
@@ -24,15 +25,28 @@ __all__ = ["judge", "judge_together", "score", "score_recordings"]
 def judge(recording: Recording, trial: Trial, repeat: int) -> TrialResult:
     """Return a trial's scores and status; the recording's place is filled in by the caller."""
     scores = score(recording, trial)
+    unhealthy = recording.metadata.get("loop_unhealthy", "")
+    reason = f"not scored: loop: {unhealthy}" if unhealthy else ""
+    if unhealthy:
+        scores = tuple(_withheld(item, reason) for item in scores)
     return TrialResult(
         id=trial.id,
         repeat=repeat,
-        status=_status(scores),
+        status=Status.INCOMPLETE if unhealthy else _status(scores),
         recording="",
         sha256="",
         scores=scores,
+        reason=reason,
         notes=recording.notes,
+        definition=definition_of(trial.source),
     )
+
+
+def _withheld(item: Score, reason: str) -> Score:
+    """Return a score without its value: the loop that ran the trial is not to be believed."""
+    if item.metric == "loop_overruns":
+        return item
+    return replace(item, measure=Measure.none(reason), status=ScoreStatus.NOT_SCORED)
 
 
 def _status(scores: tuple[Score, ...]) -> Status:
@@ -95,7 +109,7 @@ def score_recordings(
                 recording=str(path),
                 sha256=file_sha256(path) if path.is_file() else "",
                 scores=judged.scores,
-                reason=recording.metadata.get("ending_reason", ""),
+                reason=recording.metadata.get("ending_reason", "") or judged.reason,
                 notes=judged.notes,
             )
         )

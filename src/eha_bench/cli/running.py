@@ -28,15 +28,37 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Do only what an interrupted run left undone.")
     ] = False,
+    retries: Annotated[
+        int,
+        typer.Option(
+            "--retries", min=0, help="Run a trial again whose infrastructure failed, so often."
+        ),
+    ] = 0,
+    time_limit: Annotated[
+        str, typer.Option("--time-limit", help="Stop safely after this time, e.g. '2 h'.")
+    ] = "",
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show what would be sent, and send nothing.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Run a suite against a target: recordings, result.json, report.html, junit.xml."""
+    from eha_bench.api import preview
     from eha_bench.api import run as run_suite
+    from eha_bench.core.units import parse
     from eha_bench.suites import load_suite
 
+    limit = parse(time_limit, "s") if time_limit else float("inf")
+    if dry_run:
+        for trial, lines in preview(suite, target).items():
+            typer.echo("\n  ".join((trial, *lines)))
+        return
     folder = out or Path("reports") / load_suite(suite).name
     with TerminalProgress() as progress:
-        result = run_suite(suite, target, folder, resume=resume, progress=progress)
+        result = run_suite(
+            suite, target, folder,
+            resume=resume, retries=retries, time_limit=limit, progress=progress,
+        )  # fmt: skip
     _finish(result, folder, json=json, interruptible=True)
 
 
@@ -89,7 +111,8 @@ def _finish(result: Result, folder: Path, *, json: bool, interruptible: bool = F
         say(str(folder / "report.html"))
     else:
         typer.echo(str(folder / "report.html"))
-    if interruptible and result.status is Status.INCOMPLETE:
+    stopped_by = result.provenance.get("stopped_by", "")
+    if interruptible and result.status is Status.INCOMPLETE and stopped_by == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if result.status is not Status.PASSED:
         raise typer.Exit(result.status.exit_status)

@@ -15,8 +15,21 @@ def shipped(name: str) -> Path:
     Raises:
         InputError: no such file is shipped.
     """
-    for folder in (_PACKAGE / "shipped" / "suites", _PACKAGE.parents[1] / "suites"):
-        path = folder / name
+    return _shipped("suites", name)
+
+
+def shipped_rig(name: str) -> Path:
+    """Return the path of a shipped drive (DBC, target.yaml), in the folder `fixtures/rig`.
+
+    Raises:
+        InputError: no such file is shipped.
+    """
+    return _shipped("fixtures/rig", name)
+
+
+def _shipped(folder: str, name: str) -> Path:
+    for top in (_PACKAGE / "shipped", _PACKAGE.parents[1]):
+        path = top / folder / name
         if path.is_file():
             return path
     raise InputError(f"no shipped file '{name}'")

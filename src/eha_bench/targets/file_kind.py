@@ -15,9 +15,12 @@ def _check(path: Path) -> object:
 
 
 def _schema() -> dict[str, Any]:
+    from pydantic import TypeAdapter
+
+    from eha_bench.targets.can.target_file import CanTargetFile
     from eha_bench.targets.simulator import SimulatorFile
 
-    return SimulatorFile.model_json_schema()
+    return TypeAdapter(SimulatorFile | CanTargetFile).json_schema()
 
 
 KIND = FileKind("target", frozenset({"target"}), 3, _check, _schema)

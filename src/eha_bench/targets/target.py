@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -28,6 +29,8 @@ class Ending(StrEnum):
     INTERRUPTED = "interrupted"
     SAFETY_STOP = "safety stop"
     FAULT = "fault"
+    INFRASTRUCTURE = "infrastructure"
+    """What the run needs was not there, and nothing was run: it may be tried again."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,15 @@ class Identity:
 
     name: str
     digests: Mapping[str, str] = field(default_factory=dict)
+    attachments: Mapping[str, bytes] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Journal:
+    """Where a run that happens in real time is written while it happens, and with what."""
+
+    path: Path
+    metadata: Mapping[str, str] = field(default_factory=dict)
     attachments: Mapping[str, bytes] = field(default_factory=dict)
 
 
@@ -69,6 +81,14 @@ class Target(ABC):
             repeat: which repeat, from 0.
             stopping: asked at every tick; once it is true the run ends, safely and readable.
         """
+
+    def preview(self, trial: Trial) -> tuple[str, ...]:
+        """Return what a run of the trial would do to the target, one line each; nothing is sent."""
+        ticks = trial.clock().size
+        return (f"{ticks} ticks at {trial.sample_rate:g} Hz, mode {trial.mode.value}: simulated",)
+
+    def keep_journal(self, journal: Journal) -> None:  # noqa: B027 - a simulation is not torn
+        """Write the next run to a file while it runs, if a crash could otherwise cost it."""
 
     def __enter__(self) -> Self:
         """Take hold of the target."""

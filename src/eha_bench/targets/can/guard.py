@@ -1,0 +1,184 @@
+"""What has to hold at every tick before the command goes out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from eha_bench.core.channels import unit_of
+from eha_bench.core.errors import InputError, Place, UnitError
+from eha_bench.core.limit import SafetyLimit
+from eha_bench.core.linkage import Linkage
+from eha_bench.core.units import parse
+from eha_bench.targets.can.drive import Drive
+from eha_bench.targets.can.target_file import FollowingFile, LimitFile
+
+
+@dataclass(frozen=True)
+class ChannelLimit:
+    """What a channel has to keep, SI; infinite where it need not."""
+
+    channel: str
+    low: float = -math.inf
+    high: float = math.inf
+    rate: float = math.inf
+    stale: float = math.inf
+    frozen: float = math.inf
+
+
+@dataclass(frozen=True)
+class Following:
+    """How far a channel may be from its command (SI) for how long (s)."""
+
+    channel: str
+    within: float
+    length: float
+
+
+def channel_limit(channel: str, file: LimitFile, where: Place) -> ChannelLimit:
+    """Return a limit of the target file in SI.
+
+    Raises:
+        InputError: a wrong unit.
+    """
+    unit = unit_of(channel)
+    try:
+        return ChannelLimit(
+            channel,
+            -math.inf if file.low is None else parse(file.low, unit),
+            math.inf if file.high is None else parse(file.high, unit),
+            math.inf if file.rate is None else parse(file.rate, f"{unit}/s"),
+            math.inf if file.stale is None else file.stale,
+            math.inf if file.frozen is None else file.frozen,
+        )
+    except UnitError as error:
+        raise InputError(error.what, where=where, hint=error.hint) from error
+
+
+def following(channel: str, file: FollowingFile, where: Place) -> Following:
+    """Return how closely a channel has to follow, SI.
+
+    Raises:
+        InputError: a wrong unit.
+    """
+    try:
+        return Following(channel, parse(file.within, unit_of(channel)), file.length)
+    except UnitError as error:
+        raise InputError(error.what, where=where, hint=error.hint) from error
+
+
+@dataclass(frozen=True)
+class Limits:
+    """All that a guard checks."""
+
+    channels: tuple[ChannelLimit, ...]
+    following: tuple[Following, ...]
+    joint_agrees: float
+
+    @staticmethod
+    def of(drive: Drive) -> Limits:
+        """Return the limits of a target file.
+
+        Raises:
+            InputError: a wrong unit.
+        """
+
+        def where(*keys: str) -> Place:
+            return Place(file=str(drive.path), key=".".join(keys))
+
+        file = drive.file
+        return Limits(
+            tuple(channel_limit(k, v, where("limits", k)) for k, v in file.limits.items()),
+            tuple(following(k, v, where("following", k)) for k, v in file.following.items()),
+            math.inf if file.joint_agrees is None else file.joint_agrees,
+        )
+
+
+class Guard:
+    """Checks readings tick by tick; the first thing that is wrong ends the run."""
+
+    def __init__(
+        self, limits: Limits, safety: Sequence[SafetyLimit], linkage: Linkage | None
+    ) -> None:
+        self._limits = limits
+        self._safety = safety
+        self._linkage = linkage if math.isfinite(limits.joint_agrees) else None
+        self._last: dict[str, tuple[float, float]] = {}
+        self._changed: dict[str, float] = {}
+        self._apart: dict[str, float] = {}
+
+    def check(self, now: float, readings: Mapping[str, float], stamps: Mapping[str, float]) -> str:
+        """Return what is wrong now, or an empty text.
+
+        Args:
+            now: time, s.
+            readings: by channel, SI.
+            stamps: when each channel was read last, s; a channel that never was is missing.
+        """
+        for limit in self._limits.channels:
+            name = limit.channel
+            value, stamp = readings.get(name, math.nan), stamps.get(name, -math.inf)
+            if now - stamp > limit.stale:
+                return f"stale {name}: nothing for {_ms(now - stamp)} (at most {_ms(limit.stale)})"
+            if not limit.low <= value <= limit.high:
+                return f"{name} {_text(value, name)} outside {limit.low:g} .. {limit.high:g}"
+            wrong = self._moved(limit, value, stamp)
+            if wrong:
+                return wrong
+        for safety in self._safety:
+            value = readings.get(safety.channel, math.nan)
+            if not safety.bounds.holds(value):
+                return f"safety limit {safety.channel} {safety.text}: {value:.6g}"
+        if self._linkage is not None:
+            angle = self._linkage.angle_at(readings["piston_position"])
+            if not abs(angle - readings["joint_angle"]) <= self._limits.joint_agrees:
+                return (
+                    f"joint_angle {_text(readings['joint_angle'], 'joint_angle')} does not agree "
+                    f"with the rod's position, which makes it {_text(angle, 'joint_angle')}"
+                )
+        return ""
+
+    def follows(self, now: float, readings: Mapping[str, float], commanded: float) -> str:
+        """Return which channel does not follow its command, or an empty text."""
+        for item in self._limits.following:
+            name = item.channel
+            apart = abs(readings.get(name, math.nan) - commanded)
+            if apart <= item.within:
+                self._apart.pop(name, None)
+            elif now - self._apart.setdefault(name, now) >= item.length:
+                return (
+                    f"{name} is {_text(apart, name)} from its command for more than "
+                    f"{_ms(item.length)}"
+                )
+        return ""
+
+    def _moved(self, limit: ChannelLimit, value: float, stamp: float) -> str:
+        """Return whether a channel jumps, or does not move at all where a sensor has noise."""
+        name = limit.channel
+        before = self._last.get(name)
+        if before is None:
+            self._last[name], self._changed[name] = (stamp, value), stamp
+            return ""
+        if stamp <= before[0]:
+            return ""
+        self._last[name] = (stamp, value)
+        change = abs(value - before[1])
+        if change > 0:
+            self._changed[name] = stamp
+        elif stamp - self._changed[name] >= limit.frozen:
+            return (
+                f"{name} is frozen at {_text(value, name)} for {_ms(stamp - self._changed[name])}"
+            )
+        rate = change / (stamp - before[0])
+        if rate > limit.rate:
+            return f"{name} changes by {rate:.3g} {unit_of(name)}/s (at most {limit.rate:.3g})"
+        return ""
+
+
+def _text(value: float, channel: str) -> str:
+    return f"{value:.5g} {unit_of(channel)}".strip()
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds * 1e3:.1f} ms" if math.isfinite(seconds) else "ever"

@@ -1,0 +1,186 @@
+"""Who holds a rig, and whether it may be used: lock and latch, kept on this machine by name.
+
+The lock is the kernel's (`flock`): it goes with the process, whatever ends it. The latch is a file:
+it stands while the torque is on, it stays when the run did not end well, and only a person takes
+it away (`eha-bench clear`).
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from eha_bench.core.errors import EhaBenchError, Place, TargetFault
+
+STATE = "EHA_BENCH_STATE"
+_DEFAULT = Path("/var") / "tmp" / "eha-bench"
+
+
+def state_folder() -> Path:
+    """Return the folder of locks and latches, the same for every user; it survives a restart.
+
+    Raises:
+        TargetFault: it cannot be made.
+    """
+    named = os.environ.get(STATE, "")
+    folder = Path(named) if named else _DEFAULT
+    try:
+        if not folder.is_dir():
+            folder.mkdir(parents=True, exist_ok=True)
+            if not named:
+                folder.chmod(0o1777)
+    except OSError as error:
+        raise TargetFault(
+            f"the folder of locks cannot be made ({error.strerror})",
+            where=Place(file=str(folder)),
+            hint=f"name another one in {STATE}",
+        ) from error
+    return folder
+
+
+class RigBusy(TargetFault):
+    """Another run holds the rig."""
+
+
+class Latched(TargetFault):
+    """The rig was left in a state that a person has to look at."""
+
+
+@dataclass(frozen=True)
+class Latch:
+    """Why a rig is latched, since when, and by which process."""
+
+    reason: str
+    since: str
+    pid: int
+
+    def __str__(self) -> str:
+        """One sentence."""
+        return f"{self.reason} (since {self.since})"
+
+
+class Hold:
+    """Holds a rig by name; used as a context manager."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        folder = state_folder()
+        self._lock_path = folder / f"{name}.lock"
+        self._latch_path = folder / f"{name}.latch"
+        self._descriptor = -1
+
+    def take(self) -> None:
+        """Lock the rig.
+
+        Raises:
+            RigBusy: another process has it.
+        """
+        try:
+            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+            descriptor = os.open(self._lock_path, flags, 0o666)
+        except OSError as error:
+            raise TargetFault(
+                f"the lock cannot be opened ({error.strerror})",
+                where=Place(file=str(self._lock_path)),
+            ) from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            holder = os.read(descriptor, 200).decode(errors="replace").strip()
+            os.close(descriptor)
+            raise RigBusy(
+                f"the rig '{self._name}' is in use" + (f" by {holder}" if holder else ""),
+                hint="two runs never share a rig: wait until the other one is done",
+            ) from error
+        with suppress(OSError):
+            os.fchmod(descriptor, 0o666)
+        os.ftruncate(descriptor, 0)
+        os.write(descriptor, f"process {os.getpid()} since {_now()}\n".encode())
+        self._descriptor = descriptor
+
+    def let_go(self) -> None:
+        """Unlock the rig."""
+        if self._descriptor >= 0:
+            with suppress(OSError):
+                os.ftruncate(self._descriptor, 0)
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    @property
+    def latch(self) -> Latch | None:
+        """Why the rig is latched; None where it is not."""
+        try:
+            data = json.loads(self._latch_path.read_text(encoding="utf-8"))
+            return Latch(str(data["reason"]), str(data["since"]), int(data["pid"]))
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, KeyError, TypeError):
+            return Latch("the latch cannot be read", "an unknown time", 0)
+
+    def check(self) -> None:
+        """Refuse a latched rig.
+
+        Raises:
+            Latched: with the reason.
+        """
+        latch = self.latch
+        if latch is not None:
+            raise Latched(
+                f"the rig '{self._name}' is latched: {latch}",
+                hint="look at the rig, then clear it with `eha-bench clear TARGET --by NAME`",
+            )
+
+    def arm(self, trial: str) -> None:
+        """Latch in advance: taken back by `disarm` unless this process dies first."""
+        self.set(f"the bench ended while the torque was on, in trial '{trial}'")
+
+    def set(self, reason: str) -> None:
+        """Latch the rig.
+
+        Raises:
+            TargetFault: the latch cannot be written.
+        """
+        text = json.dumps({"reason": reason, "since": _now(), "pid": os.getpid()})
+        temporary = self._latch_path.with_suffix(f".{os.getpid()}.part")
+        try:
+            with temporary.open("w", encoding="utf-8") as stream:
+                stream.write(text + "\n")
+                stream.flush()
+                os.fsync(stream.fileno())
+            temporary.replace(self._latch_path)
+        except OSError as error:
+            with suppress(OSError):
+                temporary.unlink()
+            raise TargetFault(
+                f"the latch cannot be written ({error.strerror})",
+                where=Place(file=str(self._latch_path)),
+                hint=f"name another folder in {STATE}",
+            ) from error
+
+    def disarm(self) -> None:
+        """Take the latch away."""
+        self._latch_path.unlink(missing_ok=True)
+
+    def clear(self, by: str) -> Latch | None:
+        """Take the latch away for a person, note who it was, and return what it said."""
+        latch = self.latch
+        self.disarm()
+        if latch is not None:
+            try:
+                with self._latch_path.with_suffix(".log").open("a", encoding="utf-8") as log:
+                    log.write(json.dumps({"cleared": _now(), "by": by, "was": str(latch)}) + "\n")
+            except OSError as error:
+                raise EhaBenchError(
+                    f"cleared, but that cannot be noted ({error.strerror})",
+                    where=Place(file=str(self._latch_path)),
+                ) from error
+        return latch
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

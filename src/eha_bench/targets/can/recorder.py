@@ -1,0 +1,231 @@
+"""The recording of a running trial, written by a process of its own.
+
+The loop hands a tick over by one small write to a pipe; compressing and writing happen in the
+other process, with its own interpreter lock. When the loop's process is killed, the recorder finds
+the end of the pipe, notes it in the recording and closes the file.
+
+On the pipe: `<u32 length>` and a JSON object open or close a recording, `0` and a tick of
+1 + n doubles add to it.
+"""
+
+from __future__ import annotations
+
+import base64
+import fcntl
+import json
+import os
+import select
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from eha_bench.core.errors import EhaBenchError, RecordingError
+
+_LENGTH = struct.Struct("<I")
+_PIPE_BYTES = 1 << 20
+_CHECK_EVERY = 20
+_CLOSE_TIMEOUT = 10.0
+
+
+class Recorder:
+    """The loop's end of the pipe; one process for all trials of a run."""
+
+    def __init__(self) -> None:
+        """Start the process."""
+        command = [sys.executable, "-m", "eha_bench.targets.can.recorder"]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._in = self._process.stdin.fileno()
+        self._out = self._process.stdout
+        with suppress(OSError):  # what the kernel gives by default lasts half a second
+            fcntl.fcntl(self._in, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+        os.set_blocking(self._in, False)
+        os.set_blocking(self._out.fileno(), False)
+        self._row = struct.Struct("<I")
+        self._ticks = 0
+        self._open = False
+        self._failure = ""
+
+    def open(
+        self,
+        path: Path,
+        channels: Mapping[str, str],
+        epoch_ns: int,
+        metadata: Mapping[str, str],
+        attachments: Mapping[str, bytes],
+    ) -> None:
+        """Begin a recording.
+
+        Args:
+            path: its file.
+            channels: channel -> SI unit.
+            epoch_ns: time zero in ns since 1970.
+            metadata: text by key.
+            attachments: files by name.
+        """
+        self._failure = ""
+        self._row = struct.Struct(f"<I{1 + len(channels)}d")
+        files = {name: base64.b64encode(data).decode() for name, data in attachments.items()}
+        self._say(
+            {
+                "path": str(path.resolve()),
+                "channels": dict(channels),
+                "epoch_ns": epoch_ns,
+                "metadata": dict(metadata),
+                "attachments": files,
+            }
+        )
+        self._open = True
+
+    def append(self, time: float, values: Sequence[float]) -> None:
+        """Add a tick: s since the epoch, SI; takes microseconds.
+
+        Raises:
+            RecordingError: the file cannot be written, or the disk does not keep up.
+        """
+        self._ticks += 1
+        if self._failure or (self._ticks % _CHECK_EVERY == 0 and self._heard()):
+            raise RecordingError(self._failure, hint="what was written before can be read")
+        row = self._row.pack(0, time, *values)
+        try:
+            os.write(self._in, row)  # shorter than PIPE_BUF: all of it or nothing
+        except BlockingIOError as error:
+            self._failure = "the disk does not keep up with the recording"
+            raise RecordingError(self._failure) from error
+        except OSError as error:
+            self._failure = f"the recorder is gone ({error.strerror})"
+            raise RecordingError(self._failure) from error
+
+    def close(self, metadata: Mapping[str, str]) -> str:
+        """End the recording with what is known at its end; return what failed, "" if nothing."""
+        if not self._open:
+            return self._failure
+        self._open = False
+        with suppress(RecordingError):
+            self._say({"close": dict(metadata)})
+        while not self._failure:
+            if not select.select([self._out], [], [], _CLOSE_TIMEOUT)[0]:
+                self._failure = "the recording could not be closed in time"
+            elif not self._heard(closed=True):
+                break
+        return self._failure
+
+    def stop(self) -> None:
+        """End the process."""
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                with suppress(OSError):
+                    stream.close()
+        try:
+            self._process.wait(_CLOSE_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _say(self, what: Mapping[str, Any]) -> None:
+        data = json.dumps(what).encode()
+        data = _LENGTH.pack(len(data)) + data
+        try:
+            while data:
+                if not select.select([], [self._in], [], _CLOSE_TIMEOUT)[1]:
+                    raise TimeoutError("the disk does not answer")
+                with suppress(BlockingIOError):
+                    data = data[os.write(self._in, data[: select.PIPE_BUF]) :]
+        except OSError as error:
+            self._failure = f"the recorder is gone ({error.strerror})"
+            raise RecordingError(self._failure) from error
+
+    def _heard(self, *, closed: bool = False) -> bool:
+        """Whether the recorder has said that something failed; `closed` waits for its good-bye."""
+        with suppress(OSError):
+            line = self._out.readline()
+            if line and not line.startswith(b"closed"):
+                self._failure = line.decode(errors="replace").strip()
+            elif not line and closed:
+                self._failure = "the recorder is gone"
+        return bool(self._failure)
+
+
+def serve(stream: BinaryIO, answers: BinaryIO) -> None:
+    """Write what comes on `stream` until it ends; say `closed`, or what failed, on `answers`."""
+    from eha_bench.recordings import LiveWriter
+
+    writer: LiveWriter | None = None
+    row = struct.Struct("<d")
+
+    def failed(error: EhaBenchError) -> None:
+        with suppress(OSError):
+            answers.write((" ".join(str(error).split()) + "\n").encode())
+            answers.flush()
+
+    def close(metadata: Mapping[str, str]) -> None:
+        nonlocal writer
+        if writer is not None:
+            closing, writer = writer, None
+            try:
+                closing.add_metadata(metadata)
+                closing.close()
+            except RecordingError as error:
+                failed(error)
+
+    while True:
+        head = stream.read(_LENGTH.size)
+        if len(head) < _LENGTH.size:
+            break
+        (length,) = _LENGTH.unpack(head)
+        if length == 0:
+            data = stream.read(row.size)
+            if len(data) < row.size:
+                break
+            if writer is not None:
+                time, *values = row.unpack(data)
+                try:
+                    writer.append(time, values)
+                except RecordingError as error:
+                    failed(error)
+                    with suppress(RecordingError):
+                        writer.close()
+                    writer = None
+            continue
+        data = stream.read(length)
+        if len(data) < length:
+            break
+        order = json.loads(data)
+        if "close" in order:
+            close(order["close"])
+            with suppress(OSError):
+                answers.write(b"closed\n")
+                answers.flush()
+            continue
+        row = struct.Struct(f"<{1 + len(order['channels'])}d")
+        files = {name: base64.b64decode(text) for name, text in order["attachments"].items()}
+        try:
+            writer = LiveWriter(
+                order["path"],
+                order["channels"],
+                epoch_ns=order["epoch_ns"],
+                metadata=order["metadata"],
+                attachments=files,
+            )
+        except RecordingError as error:
+            failed(error)
+    close({"ending": "fault", "ending_reason": "the bench ended without closing the recording"})
+
+
+def main() -> None:
+    """Entry point of the process: a Ctrl-C is the loop's business, its end comes by the pipe."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    serve(sys.stdin.buffer, sys.stdout.buffer)
+
+
+if __name__ == "__main__":
+    main()

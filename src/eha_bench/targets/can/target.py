@@ -1,0 +1,359 @@
+"""The target `can`: trials on a drive behind a CAN adapter, safe whatever happens."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from eha_bench.control.controller import Context
+from eha_bench.control.controller_file import ControllerSet, load_controllers
+from eha_bench.core.errors import InputError, Place, TargetFault
+from eha_bench.core.linkage import Linkage
+from eha_bench.core.shipped import shipped
+from eha_bench.core.trial import ControlMode, Piston, Trial
+from eha_bench.plants.model import Model, load_model
+from eha_bench.targets.can.bus import Bus, check_channel
+from eha_bench.targets.can.drive import Drive
+from eha_bench.targets.can.guard import Limits
+from eha_bench.targets.can.hold import Hold
+from eha_bench.targets.can.link import Link
+from eha_bench.targets.can.load import load_drive
+from eha_bench.targets.can.pacing import LoopHealth, RealTime
+from eha_bench.targets.can.preview import preview
+from eha_bench.targets.can.recorder import Recorder
+from eha_bench.targets.can.target_file import ControlPlace
+from eha_bench.targets.can.trial_run import Plan, TrialRun
+from eha_bench.targets.target import Ending, Identity, Journal, Outcome, Stopping, Target, never
+
+
+class CanTarget(Target):
+    """Runs trials on the drive that a DBC and a target.yaml describe."""
+
+    def __init__(self, drive: Drive) -> None:
+        """Read what the target names; the bus is opened on entering.
+
+        Raises:
+            InputError: model, controller or limits are wrong.
+        """
+        self._drive = drive
+        self._model = load_model(drive.model) if drive.model else None
+        self._controllers = _controllers(drive)
+        self._limits = Limits.of(drive)
+        self._linkage = _linkage(self._model)
+        self._hold = Hold(drive.file.name)
+        self._bus: Bus | None = None
+        self._recorder: Recorder | None = None
+        self._journal: Journal | None = None
+        self._run: TrialRun | None = None
+
+    @property
+    def drive(self) -> Drive:
+        """The drive's description."""
+        return self._drive
+
+    @property
+    def identity(self) -> Identity:
+        """Digests of target and DBC, of model and controller; all of them as files."""
+        files = {"target.yaml": self._drive.path.read_bytes(), "drive.dbc": self._dbc()}
+        digests = {
+            "target_sha256": hashlib.sha256(files["target.yaml"]).hexdigest(),
+            "dbc_sha256": hashlib.sha256(files["drive.dbc"]).hexdigest(),
+        }
+        if self._model is not None:
+            files["model.yaml"] = self._model.to_yaml().encode()
+            digests["model_sha256"] = self._model.sha256
+        if self._drive.file.control is ControlPlace.HOST:
+            files["controller.yaml"] = self._controllers.text.encode()
+            digests["controller_sha256"] = self._controllers.sha256
+        return Identity(f"can:{self._drive.file.name}", digests, files)
+
+    def _dbc(self) -> bytes:
+        return self._drive.dbc.read_bytes()
+
+    # --- before anything moves ----------------------------------------------
+
+    def check(self, trial: Trial) -> None:
+        """Raise an InputError if the drive, the fixture or the controller cannot run the trial."""
+        plan = self._plan(trial)
+        fixed = self._drive.file.setup
+        if self._drive.file.fixture is None and fixed is not None:
+            found = (trial.setup.piston, trial.setup.bypass)
+            if found != (fixed.piston, fixed.bypass):
+                raise InputError(
+                    f"trial '{trial.id}' needs the piston {found[0].value} and the bypass "
+                    f"{found[1].value}; the rig is set up with {fixed.piston.value} and "
+                    f"{fixed.bypass.value}",
+                    where=Place(file=str(self._drive.path), key="setup"),
+                    hint="set the rig up anew and say so under `setup:`",
+                )
+        measured = {*self._drive.channels, "pressure_difference"}
+        for limit in trial.safety:
+            if limit.channel not in measured:
+                raise InputError(
+                    f"trial '{trial.id}' has a safety limit on {limit.channel}, which the drive "
+                    "does not measure",
+                    where=Place(file=str(self._drive.path), key="channels"),
+                )
+        del plan
+
+    def preview(self, trial: Trial) -> tuple[str, ...]:
+        """Return the frames that a run would send."""
+        plan = self._plan(trial)
+        return preview(self._drive, plan.mode, trial, plan.current_limit, self._limits)
+
+    def _plan(self, trial: Trial) -> Plan:
+        host = self._drive.file.control is ControlPlace.HOST
+        mode = ControlMode.CURRENT if host else trial.mode
+        where = Place(file=str(self._drive.path), key="commands")
+        if mode not in self._drive.commands:
+            raise InputError(f"the drive has no command for mode '{mode.value}'", where=where)
+        limit = self._current_limit()
+        controller = None
+        if host:
+            context = Context(1.0 / trial.sample_rate, limit, self._linkage)
+            controller = self._controllers.make(trial.mode, context)
+        return Plan(
+            trial, mode, controller, limit, self._position(trial), self._linkage, self._limits,
+            self._constants(),
+        )  # fmt: skip
+
+    def _current_limit(self) -> float:
+        """Return what may be asked for: by the model, the limits and what the signal can hold."""
+        found: list[float] = []
+        if self._model is not None and "current_limit" in self._model.plant.layout.by_key:
+            found.append(self._model.value("current_limit"))
+        command = self._drive.commands.get(ControlMode.CURRENT)
+        if command is not None:
+            found.append(abs(command.coding.to_si(command.coding.high)))
+        found += [limit.high for limit in self._limits.channels if limit.channel == "current"]
+        return min(found, default=math.inf)
+
+    def _constants(self) -> dict[str, str]:
+        """Return the nominal parameters, SI, as metadata: identification needs some of them."""
+        if self._model is None:
+            return {}
+        names = (parameter.name for parameter in self._model.plant.layout.parameters)
+        return {f"model.{name}": repr(self._model.value(name)) for name in names}
+
+    def _position(self, trial: Trial) -> float:
+        """Return where the rod starts: where the trial says, or where its reference starts."""
+        initial = dict(trial.setup.initial)
+        angle = initial.get("joint_angle")
+        first = float(trial.reference(np.zeros(1))[0])
+        if not initial and trial.setup.piston is Piston.FREE:
+            if trial.mode is ControlMode.JOINT_ANGLE:
+                angle = first
+            elif trial.mode is ControlMode.PISTON_POSITION:
+                return first
+        if angle is None:
+            return initial.get("piston_position", 0.0)
+        if self._linkage is None:
+            raise InputError(
+                f"trial '{trial.id}' starts at a joint angle, and the rig's joint is not known",
+                where=Place(file=str(self._drive.path), key="model"),
+                hint="name a model.yaml with link_a, link_b and link_c0",
+            )
+        return self._linkage.position_at(angle)
+
+    # --- the run --------------------------------------------------------------
+
+    def __enter__(self) -> Self:
+        """Lock the rig, refuse a latched one, open the bus, start the recorder.
+
+        Raises:
+            TargetFault: the rig is in use or latched, or the bus cannot be opened.
+        """
+        check_channel(self._drive.file.bus)
+        self._hold.take()
+        try:
+            self._hold.check()
+            self._recorder = Recorder()
+        except BaseException:
+            self._release()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the drive in its safe state and let go of the rig."""
+        try:
+            self.make_safe()
+        finally:
+            self._release()
+
+    def make_safe(self) -> None:
+        """Take the torque off, once more; the latch stays if that was needed."""
+        if self._run is not None and self._bus is not None:
+            self._run.make_safe()
+
+    def _release(self) -> None:
+        self._run = None
+        if self._bus is not None:
+            self._bus.close()
+            self._bus = None
+        if self._recorder is not None:
+            self._recorder.stop()
+            self._recorder = None
+        self._hold.let_go()
+
+    def keep_journal(self, journal: Journal) -> None:
+        """Write the next run there, tick by tick."""
+        self._journal = journal
+
+    def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
+        """Run one repeat on the rig; a rig that is not held yet is held for this run alone."""
+        if self._recorder is None:
+            with self:
+                return self.run(trial, repeat, stopping)
+        del repeat  # the rig's noise is its own
+        plan = self._plan(trial)
+        file = self._drive.file.loop
+        period = 1.0 / trial.sample_rate
+        try:
+            if self._bus is None:
+                self._bus = Bus(self._drive.file.bus)
+                Link(self._drive, self._bus, period).begin()
+            link = Link(self._drive, self._bus, period)
+        except TargetFault as error:
+            return self._not_there(trial, str(error))
+        health = LoopHealth(trial.clock().size, period, len(self._drive.status))
+        with RealTime(file.priority) as real_time:
+            run = TrialRun(
+                plan, link, stopping, health, real_time.scheduling, self._recorder.append,
+                lambda: self._hold.arm(trial.id),
+            )  # fmt: skip
+            self._run = run
+            epoch = time.time_ns()
+            self._open_journal(run, trial, epoch)
+            outcome = run.run()
+            self._run = None
+        failed = self._close_journal(outcome)
+        if failed and outcome.ending is Ending.COMPLETE:
+            outcome = Outcome(outcome.recording, Ending.FAULT, failed)
+        self._settle_latch(run, outcome)
+        if outcome.ending is not Ending.COMPLETE:
+            # an adapter that came back is opened anew
+            self._bus.close()
+            self._bus = None
+        return outcome
+
+    def _not_there(self, trial: Trial, reason: str) -> Outcome:
+        from eha_bench.core.recording import Recording
+
+        del trial
+        return Outcome(Recording(np.zeros(0), {}), Ending.INFRASTRUCTURE, reason)
+
+    def _open_journal(self, run: TrialRun, trial: Trial, epoch_ns: int) -> None:
+        journal, recorder = self._journal, self._recorder
+        assert recorder is not None
+        if journal is None:
+            run.append = _nowhere
+            return
+        units = {name: _unit(name, trial) for name in run.channels}
+        metadata = {**journal.metadata, **run.metadata(trial.clock())}
+        recorder.open(journal.path, units, epoch_ns, metadata, journal.attachments)
+
+    def _close_journal(self, outcome: Outcome) -> str:
+        journal, recorder = self._journal, self._recorder
+        assert recorder is not None
+        self._journal = None
+        if journal is None:
+            return ""
+        return recorder.close(
+            {
+                **journal.metadata,
+                **outcome.recording.metadata,
+                "ending": outcome.ending.value,
+                "ending_reason": outcome.reason,
+            }
+        )
+
+    def _settle_latch(self, run: TrialRun, outcome: Outcome) -> None:
+        """Latch the rig if the run did not end well; a person's Ctrl-C is no reason for it."""
+        if not run.armed:
+            return
+        if outcome.ending in (Ending.COMPLETE, Ending.INTERRUPTED) and not run.safe:
+            self._hold.disarm()
+            return
+        trial = run.plan.trial.id
+        with suppress(TargetFault):  # it stays armed, which latches it as well
+            self._hold.set(f"{outcome.ending.value} in trial '{trial}': {outcome.reason}")
+
+    # --- for people -------------------------------------------------------------
+
+    def clear(self, by: str) -> str:
+        """Clear the latch and the drive's fault for a person; return what was cleared.
+
+        Raises:
+            TargetFault: the rig is in use, does not answer, or stays in fault.
+        """
+        self._hold.take()
+        try:
+            done = self._clear_drive()
+            latch = self._hold.clear(by)
+            if latch is not None:
+                done = f"{done}; the latch said: {latch}"
+            return done
+        finally:
+            self._release()
+
+    def _clear_drive(self) -> str:
+        self._bus = Bus(self._drive.file.bus)
+        link = Link(self._drive, self._bus, 2e-3)
+        link.begin()
+        drive, until = self._drive, time.monotonic() + self._drive.file.start.timeout
+        mode = next(iter(drive.commands))
+        was = ""
+        while time.monotonic() < until:
+            now = time.monotonic()
+            link.exchange(now, now + 2e-3)
+            was = was or link.state
+            if link.state and link.state != "fault":
+                return f"the drive is '{link.state}'" + (", it was in fault" * (was == "fault"))
+            if link.state == "fault":
+                link.command(mode, 0.0, drive.file.control_word.disable)
+                link.command(mode, 0.0, drive.file.control_word.reset)
+            time.sleep(2e-3)
+        if link.state == "fault":
+            raise TargetFault("the drive stays in fault", hint="its cause is still there")
+        raise TargetFault("the drive does not answer", hint="check its supply and the bus")
+
+
+def _controllers(drive: Drive) -> ControllerSet:
+    return load_controllers(drive.controller or shipped("controllers/paper.yaml"))
+
+
+def _linkage(model: Model | None) -> Linkage | None:
+    names = ("link_a", "link_b", "link_c0", "volume_a", "piston_area_a")
+    if model is None or any(name not in model.plant.layout.by_key for name in names):
+        return None
+    a, b, c0, volume, area = (model.value(name) for name in names)
+    return Linkage(a, b, c0, volume / area)
+
+
+def _nowhere(time: float, values: Sequence[float]) -> None:
+    """Keep no journal of a tick."""
+
+
+def _unit(name: str, trial: Trial) -> str:
+    from eha_bench.core.channels import unit_of
+
+    return trial.mode.unit if name == "reference" else unit_of(name)
+
+
+def from_file(path: Path, content: Any) -> CanTarget:
+    """Entry point of `target: can`."""
+    del content
+    return CanTarget(load_drive(path))
