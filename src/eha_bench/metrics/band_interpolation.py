@@ -1,0 +1,220 @@
+"""Between the points of a frequency response: crossings and extremes by local cubics in f^2.
+
+For poles without zeros 1 / |G|^2 and the real part of 1 / G are polynomials of f^2, and so is the
+imaginary part of 1 / G over f: what is interpolated is nearly a polynomial, on a grid of any kind.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from eha_bench.core.score import Measure
+from eha_bench.metrics.frequency_response import FrequencyResponse
+from eha_bench.metrics.metric import NotScored
+
+FloatArray = NDArray[np.float64]
+
+_REACH = math.log(1.6)  # on either side of a place, in which a cubic follows the response
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What crosses zero downwards at the place sought.
+
+    Attributes:
+        values: (n,) at the response's frequencies.
+        sd: (n,) standard deviations.
+        common: variance that all values share.
+    """
+
+    values: FloatArray
+    sd: FloatArray
+    common: float
+
+
+@dataclass(frozen=True)
+class Local:
+    """A polynomial in x = f^2 / guess^2 around 1.
+
+    Attributes:
+        coefficients: (order + 1,), ascending, in x - 1.
+        operator: (order + 1, m): coefficients = operator @ values of the points.
+        chosen: (m,) points it was fitted to.
+        misfit: chi^2 per degree of freedom, at least 1.
+    """
+
+    coefficients: FloatArray
+    operator: FloatArray
+    chosen: NDArray[np.intp]
+    misfit: float = 1.0
+
+    def value(self, x: FloatArray | float) -> FloatArray:
+        """Return the polynomial at x."""
+        return np.asarray(np.polynomial.polynomial.polyval(np.asarray(x) - 1.0, self.coefficients))
+
+    def slope(self, x: float) -> float:
+        """Return its derivative at x."""
+        derived = np.polynomial.polynomial.polyder(self.coefficients)
+        return float(np.polynomial.polynomial.polyval(x - 1.0, derived))
+
+    def bend(self, x: float) -> float:
+        """Return its second derivative at x."""
+        derived = np.polynomial.polynomial.polyder(self.coefficients, 2)
+        return float(np.polynomial.polynomial.polyval(x - 1.0, derived)) if derived.size else 0.0
+
+    def slope_weights(self, x: float) -> FloatArray:
+        """Return the weight of every point in the slope at x, (m,)."""
+        orders = np.arange(self.coefficients.size)
+        powers = np.zeros(orders.size)
+        powers[1:] = orders[1:] * (x - 1.0) ** (orders[1:] - 1)
+        row: FloatArray = powers @ self.operator
+        return row
+
+    def weights(self, x: float) -> FloatArray:
+        """Return the weight of every point in the value at x, (m,)."""
+        powers = (x - 1.0) ** np.arange(self.coefficients.size)
+        row: FloatArray = powers @ self.operator
+        return row
+
+
+def first_below(
+    response: FrequencyResponse, curve: FloatArray, level: float, spread: FloatArray, what: str
+) -> int:
+    """Return the first point below a level that is not only noise; raises NotScored."""
+    below = curve < level
+    again = np.append(below[1:], True)  # the next point agrees, or there is none
+    index = np.flatnonzero(below & (again | (curve + 2.0 * np.nan_to_num(spread) < level)))
+    frequency = response.frequency
+    if index.size == 0:
+        raise NotScored(f"{what} up to {frequency[-1]:.4g} Hz, the highest that can be relied upon")
+    if index[0] == 0:
+        raise NotScored(
+            f"it lies below {frequency[0]:.4g} Hz, the lowest frequency that can be relied upon"
+        )
+    return int(index[0])
+
+
+def crossing(response: FrequencyResponse, curve: Curve, first: int, reason: str) -> Measure:
+    """Return the frequency in Hz at which a curve falls below zero before point `first`."""
+    squares = response.frequency**2
+    before, after = curve.values[first - 1], curve.values[first]
+    share = before / (before - after) if before > 0.0 > after else 0.5
+    guess = float(squares[first - 1] + share * (squares[first] - squares[first - 1]))
+    x = squares / guess
+    sd = np.nan_to_num(curve.sd)
+    local = local_cubic(x, curve.values, sd)
+    place = _root(local, float(x[first - 1]), float(x[first]))
+    row = local.weights(place)
+    variance = local.misfit * float(np.sum((row * sd[local.chosen]) ** 2)) + curve.common
+    # relative error of the frequency: half that of its square
+    slope = max(abs(local.slope(place)) * place, 1e-12)
+    reach = 0.5 * band_quantile(response, local.chosen) * math.sqrt(variance) / slope
+    value = math.sqrt(guess * place)
+    if not math.isfinite(reach) or reach > 3.0:
+        return Measure(value, reason=reason)
+    return Measure(value, value * math.exp(-reach), value * math.exp(reach), reason)
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A minimum between points: its frequency in Hz, with what is known of it.
+
+    Attributes:
+        frequency, reach: Hz, and half its 95 % interval.
+        value, sd: of the curve there.
+        quantile: Student's, two-sided 95 %.
+    """
+
+    frequency: float
+    reach: float
+    value: float
+    sd: float
+    quantile: float
+
+
+def extreme_between(response: FrequencyResponse, curve: Curve, index: int) -> Minimum | None:
+    """Return the minimum of a positive curve near point `index`, its least; None if it has none."""
+    squares = response.frequency**2
+    guess = float(squares[index])
+    x = squares / guess
+    sd = np.nan_to_num(curve.sd)
+    local = local_cubic(x, curve.values, sd)
+    low, high = float(x[index - 1]), float(x[index + 1])
+    roots = np.roots(np.polynomial.polynomial.polyder(local.coefficients)[::-1])
+    real = roots[np.abs(roots.imag) < 1e-9].real + 1.0
+    real = real[(real > low) & (real < high)]
+    bends = [place for place in real.tolist() if local.bend(place) > 0.0]
+    if not bends:
+        return None
+    place = min(bends, key=lambda at: float(local.value(at)))
+    value = float(local.value(place))
+    if not value > 0.0:
+        return None
+
+    def spread(row: FloatArray) -> float:
+        return math.sqrt(local.misfit * float(np.sum((row * sd[local.chosen]) ** 2)))
+
+    quantile = band_quantile(response, local.chosen)
+    shift = quantile * spread(local.slope_weights(place)) / local.bend(place)
+    frequency = math.sqrt(guess * place)
+    reach = 0.5 * shift / place * frequency
+    return Minimum(frequency, reach, value, spread(local.weights(place)), quantile)
+
+
+def local_cubic(x: FloatArray, values: FloatArray, sd: FloatArray) -> Local:
+    """Fit a cubic to the points around 1: the nearest four, and more while they agree."""
+    distance = np.abs(np.log(x))
+    nearest = np.argsort(distance, kind="stable")
+    within = int(np.count_nonzero(distance <= 2.0 * _REACH))
+    count = min(4, x.size)
+    best = _cubic(x, values, sd, np.sort(nearest[:count]))
+    while count < within:
+        count = min(max(count + 1, round(1.4 * count)), within)
+        wider = _cubic(x, values, sd, np.sort(nearest[:count]))
+        freedom = count - wider.coefficients.size
+        rest = values[wider.chosen] - wider.value(x[wider.chosen])
+        rest /= np.maximum(sd[wider.chosen], 1e-12)
+        misfit = float(rest @ rest) / freedom
+        if misfit > 1.0 + 2.0 * math.sqrt(2.0 / freedom):
+            break
+        best = replace(wider, misfit=max(misfit, 1.0))
+    return best
+
+
+def _cubic(x: FloatArray, values: FloatArray, sd: FloatArray, chosen: NDArray[np.intp]) -> Local:
+    order = min(3, chosen.size - 1)
+    weights = point_weights(sd[chosen])
+    design = np.vander(x[chosen] - 1.0, order + 1, increasing=True)
+    operator = np.linalg.pinv(design * weights[:, None]) * weights
+    return Local(operator @ values[chosen], operator, chosen)
+
+
+def _root(local: Local, low: float, high: float) -> float:
+    """Return the root nearest to the guess, within an interval around the two points or 1."""
+    if not np.any(local.coefficients[1:] != 0.0):
+        return 1.0
+    roots = np.roots(local.coefficients[::-1])
+    real = roots[np.abs(roots.imag) < 1e-9].real + 1.0
+    margin = high - low
+    near = real[(real >= low - margin) & (real <= high + margin) & (real > 0.0)]
+    return 1.0 if near.size == 0 else float(near[np.argmin(np.abs(near - 1.0))])
+
+
+def band_quantile(response: FrequencyResponse, chosen: NDArray[np.intp]) -> float:
+    """Return Student's quantile for the points' variances taken together."""
+    lowest = min(response.points[int(index)].freedom for index in chosen)
+    return float(stdtrit(lowest, 0.975)) if lowest > 0.0 else math.nan
+
+
+def point_weights(sd: FloatArray) -> FloatArray:
+    """Return weights of least squares; no point counts more than ten times another."""
+    if not np.all(np.isfinite(sd)) or not np.any(sd > 0.0):
+        return np.ones(sd.size)
+    floor = 0.1 * float(np.max(sd))
+    weights: FloatArray = floor / np.maximum(sd, floor)
+    return weights
