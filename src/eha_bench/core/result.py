@@ -33,7 +33,11 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class TrialResult:
-    """One run of one trial: its recording and its scores."""
+    """One run of one trial: its recording and its scores.
+
+    `definition` is a digest of what was run (signal, setup, rate), without how it was judged: two
+    results of the same definition can be compared.
+    """
 
     id: str
     repeat: int
@@ -43,6 +47,7 @@ class TrialResult:
     scores: tuple[Score, ...] = ()
     reason: str = ""
     notes: tuple[str, ...] = ()
+    definition: str = ""
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,7 @@ class Result:
             )
         try:
             return _from_dict(data)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"not a result ({error!r})", where=Place(file=str(path))) from error
 
 
@@ -128,6 +133,7 @@ def _to_dict(result: Result) -> dict[str, Any]:
                 "reason": trial.reason,
                 "recording": trial.recording,
                 "sha256": trial.sha256,
+                "definition": trial.definition,
                 "notes": list(trial.notes),
                 "scores": [_score_to_dict(score) for score in trial.scores],
             }
@@ -160,28 +166,29 @@ def _from_dict(data: Mapping[str, Any]) -> Result:
     trials = tuple(
         TrialResult(
             id=str(trial["id"]),
-            repeat=int(trial["repeat"]),
+            repeat=int(trial.get("repeat", 0)),
             status=Status(trial["status"]),
-            recording=str(trial["recording"]),
-            sha256=str(trial["sha256"]),
-            reason=str(trial.get("reason", "")),
+            recording=str(trial.get("recording") or ""),
+            sha256=str(trial.get("sha256") or ""),
+            definition=str(trial.get("definition") or ""),
+            reason=str(trial.get("reason") or ""),
             notes=tuple(str(note) for note in trial.get("notes", ())),
             scores=tuple(
                 Score(
                     metric=str(score["metric"]),
-                    channel=str(score["channel"]),
+                    channel=str(score.get("channel") or ""),
                     measure=Measure(
                         _float(score["value"]),
                         _float(score.get("low")),
                         _float(score.get("high")),
-                        str(score.get("reason", "")),
+                        str(score.get("reason") or ""),
                     ),
-                    unit=str(score["unit"]),
+                    unit=str(score.get("unit") or ""),
                     status=ScoreStatus(score["status"]),
                     limit=str(score.get("limit") or ""),
                     matters=str(score.get("matters") or ""),
                 )
-                for score in trial["scores"]
+                for score in trial.get("scores") or ()
             ),
         )
         for trial in data["trials"]
@@ -191,6 +198,6 @@ def _from_dict(data: Mapping[str, Any]) -> Result:
         target=str(data["target"]),
         status=Status(data["status"]),
         trials=trials,
-        provenance={str(key): str(value) for key, value in data["provenance"].items()},
+        provenance={str(k): str(v) for k, v in (data.get("provenance") or {}).items()},
         description=str(data.get("description", "")),
     )

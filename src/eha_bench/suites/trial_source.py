@@ -6,6 +6,7 @@ opens no file and loads no code but the installed signals.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from typing import Any, Literal
@@ -25,6 +26,7 @@ from eha_bench.suites.identifiers import check_identifier
 from eha_bench.suites.signals.signal_model import SignalContext, SignalModel
 
 VERSION = 1
+_JUDGING = ("limits", "scores", "matters", "description", "repeats", "seed", "safety", "version")
 
 
 class _Bounds(StrictModel):
@@ -133,6 +135,17 @@ def source_of(trial: Trial, signal: SignalModel) -> str:
         },
     )
     return json.dumps(source.model_dump(mode="json"), ensure_ascii=False, allow_nan=False)
+
+
+def definition_of(source: str) -> str:
+    """Return a digest of what a trial's JSON text runs; "" for a trial that has none.
+
+    How it is judged, how often it is run and from which seed have no part in it.
+    """
+    if not source:
+        return ""
+    ran = {key: value for key, value in json.loads(source).items() if key not in _JUDGING}
+    return hashlib.sha256(json.dumps(ran, sort_keys=True).encode()).hexdigest()
 
 
 def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
