@@ -294,5 +294,7 @@ def friction_at_rest(problem: Problem, fit: Fit, keys: tuple[str, ...]) -> tuple
         trial_fit = levenberg_marquardt(problem, best, free, iterations=4, known=known, refresh=0)
         if trial_fit.cost < fit.cost - 20.0:
             fit = trial_fit
-            nuisance.append(key)
+            # back at 0 it sticks: free there, it would only spoil the fit of the others
+            if fit.vector[at] != 0.0:
+                nuisance.append(key)
     return fit, nuisance

@@ -17,6 +17,7 @@ from eha_bench.core.result import write_text
 from eha_bench.diagnosis import search as searching
 from eha_bench.diagnosis.baseline import (
     COARSE,
+    FRICTION_AT_REST,
     Baseline,
     CalibrationInterrupted,
     calibrated,
@@ -42,6 +43,7 @@ from eha_bench.diagnosis.errors_by_channel import (
     replay_notes,
 )
 from eha_bench.diagnosis.evidence import groups_of
+from eha_bench.diagnosis.fit import Fit, jacobian
 from eha_bench.diagnosis.replay import replay
 from eha_bench.diagnosis.revise import revised
 from eha_bench.diagnosis.scoring import scored
@@ -206,7 +208,7 @@ def _units(model: Model) -> dict[str, str]:
 def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decision) -> Diagnosis:
     model = dataset.model
     layout = model.plant.layout
-    fit = decision.fit
+    fit = _fresh(search, decision)
     added = [item.start.candidate for item in search.effects]
     if decision.unknown is not None and decision.learned:
         added.append(LEARNED)
@@ -237,6 +239,8 @@ def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisi
     }
     notes = list(base.notes)
     for key in base.nuisance:
+        if fit.vector[layout.index[key]] == 0.0:
+            continue
         text = f"friction at rest was estimated: {key} = {fit.vector[layout.index[key]]:.3g}"
         notes.append(f"{text} {layout.by_key[key].unit}")
     for key in mundane:
@@ -260,6 +264,20 @@ def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisi
         undetermined(fit),
         tuple(notes),
     )
+
+
+def _fresh(search: Search, decision: Decision) -> Fit:
+    """Return the fit with a Jacobian computed anew: intervals are no place for one updated."""
+    fit = decision.fit
+    if decision.learned:
+        return fit
+    layout = search.problem.plant.layout
+    sticks = {key for key in FRICTION_AT_REST if key in layout.index
+              and fit.vector[layout.index[key]] == 0.0}  # fmt: skip
+    free = tuple(item for item in fit.free if item.key not in sticks)
+    residual = search.problem.residual(fit.vector)
+    matrix = jacobian(search.problem, fit.vector, free, residual)
+    return replace(fit, free=free, residual=residual, jacobian=matrix)
 
 
 def _numbers(

@@ -186,10 +186,15 @@ def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search)
 
 def _free(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
     layout = search.problem.plant.layout
-    keys = list(search.keys)
+    keys = [key for key in search.keys if not _sticks(key, vector[layout.index[key]])]
     for start in [*(item.start for item in search.accepted), *extra]:
         keys += [key for key in start.keys if key not in keys]
     return free_parameters(layout, keys, vector)
+
+
+def _sticks(key: str, value: float) -> bool:
+    """Whether friction at rest has come back to sticking: free there, it spoils a Jacobian."""
+    return key in FRICTION_AT_REST and value == 0.0
 
 
 def _refit(search: Search, coarse: Problem, item: Screened) -> Trial:
@@ -335,10 +340,11 @@ def _review(search: Search, limits: Thresholds) -> None:
 def _without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral
-    keys = list(search.keys)
+    layout = search.problem.plant.layout
+    keys = [key for key in search.keys if not _sticks(key, vector[layout.index[key]])]
     for other in kept:
         keys += [key for key in other.start.keys if key not in keys]
-    free = free_parameters(search.problem.plant.layout, keys, vector)
+    free = free_parameters(layout, keys, vector)
     coarse = search.problem.at_step(COARSE)
     rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
     before, search.accepted = search.accepted, list(kept)
