@@ -86,7 +86,7 @@ class Rig:
         """Run in real time until `stopping` or for `duration` s."""
         drive, transport, log = self._drive, self._transport, self._log
         started = time.monotonic()
-        overslept = overslept_most = 0.0
+        overslept_most = 0.0
         log.write(0.0, "start", channel=transport.name)
         try:
             with RealTime(self._priority):
@@ -95,7 +95,7 @@ class Rig:
                     due = drive.due
                     frames = transport.receive(min(due - now, _LONGEST_WAIT))
                     now = time.monotonic() - started
-                    overslept = now - due if not frames else 0.0
+                    overslept = max(now - due, 0.0)
                     overslept_most = max(overslept_most, overslept)
                     if overslept > _MOST_OVERSLEPT:
                         log.write(now, "overslept", by=round(overslept, 6))

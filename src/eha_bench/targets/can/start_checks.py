@@ -15,6 +15,7 @@ from eha_bench.targets.can.link import Link, NotThere
 if TYPE_CHECKING:
     from eha_bench.targets.can.trial_run import Plan
 
+_SETTLED = 0.02
 Idle = Callable[[float, Callable[[], bool]], bool]
 
 
@@ -84,6 +85,7 @@ class StartCheck:
                 raise NotThere(
                     f"the fixture did not set the rig up within {file.fixture.timeout:g} s"
                 )
+            self._idle(_SETTLED, lambda: False)  # what was read while it moved is not looked at
             return
         found = link.readings.get("piston_position", math.nan)
         within = file.setup.start_within if file.setup is not None else math.inf
