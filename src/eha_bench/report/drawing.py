@@ -1,37 +1,51 @@
-"""Drawings as inline `<svg>`, written directly: small, quick, in the page's colours.
+"""A matplotlib figure that is drawn on directly, without axes.
 
-Positions are points (1/72 inch) from the upper left corner. A colour is the name of a shade of
-`embed_svg.SHADES`; in the page it is the variable `--<name>`, so that one drawing serves light,
-dark and paper.
+A run has up to nine panels, and matplotlib takes 40 ms for a pair of axes, nearly all of it for
+ticks: without them a whole run takes no more.
+
+Positions are points (1/72 inch) from the upper left corner; a colour is the name of a shade of
+`embed_svg.SHADES`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from typing import Literal
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Rectangle
+from matplotlib.text import Text
+from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
 
+from eha_bench.report.embed_svg import SHADES
+from eha_bench.report.figures import render_svg
+
 FloatArray = NDArray[np.float64]
+_THIN = 0.6
 
 
-class Canvas:
-    """Collects the elements of a drawing; what is drawn later lies above."""
+class Drawing:
+    """Collects artists on a figure; what is drawn later lies above. Use within `plot_style`."""
 
     def __init__(self, width: float, height: float) -> None:
-        self.width = width
         self.height = height
-        self._elements: list[str] = []
+        self._figure = Figure(figsize=(width / 72.0, height / 72.0), dpi=72)
+        self._place = IdentityTransform()  # at 72 dpi a dot is a point
 
     def curve(
         self, points: FloatArray, shade: str, *, width: float, dash: Sequence[float] = ()
     ) -> None:
         """Draw lines through `points` (n, 2); where one is not finite there is a gap."""
-        path = path_through(points)
-        if path:
-            self._add("path", _stroke(shade, width, dash) + f' fill="none" d="{path}"')
+        line = Line2D(
+            points[:, 0], self.height - points[:, 1],
+            color=SHADES[shade], linewidth=width, transform=self._place,
+            linestyle=(0.0, tuple(dash)) if dash else None,
+        )  # fmt: skip
+        self._figure.add_artist(line)
 
     def line(
         self,
@@ -46,31 +60,29 @@ class Canvas:
         self.curve(np.array([start, stop]), shade, width=width, dash=dash)
 
     def ruling(self, lines: Sequence[tuple[float, float, float, float]], shade: str) -> None:
-        """Draw thin lines (x1, y1, x2, y2) as one element: a grid, or the marks of an axis."""
-        path = "".join(
-            f"M{_short(x1)} {_short(y1)}L{_short(x2)} {_short(y2)}" for x1, y1, x2, y2 in lines
-        )
-        if path:
-            self._add("path", _stroke(shade, 0.6, ()) + f' fill="none" d="{path}"')
+        """Draw thin lines (x1, y1, x2, y2): a grid, or the marks of an axis."""
+        gap = (np.nan, np.nan)
+        places = [place for x1, y1, x2, y2 in lines for place in ((x1, y1), (x2, y2), gap)]
+        # one path for all of them: a LineCollection would write an element a line
+        self.curve(np.array(places).reshape(-1, 2), shade, width=_THIN)
 
     def rectangle(
         self, left: float, top: float, right: float, bottom: float, shade: str, *, opacity: float
     ) -> None:
         """Fill a rectangle."""
-        self._add(
-            "rect",
-            f' x="{_short(left)}" y="{_short(top)}" width="{_short(max(right - left, 0.0))}"'
-            f' height="{_short(max(bottom - top, 0.0))}" fill="var(--{shade})"'
-            f' fill-opacity="{opacity:g}"',
-        )
+        patch = Rectangle(
+            (left, self.height - bottom), right - left, bottom - top,
+            facecolor=SHADES[shade], alpha=opacity, linewidth=0, transform=self._place,
+        )  # fmt: skip
+        self._figure.add_artist(patch)
 
     def ring(self, x: float, y: float, radius: float, shade: str) -> None:
         """Draw a circle filled with the colour of the paper."""
-        self._add(
-            "circle",
-            f' cx="{_short(x)}" cy="{_short(y)}" r="{radius:g}" fill="var(--paper)"'
-            + _stroke(shade, 1.2, ()),
-        )
+        patch = Circle(
+            (x, self.height - y), radius, facecolor=SHADES["paper"], edgecolor=SHADES[shade],
+            linewidth=1.2, transform=self._place,
+        )  # fmt: skip
+        self._figure.add_artist(patch)
 
     def text(
         self,
@@ -80,65 +92,17 @@ class Canvas:
         shade: str,
         *,
         size: float,
-        anchor: str = "start",
+        anchor: Literal["left", "center", "right"] = "left",
         bold: bool = False,
     ) -> None:
-        """Write words on the base line `y`; `anchor` is start, middle or end."""
-        more = "" if anchor == "start" else f' text-anchor="{anchor}"'
-        more += ' font-weight="bold"' if bold else ""
-        self._elements.append(
-            f'<text x="{_short(x)}" y="{_short(y)}" font-size="{size:g}" '
-            f'fill="var(--{shade})"{more}>{escape(words)}</text>'
-        )
+        """Write words on the base line `y`; `anchor` is left, center or right."""
+        weight = "bold" if bold else "normal"
+        text = Text(
+            x, self.height - y, words, color=SHADES[shade], fontsize=size, fontweight=weight,
+            horizontalalignment=anchor, verticalalignment="baseline", transform=self._place,
+        )  # fmt: skip
+        self._figure.add_artist(text)
 
     def svg(self, key: str, *, title: str) -> Markup:
         """Return the drawing as an element; `key` is unique on its page, `title` is read aloud."""
-        return Markup(
-            f'<svg viewBox="0 0 {_short(self.width)} {_short(self.height)}" role="img" '
-            f'aria-labelledby="{key}-title"><title id="{key}-title">{escape(title)}</title>'
-            + "".join(self._elements)
-            + "</svg>"
-        )
-
-    def _add(self, tag: str, attributes: str) -> None:
-        self._elements.append(f"<{tag}{attributes}/>")
-
-
-def path_through(points: FloatArray) -> str:
-    """Return the path data of lines through points (n, 2), in tenths of a point.
-
-    Each point is relative to the last, which is shorter, and all are rounded before the
-    difference is taken, so that no rounding adds up. Points that fall on the last one are left out.
-    """
-    finite: NDArray[np.bool_] = np.logical_and(*np.isfinite(points).T)
-    tenths = np.zeros(points.shape, dtype=np.int64)
-    tenths[finite] = np.rint(points[finite] * 10.0).astype(np.int64)
-    steps = np.diff(tenths, axis=0, prepend=tenths[:1])
-    starts = finite.copy()
-    starts[1:] &= ~finite[:-1]
-    drawn = finite & (starts | np.any(steps != 0, axis=1))
-    parts: list[str] = []
-    for index in np.flatnonzero(drawn).tolist():
-        if starts[index]:
-            x, y = tenths[index].tolist()
-            parts.append(f"M{_tenths(x)} {_tenths(y)}")
-        else:
-            x, y = steps[index].tolist()
-            parts.append(f"l{_tenths(x)}{_tenths(y)}" if y < 0 else f"l{_tenths(x)} {_tenths(y)}")
-    return "".join(parts)
-
-
-def _stroke(shade: str, width: float, dash: Sequence[float]) -> str:
-    dashes = f' stroke-dasharray="{" ".join(f"{d:g}" for d in dash)}"' if dash else ""
-    return f' stroke="var(--{shade})" stroke-width="{width:g}"{dashes}'
-
-
-def _short(value: float) -> str:
-    return _tenths(round(value * 10.0))
-
-
-@lru_cache(maxsize=65536)
-def _tenths(value: int) -> str:
-    whole, tenth = divmod(abs(value), 10)
-    text = f"{whole or ''}.{tenth}" if tenth else f"{whole}"
-    return f"-{text}" if value < 0 else text
+        return render_svg(self._figure, key, title=title)

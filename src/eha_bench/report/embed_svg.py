@@ -8,8 +8,10 @@ the same drawing serves light, dark and paper.
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from typing import Final
 
+import numpy as np
 from markupsafe import Markup, escape
 
 SHADES: Final = {
@@ -37,7 +39,6 @@ _STYLE: Final = re.compile(r' style="([^"]*)"')
 _FONT: Final = re.compile(r"^(?:(?:italic|normal) )?(?:(bold|\d+) )?([\d.]+)px .*$")
 _NUMBER: Final = re.compile(r"-?\d+\.\d+")
 _PATH: Final = re.compile(r'( d=")([^"]*)(")')
-_STEP: Final = re.compile(r"([ML]) (-?[\d.]+) (-?[\d.]+) ?")
 _GROUP: Final = re.compile(r"(<g>|<g [^>]*>|</g>)")
 _PLAIN_PATH: Final = re.compile(r"(?:[ML] -?[\d.]+ -?[\d.]+ ?)+$")
 _DEFAULTS: Final = {
@@ -92,20 +93,21 @@ def _compact_path(match: re.Match[str]) -> str:
     if not _PLAIN_PATH.match(path):
         return match[1] + _NUMBER.sub(lambda n: f"{float(n[0]):.2f}", path) + match[3]
     # Whole tenths of a point, each relative to the last: shorter, and no rounding adds up.
+    words = path.split()
+    places = np.rint(10.0 * np.array([words[1::3], words[2::3]], dtype=np.float64)).astype(np.int64)
+    steps = np.diff(places, axis=1, prepend=0)
     parts: list[str] = []
-    x = y = 0
-    for command, raw_x, raw_y in _STEP.findall(path):
-        new_x, new_y = round(float(raw_x) * 10), round(float(raw_y) * 10)
+    for command, x, y, dx, dy in zip(words[::3], *places.tolist(), *steps.tolist(), strict=True):
         if command == "M":
-            parts.append(f"M{_tenths(new_x)} {_tenths(new_y)}")
-        elif (new_x, new_y) != (x, y):
-            step_y = _tenths(new_y - y)
-            between = "" if step_y.startswith("-") else " "
-            parts.append(f"l{_tenths(new_x - x)}{between}{step_y}")
-        x, y = new_x, new_y
+            parts.append(f"M{_tenths(x)} {_tenths(y)}")
+        elif dx or dy:
+            parts.append(
+                f"l{_tenths(dx)}{_tenths(dy)}" if dy < 0 else f"l{_tenths(dx)} {_tenths(dy)}"
+            )
     return match[1] + "".join(parts) + match[3]
 
 
+@lru_cache(maxsize=65536)
 def _tenths(value: int) -> str:
     whole, tenth = divmod(abs(value), 10)
     text = f"{whole or ''}.{tenth}" if tenth else f"{whole}"

@@ -11,13 +11,14 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from eha_bench.core.recording import Recording
+from eha_bench.report.drawing import Drawing
 from eha_bench.report.engineering import DisplayUnit
 from eha_bench.report.envelope import envelope_indices
+from eha_bench.report.figures import plot_style
 from eha_bench.report.labels import CHARACTER_WIDTH, Box, LabelPlacer
 from eha_bench.report.marks import LevelLine, Mark, Point, Role, TimeBand, TimeLine, Tube, ValueBand
 from eha_bench.report.panels import Panel
 from eha_bench.report.scene import Scene
-from eha_bench.report.svg_canvas import Canvas
 from eha_bench.report.ticks import Ticks, ticks_between
 
 FloatArray = NDArray[np.float64]
@@ -31,7 +32,7 @@ OTHER_HEIGHT: Final = 86.0
 GAP: Final = 26.0
 TOP: Final = 22.0
 BOTTOM: Final = 32.0
-POINTS: Final = 1300
+POINTS: Final = 800
 LABEL_SIZE: Final = 7.5
 TEXT_SIZE: Final = 9.0
 HEADING_SIZE: Final = 9.5
@@ -135,19 +136,20 @@ def scene_svg(scene: Scene, *, key: str, title: str, points: int = POINTS) -> Ma
     axis = TimeAxis(float(recording.time[0]), float(recording.time[-1]))
     heights = [FIRST_HEIGHT] + [OTHER_HEIGHT] * (len(panels) - 1)
     height = TOP + sum(heights) + GAP * (len(panels) - 1) + BOTTOM
-    canvas = Canvas(WIDTH, height)
-    top = TOP
-    for panel, tall in zip(panels, heights, strict=True):
-        own = [
-            mark
-            for mark in scene.marks
-            if isinstance(mark, TimeBand) or mark.channel in panel.channels
-        ]
-        low, high = _range(recording, panel, own)
-        area = Area(top, top + tall, low, high, axis, panel)
-        _draw_panel(canvas, area, recording, own, points, last=panel is panels[-1])
-        top += tall + GAP
-    return canvas.svg(key, title=title)
+    with plot_style():
+        drawing = Drawing(WIDTH, height)
+        top = TOP
+        for panel, tall in zip(panels, heights, strict=True):
+            own = [
+                mark
+                for mark in scene.marks
+                if isinstance(mark, TimeBand) or mark.channel in panel.channels
+            ]
+            low, high = _range(recording, panel, own)
+            area = Area(top, top + tall, low, high, axis, panel)
+            _draw_panel(drawing, area, recording, own, points, last=panel is panels[-1])
+            top += tall + GAP
+        return drawing.svg(key, title=title)
 
 
 def _range(recording: Recording, panel: Panel, marks: Sequence[Mark]) -> tuple[float, float]:
@@ -184,7 +186,7 @@ def _values(mark: Mark) -> Iterator[float]:
 
 
 def _draw_panel(
-    canvas: Canvas,
+    drawing: Drawing,
     area: Area,
     recording: Recording,
     marks: Sequence[Mark],
@@ -192,9 +194,9 @@ def _draw_panel(
     *,
     last: bool,
 ) -> None:
-    _draw_bands(canvas, area, marks)
-    _draw_axes(canvas, area, last=last)
-    _draw_lines(canvas, area, recording, marks)
+    _draw_bands(drawing, area, marks)
+    _draw_axes(drawing, area, last=last)
+    _draw_lines(drawing, area, recording, marks)
     followed: list[FloatArray] = []
     for trace in area.panel.traces:
         values = recording[trace.channel]
@@ -202,25 +204,25 @@ def _draw_panel(
         places = area.points(recording.time[keep], values[keep])
         followed.append(_followed(places))
         width, dash = (1.1, (4.0, 2.0)) if trace.dashed else (1.4, ())
-        canvas.curve(places, trace.colour, width=width, dash=dash)
+        drawing.curve(places, trace.colour, width=width, dash=dash)
     for mark in marks:
         if isinstance(mark, Point):
-            canvas.ring(area.x(mark.time), area.y(mark.value), 2.5, "text")
-    _draw_heading(canvas, area)
-    _draw_labels(canvas, area, marks, np.concatenate(followed))
+            drawing.ring(area.x(mark.time), area.y(mark.value), 2.5, "text")
+    _draw_heading(drawing, area)
+    _draw_labels(drawing, area, marks, np.concatenate(followed))
 
 
-def _draw_axes(canvas: Canvas, area: Area, *, last: bool) -> None:
+def _draw_axes(drawing: Drawing, area: Area, *, last: bool) -> None:
     across = ticks_between(area.low, area.high, 8 if area.bottom - area.top > 120.0 else 4)
     along = area.axis.ticks
     times = [area.x(value / area.axis.unit.factor) for value in along.values]
     levels = [area.y_shown(value) for value in across.values]
-    canvas.ruling(
+    drawing.ruling(
         [(area.left, y, area.right, y) for y in levels]
         + [(x, area.top, x, area.bottom) for x in times],
         "grid",
     )
-    canvas.ruling(
+    drawing.ruling(
         [
             (area.left, area.top, area.left, area.bottom),
             (area.left, area.bottom, area.right, area.bottom),
@@ -229,35 +231,35 @@ def _draw_axes(canvas: Canvas, area: Area, *, last: bool) -> None:
         "axis",
     )
     for y, label in zip(levels, across.labels, strict=True):
-        canvas.text(label, area.left - 4.0, y + 3.2, "muted", size=TEXT_SIZE, anchor="end")
+        drawing.text(label, area.left - 4.0, y + 3.2, "muted", size=TEXT_SIZE, anchor="right")
     if not last:
         return
     for x, label in zip(times, along.labels, strict=True):
-        canvas.text(label, x, area.bottom + 13.0, "muted", size=TEXT_SIZE, anchor="middle")
+        drawing.text(label, x, area.bottom + 13.0, "muted", size=TEXT_SIZE, anchor="center")
     middle = (area.left + area.right) / 2.0
     name = f"time / {area.axis.unit.symbol}"
-    canvas.text(name, middle, area.bottom + 26.0, "muted", size=TEXT_SIZE, anchor="middle")
+    drawing.text(name, middle, area.bottom + 26.0, "muted", size=TEXT_SIZE, anchor="center")
 
 
-def _draw_heading(canvas: Canvas, area: Area) -> None:
+def _draw_heading(drawing: Drawing, area: Area) -> None:
     panel = area.panel
     unit = f" / {panel.unit.symbol}" if panel.unit.symbol else ""
     y = area.top - 6.0
-    canvas.text(panel.heading + unit, area.left, y, "text", size=HEADING_SIZE, bold=True)
+    drawing.text(panel.heading + unit, area.left, y, "text", size=HEADING_SIZE, bold=True)
     if len(panel.traces) < 2:
         return
     right = area.right
     for trace in reversed(panel.traces):
         # A font may be wider than the mean letter says: there is room behind every word.
         right -= 1.15 * CHARACTER_WIDTH * TEXT_SIZE * len(trace.label)
-        canvas.text(trace.label, right, y, "muted", size=TEXT_SIZE)
+        drawing.text(trace.label, right, y, "muted", size=TEXT_SIZE)
         stop = right - 5.0
         dash = (4.0, 2.0) if trace.dashed else ()
-        canvas.line((stop - 16.0, y - 3.0), (stop, y - 3.0), trace.colour, width=1.4, dash=dash)
+        drawing.line((stop - 16.0, y - 3.0), (stop, y - 3.0), trace.colour, width=1.4, dash=dash)
         right = stop - 28.0
 
 
-def _draw_bands(canvas: Canvas, area: Area, marks: Sequence[Mark]) -> None:
+def _draw_bands(drawing: Drawing, area: Area, marks: Sequence[Mark]) -> None:
     for mark in marks:
         match mark:
             case TimeBand():
@@ -271,10 +273,10 @@ def _draw_bands(canvas: Canvas, area: Area, marks: Sequence[Mark]) -> None:
         shade = _ROLE_SHADE[mark.role]
         left, right = area.x(mark.start), area.x(mark.stop)
         if right > left:
-            canvas.rectangle(left, across[0], right, across[1], shade, opacity=across[2])
+            drawing.rectangle(left, across[0], right, across[1], shade, opacity=across[2])
 
 
-def _draw_lines(canvas: Canvas, area: Area, recording: Recording, marks: Sequence[Mark]) -> None:
+def _draw_lines(drawing: Drawing, area: Area, recording: Recording, marks: Sequence[Mark]) -> None:
     for mark in marks:
         match mark:
             # A level far outside of what happened would flatten the curve: it is not drawn.
@@ -285,14 +287,14 @@ def _draw_lines(canvas: Canvas, area: Area, recording: Recording, marks: Sequenc
                 x = area.x(mark.time)
                 start, stop = (x, area.top), (x, area.bottom)
             case Tube() if "reference" in recording:
-                _draw_tube(canvas, area, recording, mark)
+                _draw_tube(drawing, area, recording, mark)
                 continue
             case _:
                 continue
-        canvas.line(start, stop, _ROLE_SHADE[mark.role], dash=_DASHES[mark.role])
+        drawing.line(start, stop, _ROLE_SHADE[mark.role], dash=_DASHES[mark.role])
 
 
-def _draw_tube(canvas: Canvas, area: Area, recording: Recording, mark: Tube) -> None:
+def _draw_tube(drawing: Drawing, area: Area, recording: Recording, mark: Tube) -> None:
     inside = (recording.time >= mark.start) & (recording.time <= mark.stop)
     time, reference = recording.time[inside], recording["reference"][inside]
     for side in (mark.low, mark.high):
@@ -300,10 +302,10 @@ def _draw_tube(canvas: Canvas, area: Area, recording: Recording, mark: Tube) -> 
         places = area.points(time[keep], reference[keep] + side)
         # what is cut to the edge of the area is left out
         places[(places[:, 1] <= area.top) | (places[:, 1] >= area.bottom)] = np.nan
-        canvas.curve(places, _ROLE_SHADE[mark.role], width=1.0, dash=_DASHES[mark.role])
+        drawing.curve(places, _ROLE_SHADE[mark.role], width=1.0, dash=_DASHES[mark.role])
 
 
-def _draw_labels(canvas: Canvas, area: Area, marks: Sequence[Mark], curves: FloatArray) -> None:
+def _draw_labels(drawing: Drawing, area: Area, marks: Sequence[Mark], curves: FloatArray) -> None:
     # The placer's heights grow upwards.
     room = Box(area.left + 2.0, -area.bottom + 2.0, area.right - 2.0, -area.top + 2.0)
     placer = LabelPlacer(room, LABEL_SIZE, curves * (1.0, -1.0))
@@ -324,7 +326,7 @@ def _draw_labels(canvas: Canvas, area: Area, marks: Sequence[Mark], curves: Floa
                 box = placer.along(mark.label, area.right - 2.0, room.top - 12.0, align="right")
             case _:
                 continue
-        canvas.text(mark.label, box.left, -box.bottom - 2.0, shade, size=LABEL_SIZE)
+        drawing.text(mark.label, box.left, -box.bottom - 2.0, shade, size=LABEL_SIZE)
 
 
 def _followed(places: FloatArray) -> FloatArray:

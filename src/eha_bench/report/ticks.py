@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
+from matplotlib.ticker import MaxNLocator
+
 from eha_bench.report.engineering import number
 
-_STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
+_STEPS: Final = [1.0, 2.0, 2.5, 5.0, 10.0]
 _MOST_DECIMALS: Final = 12
 
 
@@ -41,16 +42,9 @@ def ticks_between(low: float, high: float, most: int) -> Ticks:
         low, high: the ends of the axis, finite, low < high.
         most: intervals between ticks, at most.
     """
-    rough = (high - low) / most
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(s * power for s in _STEPS if s * power >= rough * (1.0 - 1e-9))
-    places = _places(low, high, step)
-    if len(places) < 2:
-        # one tick alone tells no scale
-        step /= 2.0
-        places = _places(low, high, step)
-    return Ticks(tuple(place * step for place in places), decimals_of(step))
-
-
-def _places(low: float, high: float, step: float) -> range:
-    return range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+    locator = MaxNLocator(most, steps=_STEPS, min_n_ticks=2)
+    slack = 1e-9 * (high - low)
+    values = [
+        v for v in map(float, locator.tick_values(low, high)) if low - slack <= v <= high + slack
+    ]
+    return Ticks(tuple(values), decimals_of(values[1] - values[0]) if len(values) > 1 else 3)
