@@ -1,0 +1,1 @@
+"""Comparing results: differences with intervals, corrected for how many metrics were looked at."""

@@ -1,0 +1,25 @@
+"""What a comparison says of a metric."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Verdict(StrEnum):
+    """What the candidate is to the baseline, in one metric of one trial.
+
+    `changed` is a difference of a metric of which nobody said which value is better;
+    `not_compared` one that must not be compared (another trial, another unit, nothing scored).
+    """
+
+    WORSE = "worse"
+    BETTER = "better"
+    CHANGED = "changed"
+    SAME = "same"
+    UNDECIDED = "undecided"
+    NOT_COMPARED = "not_compared"
+
+    @property
+    def decided(self) -> bool:
+        """Whether more repeats would not be needed."""
+        return self not in (Verdict.UNDECIDED, Verdict.NOT_COMPARED)
