@@ -13,7 +13,8 @@ from mcap.writer import CompressionType, Writer
 
 from eha_bench import recordings
 from eha_bench.core.errors import RecordingError
-from eha_bench.recordings.decoder import Encoded, make_decoder
+from eha_bench.recordings.decoder import Encoded, UnreadableTopic
+from eha_bench.recordings.decoders import make_decoder
 from eha_bench.recordings.definitions import DefinitionError, parse_idl, parse_msg
 from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.payloads import Payloads
@@ -75,7 +76,7 @@ def test_json(tmp_path: Path) -> None:
     assert by_header.time[1] == 1.0
     with pytest.raises(RecordingError, match="no message has an element pose"):
         recordings.read(path, channels=one("/x", "pose.z"))
-    with pytest.raises(RecordingError, match="is list, not a number"):
+    with pytest.raises(RecordingError, match="not a number but an array: add an index"):
         recordings.read(path, channels=one("/x", "velocity"))
 
 
@@ -88,7 +89,7 @@ def test_protobuf(tmp_path: Path) -> None:
         for k in range(50):
             writer.write_message("/x", Timestamp(seconds=k, nanos=7), k * 1000, k * 1000)
     assert recordings.read(path, channels=one("/x", "seconds"))["probe"].tolist() == list(range(50))
-    with pytest.raises(RecordingError, match="no field 'second'; its fields are seconds, nanos"):
+    with pytest.raises(RecordingError, match=r"no field 'second'; did you mean 'seconds'\?"):
         recordings.read(path, channels=one("/x", "second"))
 
 
@@ -222,7 +223,7 @@ def test_a_message_that_does_not_fit_is_an_error(tmp_path: Path) -> None:
     schema = ("std_msgs/msg/Float64", "ros2msg", b"float64 data")
     for bad, message in (
         (good[:-1], "ends after 11 bytes"),
-        (b"\x00\x0b\x00\x00" + good[4:], "not those of plain CDR"),
+        (b"\x00\x20\x00\x00" + good[4:], "not those of plain CDR"),
         (b"", "first bytes are missing"),
     ):
         path = raw_log(tmp_path / "b.mcap", "cdr", schema, [good] * 5 + [bad])
@@ -292,3 +293,201 @@ def test_numbers_are_equal_to_those_of_rosbags_for_all_standard_types() -> None:
         encoded, [raw], "orientation.w", "orientation_covariance[8]", "linear_acceleration.y"
     )
     assert found == [[4.0, 8.0, 9.0]]
+
+
+XCDR2 = Encoded(
+    "cdr", "pkg/msg/T", "ros2msg", b"uint32 a\nfloat64 b\nstring[] n\nfloat32[] c\nuint8 d\n"
+)
+
+
+@pytest.mark.parametrize("kind", [6, 7, 16, 17])
+def test_plain_xcdr2(kind: int) -> None:
+    order = "<" if kind & 1 else ">"
+    # doubles at multiples of four; a size before an array of texts, none before one of numbers
+    body = struct.pack(f"{order}Id", 3, 0.5)
+    body += struct.pack(f"{order}III", 10, 1, 2) + b"x\0" + bytes(2)
+    body += struct.pack(f"{order}IffB", 2, 1.5, 2.5, 9)
+    payload = bytes([0, kind, 0, 0]) + body
+    assert decode(XCDR2, [payload], "a", "b", "c[1]", "d") == [[3.0, 0.5, 2.5, 9.0]]
+
+
+@pytest.mark.parametrize(("kind", "what"), [(3, "parameter list"), (9, "delimited XCDR2")])
+def test_what_is_no_plain_cdr_is_named(kind: int, what: str) -> None:
+    with pytest.raises(UnreadableTopic, match=what):
+        decode(XCDR2, [bytes([0, kind, 0, 0]) + bytes(40)], "a")
+
+
+@pytest.mark.parametrize(("encoding", "count"), [("utf-16-le", 1), ("utf-32-le", 1)])
+def test_wide_strings_of_either_width(encoding: str, count: int) -> None:
+    encoded = Encoded("cdr", "pkg/msg/T", "ros2msg", b"wstring s\nfloat64 b\n")
+    payloads = []
+    for k in range(4):
+        cdr = Cdr("<").put("I", k * count)
+        cdr.body += ("\u00f6" * k).encode(encoding)
+        payloads.append(cdr.put("d", k + 0.5).finish())
+    assert decode(encoded, payloads, "b") == [[0.5], [1.5], [2.5], [3.5]]
+
+
+def test_a_message_that_is_longer_than_its_type_is_an_error() -> None:
+    encoded = Encoded("cdr", "pkg/msg/T", "ros2msg", b"float64 b\n")
+    padded = Cdr("<").put("d", 1.0).finish() + bytes(3)
+    assert decode(encoded, [padded], "b") == [[1.0]]
+    with pytest.raises(UnreadableTopic, match="4 bytes longer than its type"):
+        decode(encoded, [padded + bytes(1)], "b")
+
+
+RULE = "=" * 80
+JOINTS = f"Joint[] joints\n{RULE}\nMSG: pkg/Joint\nfloat64 speed\nstring name\nint16[2] raw\n"
+CONTROL = f"Point actual\nstring[] joint_names\n{RULE}\nMSG: pkg/Point\nfloat64[] positions\n"
+DYNAMIC = (
+    f"string[] joint_names\nState[] states\n{RULE}\nMSG: pkg/State\n"
+    "string[] interface_names\nfloat64[] values\n"
+)
+
+
+def test_elements_are_found_by_their_own_name() -> None:
+    encoded = Encoded("cdr", "pkg/msg/T", "ros2msg", JOINTS.encode())
+    payloads = []
+    for order in (("a", "motor"), ("motor", "a"), ("a", "b"), ("long name", "motor")):
+        cdr = Cdr("<").put("I", 2)
+        for place, name in enumerate(order):
+            cdr.put("d", place + 0.25).text(name).put("h", place).put("h", -place)
+        payloads.append(cdr.finish())
+    found = decode(encoded, payloads, "joints[motor].speed", "joints[motor].raw[1]")
+    expected = [[1.25, -1.0], [0.25, 0.0], [np.nan, np.nan], [1.25, -1.0]]
+    assert np.array_equal(found, expected, equal_nan=True)
+    with pytest.raises(UnreadableTopic, match=r"say which element, e\.g\. \[0\]\.speed"):
+        decode(encoded, payloads, "joints.speed")
+
+
+def test_elements_are_found_by_a_list_of_names_around_them() -> None:
+    encoded = Encoded("cdr", "pkg/msg/T", "ros2msg", CONTROL.encode())
+    payloads = []
+    for names in (("hip", "knee"), ("knee", "hip"), ("hip", "toe")):
+        cdr = Cdr("<").put("I", 2).put("d", 1.0).put("d", 2.0).put("I", 2)
+        for name in names:
+            cdr.text(name)
+        payloads.append(cdr.finish())
+    found = decode(encoded, payloads, "actual.positions[knee]")
+    assert np.array_equal(found, [[2.0], [1.0], [np.nan]], equal_nan=True)
+    encoded = Encoded("cdr", "pkg/msg/T", "ros2msg", b"float64[] v\n")
+    with pytest.raises(UnreadableTopic, match="nothing names the elements"):
+        decode(encoded, payloads, "v[knee]")
+
+
+def test_names_within_names() -> None:
+    encoded = Encoded("cdr", "pkg/msg/T", "ros2msg", DYNAMIC.encode())
+    cdr = Cdr("<").put("I", 2).text("hip").text("knee").put("I", 2)
+    for base in (10.0, 20.0):
+        cdr.put("I", 2).text("position").text("effort").put("I", 2)
+        cdr.put("d", base).put("d", base + 1)
+    fields = ("states[knee].values[effort]", "states[hip].values[position]")
+    assert decode(encoded, [cdr.finish()], *fields) == [[21.0, 10.0]]
+
+
+def test_names_in_json() -> None:
+    message = {
+        "joints": [{"name": "a", "v": 1}, {"name": "motor", "v": 2}],
+        "by key": 3,
+        "map": {"press a": 4},
+        "joint_names": ["hip", "knee"],
+        "actual": {"positions": [5, 6]},
+    }
+    encoded = Encoded("json", "", "", b"")
+    fields = ("joints[motor].v", "map[press a]", "actual.positions[knee]")
+    assert decode(encoded, [json.dumps(message).encode()], *fields) == [[2.0, 4.0, 6.0]]
+
+
+def test_a_number_that_no_double_holds(tmp_path: Path) -> None:
+    path = raw_log(tmp_path / "b.mcap", "json", ("x", "", b""), [b'{"v": %s}' % (b"9" * 400)] * 3)
+    with pytest.raises(RecordingError, match="too large for a number"):
+        recordings.read(path, channels=one("/x", "v"))
+    path = raw_log(tmp_path / "c.mcap", "json", ("x", "", b""), [b'{"pressure": 1}'] * 3)
+    with pytest.raises(RecordingError, match=r"no message has an element presure; did you mean"):
+        recordings.read(path, channels=one("/x", "presure"))
+
+
+def test_protobuf_of_every_shape(tmp_path: Path) -> None:
+    from google.protobuf import descriptor_pool, message_factory
+    from google.protobuf.descriptor_pb2 import FieldDescriptorProto as Field
+    from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
+
+    file = FileDescriptorProto(name="t.proto", package="p", syntax="proto3")
+    states = file.enum_type.add(name="State")
+    states.value.add(name="OFF", number=0)
+    states.value.add(name="ON", number=5)
+    inner = file.message_type.add(name="In")
+    inner.field.add(name="z", number=1, type=Field.TYPE_DOUBLE, label=1)
+    inner.field.add(name="n", number=2, type=Field.TYPE_SINT64, label=1)
+    outer = file.message_type.add(name="Out")
+    for number, (name, kind, label) in enumerate(
+        [
+            ("r", Field.TYPE_DOUBLE, 3), ("i", Field.TYPE_MESSAGE, 1),
+            ("ri", Field.TYPE_MESSAGE, 3), ("e", Field.TYPE_ENUM, 1),
+            ("names", Field.TYPE_STRING, 3), ("m", Field.TYPE_MESSAGE, 3),
+        ],
+        1,
+    ):  # fmt: skip
+        named = {"i": ".p.In", "ri": ".p.In", "e": ".p.State", "m": ".p.Out.MEntry"}.get(name)
+        outer.field.add(name=name, number=number, type=kind, label=label, type_name=named)
+    entry = outer.nested_type.add(name="MEntry")
+    entry.options.map_entry = True
+    entry.field.add(name="key", number=1, type=Field.TYPE_STRING, label=1)
+    entry.field.add(name="value", number=2, type=Field.TYPE_DOUBLE, label=1)
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName("p.Out"))
+    messages = []
+    for k in range(20):
+        message = kind(r=[k, 2 * k], e=5 * (k % 2), names=["a", "motor"])
+        message.ri.add(z=1)
+        message.ri.add(z=k / 3, n=-k)
+        message.m["speed"] = k * 1.5
+        if k % 2:
+            message.i.z = k
+        messages.append(message.SerializeToString())
+    schema = FileDescriptorSet(file=[file]).SerializeToString()
+    path = raw_log(tmp_path / "p.mcap", "protobuf", ("p.Out", "protobuf", schema), messages)
+    for field, expected in (
+        ("r[1]", [2.0 * k for k in range(20)]),
+        ("r[motor]", [2.0 * k for k in range(20)]),
+        ("ri[1].z", [k / 3 for k in range(20)]),
+        ("ri[1].n", [-float(k) for k in range(20)]),
+        ("e", [5.0 * (k % 2) for k in range(20)]),
+        ("m[speed]", [1.5 * k for k in range(20)]),
+        ("i.z", [float(k) if k % 2 else np.nan for k in range(20)]),
+    ):
+        back = recordings.read(path, channels=one("/x", field))["probe"]
+        assert np.array_equal(back, expected, equal_nan=True), field
+    for field, message in (
+        ("r", "not a number but an array: add an index"),
+        ("i", r"not a number but a message: add one of its fields \(z, n\)"),
+        ("names[0]", "not a number but text"),
+        ("ri.z", r"say which element, e\.g\. \[0\]\.z"),
+        ("e[0]", "takes an element of something that is no array"),
+    ):
+        with pytest.raises(RecordingError, match=message):
+            recordings.read(path, channels=one("/x", field))
+
+
+def test_idl_as_it_stands_in_recordings(tmp_path: Path) -> None:
+    idl = (
+        RULE
+        + """
+IDL: pkg/msg/T
+// generated from rosidl_adapter/resource/msg.idl.em
+#include "std_msgs/msg/Header.idl"
+
+module pkg { module msg {
+  module T_Constants { const uint8 A = 3; };
+  enum Mode { OFF, ON };
+  @verbatim (language="comment", text="x" "y")
+  struct T { unsigned long a; pkg::msg::Mode mode; double b; };
+}; };
+"""
+    )
+    payloads = [Cdr("<").put("I", k).put("I", 1).put("d", k / 2).finish() for k in range(9)]
+    for kind, name in (("ros2idl", "pkg/msg/T"), ("omgidl", "pkg::msg::T")):
+        path = raw_log(tmp_path / "i.mcap", "cdr", (name, kind, idl.encode()), payloads)
+        assert recordings.read(path, channels=one("/x", "b"))["probe"][3] == 1.5
+        assert recordings.read(path, channels=one("/x", "mode"))["probe"][3] == 1.0

@@ -237,7 +237,7 @@ def test_compressed_rosbag2(tmp_path: Path) -> None:
         ("new.mat", b"MATLAB 7.3 MAT-file" + bytes(200), "v7.3"),
         ("broken.mat", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"\x0e" * 40, "damaged"),
         ("packed.gz", b"\x1f\x8b" + bytes(50), "archive"),
-        ("packed.mcap.zstd", b"\x28\xb5\x2f\xfd" + bytes(50), "compressed with zstd"),
+        ("packed.mcap.zstd", b"\x28\xb5\x2f\xfd" + bytes(50), "the file is empty"),
     ],
 )
 def test_what_is_no_recording(tmp_path: Path, name: str, content: bytes, message: str) -> None:
@@ -257,7 +257,7 @@ def test_a_missing_file_topic_and_map(tmp_path: Path, shared_data: Path) -> None
         recordings.read(log)
     with pytest.raises(EhaBenchError, match=r"'probe' is not in.*/bench/reference"):
         recordings.read(log, channels=one("/none", "data"))
-    with pytest.raises(RecordingError, match=r"no field 'dta'; its fields are data"):
+    with pytest.raises(RecordingError, match=r"no field 'dta'; did you mean 'data'"):
         recordings.read(log, channels=one("/bench/reference", "dta"))
     with pytest.raises(RecordingError, match=r"add an index, e\.g\. \[0\]"):
         recordings.read(log, channels=one("/drive/state", "velocity"))
@@ -318,3 +318,45 @@ def test_a_description_cannot_fill_the_memory(shared_data: Path, tmp_path: Path)
     text = (folder / "metadata.yaml").read_text()
     (folder / "metadata.yaml").write_text("\n".join(lines) + "\n" + text)
     assert sum(topic.count for topic in info(folder).topics) == 20
+
+
+@pytest.mark.parametrize(
+    ("storage", "mode"),
+    [
+        ("SQLITE3", "FILE"),
+        ("SQLITE3", "MESSAGE"),
+        ("MCAP", "FILE"),
+        ("MCAP", "MESSAGE"),
+        ("MCAP", "STORAGE"),
+    ],
+)
+def test_rosbag2_compressed_by_rosbags(tmp_path: Path, storage: str, mode: str) -> None:
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind = store.types["std_msgs/msg/String"]
+    number = store.types["std_msgs/msg/Float64"]
+    writer = Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin[storage])
+    writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    with writer:
+        first = writer.add_connection("/f", number.__msgtype__, typestore=store)
+        second = writer.add_connection("/s", kind.__msgtype__, typestore=store)
+        for k in range(50):
+            raw = store.serialize_cdr(number(k / 3), number.__msgtype__)
+            writer.write(first, k * 10**6, raw)
+            text = kind("x" * k)
+            writer.write(second, k * 10**6, store.serialize_cdr(text, kind.__msgtype__))
+    file = next(f for f in (tmp_path / "bag").iterdir() if f.suffix != ".yaml")
+    for path in (tmp_path / "bag", tmp_path / "bag" / "metadata.yaml", file):
+        back = recordings.read(path, channels=one("/f", "data"))
+        assert back["probe"].tolist() == [k / 3 for k in range(50)]
+    with pytest.raises(RecordingError, match="not a number but text") as caught:
+        recordings.read(file, channels=one("/s", "data"))
+    assert str(file) in str(caught.value)
+
+
+def test_a_misspelt_topic_is_guessed(float_log: Any) -> None:
+    path = float_log({"/drive/speed": [(0, 1.0)], "/drive/current": [(0, 1.0)]})
+    with pytest.raises(RecordingError, match=r"did you mean '/drive/speed'\?.*its topics are"):
+        recordings.read(path, channels=one("/drive/sped", "data"))

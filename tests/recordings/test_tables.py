@@ -1,5 +1,6 @@
 """CSV, Parquet and MAT: columns instead of topics."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -128,7 +129,7 @@ def test_what_eha_bench_writes_as_a_table_needs_no_map(tmp_path: Path) -> None:
         ("t,p,pos_mm\n0,1,2\n,2,3\n", r"time is not a number in 1 of 2 rows, first in row 2"),
         ("t,p,pos_mm\n", "the table is empty"),
         ("t,p\n0,1\n", "there is no column 'pos_mm'.*its columns are: t, p"),
-        ("t,p,pos_mm\n0,1,2,9\n1,2,3,9\n", "more cells than the line of names"),
+        ("t,p,pos_mm\n0,1,2,9\n1,2,3,9\n", "its lines hold 4 cells, its line of names 3"),
         ("t,p,pos_mm\n5,1,2\n5,2,3\n5,2,4\n", "time stands still"),
         ("just one column\n1\n2\n", "no delimiter"),
     ],
@@ -175,3 +176,128 @@ def test_time_as_dates(tmp_path: Path, frame: pd.DataFrame) -> None:
     back = recordings.read(tmp_path / "a.parquet", channels=MAP)
     assert np.allclose(back.time, np.arange(COUNT) * 0.002)
     assert back.epoch_ns == 1_760_000_000_030_000_000
+
+
+SIMPLE: dict[str, Any] = {
+    "time": {"column": "t", "unit": "s"},
+    "channels": {"probe": {"column": "p", "unit": "V"}},
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        ("t,p\ns,bar\n0,1\n1,2\n", r"line 2 was taken as units \(s, bar\)"),
+        ("t;p\n[s];[bar]\n0;1\n", r"line 2 was taken as units"),
+        ("Logger;X\nSerial;12\nt;p\n0;1\n1;2\n", "2 lines before the table"),
+        ("Logger X\n\nt,p\n0,1\n1,2\n", "1 lines before the table"),
+        ("t p\n0  1\n1  2\n", ""),
+        ("# t,p\n0,1\n1,2\n", ""),
+        ("t,p\r0,1\r1,2\r", ""),
+        ("t,p,p\n0,1,8\n1,2,9\n", r"2 columns are called 'p'.*'p\.1'"),
+        ("t,p,q\n0,1,on\n1,2,off\n", ""),
+        ("t,p\n0,1\n1,2\n,\n", ""),
+    ],
+)
+def test_tables_as_loggers_write_them(tmp_path: Path, text: str, note: str) -> None:
+    (tmp_path / "a.csv").write_bytes(text.encode())
+    back = recordings.read(tmp_path / "a.csv", channels=SIMPLE)
+    assert back["probe"].tolist() == [1.0, 2.0][: len(back)]
+    assert back.time.tolist() == [0.0, 1.0][: len(back)]
+    assert re.search(note, " ".join(back.notes))
+    assert bool(note) == bool(back.notes)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "cp1252"])
+def test_letters_of_other_machines(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "a.csv").write_bytes("t,p,\u00d6l\n0,1,7\n1,2,8\n".encode(encoding))
+    channels = {"probe": {"column": "\u00d6l", "unit": "V"}}
+    back = recordings.read(tmp_path / "a.csv", channels={**SIMPLE, "channels": channels})
+    assert back["probe"].tolist() == [7.0, 8.0]
+
+
+def test_a_table_without_names(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("0,1\n0.5,2\n")
+    mapping = {"time": {"column": "0"}, "channels": {"probe": {"column": "1", "unit": "V"}}}
+    back = recordings.read(tmp_path / "a.csv", channels=mapping)
+    assert back["probe"].tolist() == [1.0, 2.0]
+    assert any("no line of names" in note for note in back.notes)
+
+
+@pytest.mark.parametrize(
+    ("times", "unit"),
+    [
+        (["1700000000000", "1700000000001"], "ms"),
+        (["1700000000000000", "1700000000001000"], "us"),
+        (["1700000000000000000", "1700000000001000000"], "ns"),
+        (["1700000000000.0", "1700000000001.0"], "ms"),
+        (["2023-11-14T22:13:20.000Z", "2023-11-14T22:13:20.001Z"], "s"),
+        (["2023-11-14 23:13:20.000+01:00", "2023-11-14 23:13:20.001+01:00"], "s"),
+    ],
+)
+def test_times_since_1970_are_exact(tmp_path: Path, times: list[str], unit: str) -> None:
+    (tmp_path / "a.csv").write_text("t,p\n" + "".join(f"{t},1\n" for t in times))
+    back = recordings.read(
+        tmp_path / "a.csv", channels={**SIMPLE, "time": {"column": "t", "unit": unit}}
+    )
+    assert back.epoch_ns == 1_700_000_000_000_000_000
+    assert back.time.tolist() == [0.0, 0.001]
+
+
+def test_parquet_times_and_nested_columns(tmp_path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    values = pa.array([[1.0, 5.0], [2.0, 6.0]])
+    nested = pa.array([{"x": 7.0}, {"x": 8.0}])
+    base = 1_700_000_000_000_000
+    for kind, raw in (
+        (pa.timestamp("us", tz="Europe/Berlin"), [base, base + 1000]),
+        (pa.duration("us"), [0, 1000]),
+        (pa.time64("us"), [0, 1000]),
+        (pa.decimal128(9, 3), None),
+    ):
+        times = pa.array(raw, kind) if raw else pa.array([0.0, 0.001]).cast(kind)
+        pq.write_table(pa.table({"t": times, "p": values, "n": nested}), tmp_path / "a.parquet")
+        for column, expected in (("p[1]", [5.0, 6.0]), ("n.x", [7.0, 8.0])):
+            channels = {"probe": {"column": column, "unit": "V"}}
+            back = recordings.read(
+                tmp_path / "a.parquet", channels={**SIMPLE, "channels": channels}
+            )
+            assert back["probe"].tolist() == expected
+            assert back.time.tolist() == [0.0, 0.001]
+    pq.write_table(
+        pa.table({"t": pa.array([base, None], pa.timestamp("us")), "p": [1.0, 2.0]}),
+        tmp_path / "a.parquet",
+    )
+    with pytest.raises(RecordingError, match="time is not a number in 1 of 2 rows"):
+        recordings.read(tmp_path / "a.parquet", channels=SIMPLE)
+
+
+def test_mat_struct_arrays_and_cells(tmp_path: Path) -> None:
+    signals = np.zeros((2,), dtype=[("values", "O"), ("label", "O")])
+    signals[0], signals[1] = (np.arange(4.0), "a"), (np.arange(4.0) * 3, "b")
+    cells = np.empty(2, dtype=object)
+    cells[0], cells[1] = np.arange(4.0), np.arange(4.0) * 2
+    clock = np.arange(4) / 1000
+    content = {"log": {"time": clock, "signals": signals}, "c": cells, "z": clock * 1j}
+    savemat(tmp_path / "a.mat", content)
+    for column, factor in (("log.signals[1].values", 3.0), ("c[1]", 2.0)):
+        mapping = {
+            "time": {"column": "log.time"}, "channels": {"probe": {"column": column, "unit": "V"}}
+        }  # fmt: skip
+        back = recordings.read(tmp_path / "a.mat", channels=mapping)
+        assert back["probe"].tolist() == [0.0, factor, 2 * factor, 3 * factor]
+    mapping["channels"]["probe"]["column"] = "z"
+    with pytest.raises(RecordingError, match="'z' holds complex numbers"):
+        recordings.read(tmp_path / "a.mat", channels=mapping)
+    savemat(tmp_path / "b.mat", {"t": clock}, format="4")
+    with pytest.raises(RecordingError, match=r"not a MAT file of version 5.*-v7"):
+        recordings.read(tmp_path / "b.mat", channels=SIMPLE)
+
+
+def test_a_misspelt_column_is_guessed(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,pressure\n0,1\n")
+    mapping = {**SIMPLE, "channels": {"probe": {"column": "presure", "unit": "V"}}}
+    with pytest.raises(RecordingError, match="did you mean 'pressure'"):
+        recordings.read(tmp_path / "a.csv", channels=mapping)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decoder import Decoder, Encoded, UnreadableTopic, make_decoder
+from eha_bench.recordings.decoder import Decoder, Encoded, UnreadableTopic
+from eha_bench.recordings.decoders import make_decoder
 from eha_bench.recordings.field_path import FieldPath
 from eha_bench.recordings.payloads import Payloads
 from eha_bench.recordings.source import Wanted
@@ -121,7 +122,8 @@ class BatchDecoder:
         kinds: dict[str, str] = {}
         for index, path in enumerate(fields if inner else ()):
             if not any(index in one.found() for one in inner):
-                raise UnreadableTopic(f"no message has an element {path}")
+                hint = next((text for one in inner if (text := one.hint(path))), "")
+                raise UnreadableTopic(f"no message has an element {path}" + (hint and f"; {hint}"))
             for one in inner:
                 if index in one.kinds():
                     kinds[str(path)] = one.kinds()[index]

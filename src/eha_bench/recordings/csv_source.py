@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections import Counter
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -12,17 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.csv_layout import MISSING, CsvLayout, NoTable
 from eha_bench.recordings.table import TableSource
 
-_DELIMITERS = ",;\t|"
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 
 
 class CsvSource(TableSource):
-    """Text with a delimiter (comma, semicolon, tab or bar) and a line of names."""
+    """Text with a delimiter (comma, semicolon, tab, bar or blanks) and a line of names."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._columns = self._parse()
+        text = self._text()
+        if "\r" in text:
+            text = text.replace("\r\n", "\n").replace("\r", "\n")
+        try:
+            self._layout = CsvLayout.of(text)
+        except NoTable as error:
+            raise RecordingError(
+                str(error), where=Place(file=self.path, line=error.line), hint=error.hint
+            ) from error
+        self._notes += self._layout.notes
+        self._columns = self._parse(text)
 
     @property
     def format(self) -> str:
@@ -30,7 +42,7 @@ class CsvSource(TableSource):
         return "csv"
 
     def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
+        """Names of the columns; where one stands there again, a number is added to it."""
         return tuple(self._columns)
 
     def column(self, name: str) -> NDArray[Any]:
@@ -40,63 +52,99 @@ class CsvSource(TableSource):
             RecordingError: a cell is not a number.
         """
         column = self._columns[name]
+        again = Counter(self._layout.names)[name]
+        if again > 1:
+            self._notes.append(
+                f"{again} columns are called '{name}': the first was taken; the next is '{name}.1'"
+            )
         if column.dtype.kind in "iuf":
             return column
         if column.dtype.kind == "b":
             return column.astype(np.float64)
         raise self._not_numbers(name, column)
 
+    def clock(self, name: str) -> NDArray[Any]:
+        """Return a column of times, shape (n,): numbers, or dates as ISO 8601 writes them.
+
+        Raises:
+            RecordingError: a cell is neither.
+        """
+        column = self._columns[name]
+        if column.dtype.kind != "O":
+            return self.column(name)
+        import pandas as pd
+
+        try:
+            dates = pd.to_datetime(pd.Series(column), format="ISO8601", utc=True)
+        except (ValueError, TypeError):
+            raise self._not_numbers(name, column) from None
+        return dates.dt.tz_localize(None).to_numpy().astype("datetime64[ns]")
+
     def _kinds(self, kinds: dict[str, str]) -> dict[str, str]:
         """Text has no types: how an integer was stored is not known."""
         return dict.fromkeys(kinds, "")
 
-    def _parse(self) -> dict[str, NDArray[Any]]:
+    def _text(self) -> str:
+        content = self._path.read_bytes()
+        encoding = next((e for mark, e in _MARKS.items() if content.startswith(mark)), "utf-8")
+        try:
+            return content.decode(encoding)
+        except UnicodeDecodeError as error:
+            printable = not re.search(rb"[\x00-\x08\x0e-\x1f]", content)
+            if encoding == "utf-8" and printable:
+                self._notes.append("it is not UTF-8; its letters were read as Windows-1252")
+                return content.decode("cp1252", "replace")
+            raise RecordingError(
+                "this is neither a recording nor text",
+                where=Place(file=self.path),
+                hint="check the file",
+            ) from error
+
+    def _parse(self, text: str) -> dict[str, NDArray[Any]]:
         import pandas as pd
 
+        layout = self._layout
         where = Place(file=self.path)
-        try:
-            text = self._path.read_bytes().decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise RecordingError(
-                "this is neither a recording nor text", where=where, hint="check the file"
-            ) from error
-        first, self._skipped = _first_line(text)
-        delimiter = max(_DELIMITERS, key=first.count)
-        if delimiter not in first:
-            raise RecordingError(
-                "this is not a table: its first line holds no delimiter (comma, semicolon, tab)",
-                where=Place(file=self.path, line=self._skipped + 1),
-                hint="give a CSV file with a line of column names",
-            )
-        decimal = "," if delimiter != "," and re.search(r"\d,\d", text[:100_000]) else "."
-        text = _without_last_delimiter(self._without_torn_end(text, delimiter), delimiter)
+        text = self._without_torn_end(text)
+        if layout.trailing:
+            text = re.sub(re.escape(layout.delimiter) + r"$", "", text, flags=re.MULTILINE)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", pd.errors.ParserWarning)
                 frame = pd.read_csv(
-                StringIO(text), sep=delimiter, decimal=decimal, skiprows=self._skipped,
-                skipinitialspace=True, index_col=False, low_memory=False, comment="#",
-            )  # fmt: skip
-        except pd.errors.ParserWarning as error:
+                    StringIO(text), sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                    decimal=layout.decimal, skiprows=layout.first, header=None,
+                    names=range(len(layout.names)), na_values=MISSING, skipinitialspace=True,
+                    index_col=False, low_memory=False, comment="#",
+                )  # fmt: skip
+        except (pd.errors.ParserWarning, pd.errors.ParserError) as error:
             raise RecordingError(
-                "its lines hold more cells than the line of names",
-                where=Place(file=self.path, line=self._skipped + 1),
-                hint="give every column a name",
+                "some of its lines hold more cells than the line of names "
+                f"({' '.join(str(error).split())[:200]})",
+                where=where,
+                hint="give every column a name, and every line as many cells",
             ) from error
-        except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
+        except pd.errors.EmptyDataError:
+            frame = pd.DataFrame()
+        except ValueError as error:
             reason = " ".join(str(error).split())
             raise RecordingError(f"cannot be read as CSV ({reason})", where=where) from error
+        frame = frame.dropna(how="all")
         if frame.empty:
             raise RecordingError("the table is empty", where=where, hint="record it again")
-        return {str(name).strip(): frame[name].to_numpy() for name in frame.columns}
+        self._lines = frame.index.to_numpy()
+        return dict(
+            zip(_unique(layout.names), (frame[k].to_numpy() for k in frame.columns), strict=True)
+        )
 
-    def _without_torn_end(self, text: str, delimiter: str) -> str:
+    def _without_torn_end(self, text: str) -> str:
         """Drop a last line that was cut off; say so."""
-        if text.endswith(("\n", "\r")):
+        if text.endswith("\n"):
             return text
         body, _, last = text.rpartition("\n")
-        cells = _first_line(text)[0].count(delimiter)
-        if body and last.count(delimiter) < cells:
+        delimiter = self._layout.delimiter
+        cells = len(last.split() if delimiter == " " else last.split(delimiter))
+        if body and cells < len(self._layout.names):
             self._torn = True
             self._notes.append(
                 f"the last line was cut off after {len(last)} characters and left out"
@@ -108,31 +156,41 @@ class CsvSource(TableSource):
         return text
 
     def _not_numbers(self, name: str, column: NDArray[Any]) -> RecordingError:
+        comma = self._layout.decimal == ","
         for row, cell in enumerate(column.tolist()):
             try:
-                float(cell)
+                float(cell.replace(",", ".") if comma and isinstance(cell, str) else cell)
+                wrong = comma and isinstance(cell, str) and "." in cell
             except (TypeError, ValueError):
+                wrong = True
+            if wrong:
+                comment = " with a decimal comma" if comma else ""
                 return RecordingError(
-                    f"'{str(cell)[:40]}' in column '{name}' is not a number",
-                    where=Place(file=self.path, line=row + 2 + self._skipped),
+                    f"'{str(cell)[:40]}' in column '{name}' is not a number{comment}",
+                    where=Place(file=self.path, line=self._line(row)),
                     hint="correct or remove the line",
                 )
         return RecordingError(f"column '{name}' does not hold numbers", where=Place(file=self.path))
 
+    def _line(self, row: int) -> int:
+        """Return the line of a row, from 1; empty lines and comments were no rows."""
+        left = int(self._lines[row])
+        lines = self._path.read_bytes().splitlines()[self._layout.first :]
+        for number, line in enumerate(lines):
+            if line.strip() and not line.lstrip().startswith(b"#"):
+                if not left:
+                    return self._layout.first + number + 1
+                left -= 1
+        return self._layout.first + 1
 
-def _without_last_delimiter(text: str, delimiter: str) -> str:
-    """Remove the delimiter that some programs write behind the last cell, but not behind names."""
-    lines = [line for line in text.split("\n", 200) if line.strip() and line[0] not in "#%"][:2]
-    if len(lines) < 2 or not lines[1].rstrip("\r").endswith(delimiter):
-        return text
-    if lines[0].count(delimiter) >= lines[1].count(delimiter):
-        return text
-    return re.sub(re.escape(delimiter) + r"(?=\r?$)", "", text, flags=re.MULTILINE)
 
-
-def _first_line(text: str) -> tuple[str, int]:
-    """Return the first line that is neither empty nor a comment, and how many stand before it."""
-    for number, line in enumerate(text.splitlines()):
-        if line.strip() and not line.lstrip().startswith(("#", "%")):
-            return line, number
-    return "", 0
+def _unique(names: tuple[str, ...]) -> list[str]:
+    """Return names of which none stands there twice; as pandas does it."""
+    found: list[str] = []
+    for name in names:
+        unique, number = name, 0
+        while unique in found:
+            number += 1
+            unique = f"{name}.{number}"
+        found.append(unique)
+    return found

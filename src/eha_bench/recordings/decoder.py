@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Set
+from collections.abc import Collection, Mapping, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.naming import shown
 from eha_bench.recordings.payloads import Payloads
 
 Column = NDArray[np.float64]
-
 
 READ_ENCODINGS = ("cdr", "ros1", "json", "protobuf")
 
@@ -52,40 +52,16 @@ class Decoder(ABC):
         """Return the numbers of the paths that led to something in at least one message."""
 
     @abstractmethod
+    def hint(self, path: FieldPath) -> str:
+        """Return what the messages have instead of a path that none of them has, or nothing."""
+
+    @abstractmethod
     def decode(self, payloads: Payloads, columns: list[Column]) -> None:
         """Write one value a message into each column (one a path, each (n,)).
 
         Raises:
             UnreadableTopic: a message does not fit its definition.
         """
-
-
-def make_decoder(encoded: Encoded, paths: tuple[FieldPath, ...]) -> Decoder:
-    """Return the decoder of a topic for some of its numbers.
-
-    Raises:
-        UnreadableTopic: the encoding is not one that is read, the schema cannot be parsed, or a
-            path does not lead to a number.
-    """
-    # imported here: each encoding brings its own library
-    match encoded.encoding:
-        case "cdr" | "ros1":
-            from eha_bench.recordings.ros_decoder import RosDecoder
-
-            return RosDecoder(encoded, paths)
-        case "json":
-            from eha_bench.recordings.json_decoder import JsonDecoder
-
-            return JsonDecoder(paths)
-        case "protobuf":
-            from eha_bench.recordings.protobuf_decoder import ProtobufDecoder
-
-            return ProtobufDecoder(encoded, paths)
-        case other:
-            raise UnreadableTopic(
-                f"its messages are serialized as {other[:40]!r}; "
-                f"only {', '.join(READ_ENCODINGS)} are read"
-            )
 
 
 def number(value: Any) -> float:
@@ -97,5 +73,23 @@ def number(value: Any) -> float:
     if value is None:
         return float("nan")
     if isinstance(value, (bool, int, float)):
-        return float(value)
-    raise UnreadableTopic(f"a value is {type(value).__name__}, not a number")
+        try:
+            return float(value)
+        except OverflowError as error:
+            raise UnreadableTopic("a value is too large for a number") from error
+    raise UnreadableTopic(f"a value is not a number but {_called(value)}")
+
+
+def _called(value: Any) -> str:
+    """Return what somebody who wrote a log would call a value."""
+    match value:
+        case str():
+            return f"the text {shown([value[:40]])!r}"
+        case bytes():
+            return "bytes"
+        case Mapping():
+            return "a message: add one of its fields"
+        case Collection():
+            return "an array: add an index, e.g. [0]"
+        case _:
+            return type(value).__name__

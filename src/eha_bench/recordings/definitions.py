@@ -6,7 +6,7 @@ Sources: https://wiki.ros.org/msg and https://docs.ros.org/en/rolling/Concepts/B
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -72,6 +72,8 @@ _FIELD = re.compile(
     r"(?P<array>\[(?:(?:<=)?\s*\d+)?\s*\])?\s+(?P<name>[A-Za-z]\w*)\s*(?P<rest>.*)$"
 )
 _SEPARATOR = re.compile(r"^={20,}\s*$", re.MULTILINE)
+_PREPROCESSOR = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
+_ENUMERATION = re.compile(r"\benum\s+(\w+)")
 _TIME: Fields = (("sec", Primitive("i4")), ("nanosec", Primitive("u4")))
 _ROS1_TIME: Fields = (("secs", Primitive("u4")), ("nsecs", Primitive("u4")))
 _ROS1_DURATION: Fields = (("secs", Primitive("i4")), ("nsecs", Primitive("i4")))
@@ -145,7 +147,7 @@ def _type(owner: str, name: str, array: str, ros1: bool) -> Type:
 
 
 def parse_idl(text: str) -> Definitions:
-    """Return the definitions of a ROS 2 IDL text.
+    """Return the definitions of a ROS 2 IDL text, one file or several with rules between.
 
     Raises:
         DefinitionError: the text cannot be parsed.
@@ -153,15 +155,18 @@ def parse_idl(text: str) -> Definitions:
     from rosbags.typesys import get_types_from_idl
 
     types: dict[str, Any] = {}
+    enumerations: set[str] = set()
     try:
         for section in _SEPARATOR.split(text.replace("\r\n", "\n")):
             body = section.strip()
-            types.update(
-                get_types_from_idl(body.partition("\n")[2] if body[:4] == "IDL:" else body)
-            )
+            body = body.partition("\n")[2] if body[:4] == "IDL:" else body
+            body = _PREPROCESSOR.sub("", body)
+            if body.strip():
+                types.update(get_types_from_idl(body))
+                enumerations.update(_ENUMERATION.findall(body))
     except Exception as error:  # the parser has no common error root
         raise DefinitionError(f"its IDL cannot be parsed ({type(error).__name__})") from error
-    return _from_rosbags(types)
+    return _from_rosbags(types, enumerations)
 
 
 @cache
@@ -176,14 +181,29 @@ def standard() -> Definitions:
     }
 
 
-def _from_rosbags(types: Mapping[str, Any]) -> Definitions:
+def resolve(definitions: Definitions, name: str) -> Fields:
+    """Return the fields of a message type, from the log or from the standard ones.
+
+    Raises:
+        DefinitionError: nobody defines it.
+    """
+    fields = definitions.get(name)
+    if fields is None:
+        fields = standard().get(name)
+    if fields is None:
+        what = f"type '{name}' is not defined in the recording" if name else "it has no schema"
+        raise DefinitionError(what)
+    return fields
+
+
+def _from_rosbags(types: Mapping[str, Any], enumerations: Set[str] = frozenset()) -> Definitions:
     return {
-        short_name(name): tuple((field, _convert(kind)) for field, kind in fields)
+        short_name(name): tuple((field, _convert(kind, enumerations)) for field, kind in fields)
         for name, (_, fields) in types.items()
     }
 
 
-def _convert(description: Any) -> Type:
+def _convert(description: Any, enumerations: Set[str]) -> Type:
     node, content = description
     match node.name:
         case "BASE":
@@ -193,10 +213,12 @@ def _convert(description: Any) -> Type:
             if base not in _PRIMITIVES:
                 raise DefinitionError(f"type '{base}' is not supported")
             return Primitive(_PRIMITIVES[base])
+        case "NAME" if content.split("/")[-1] in enumerations:
+            return Primitive("u4")
         case "NAME":
             return Nested(short_name(content))
         case kind:
-            element = _convert(content[0])
+            element = _convert(content[0], enumerations)
             if isinstance(element, (Array, Sequence)):
                 raise DefinitionError("an array of arrays is not supported")
             return Array(element, content[1]) if kind == "ARRAY" else Sequence(element)

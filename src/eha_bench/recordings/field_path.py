@@ -25,7 +25,10 @@ class Element:
 
 @dataclass(frozen=True)
 class NamedElement:
-    """The element whose name stands at its place in the message's own array `name`."""
+    """The element of this name: its own field `name`, or at its place in a list of names.
+
+    The list (`name`, `names`, `joint_names`, ...) stands in the same message or around it.
+    """
 
     name: str
 
@@ -34,6 +37,11 @@ ALIASES = {"sec": "secs", "nanosec": "nsecs", "secs": "sec", "nsecs": "nanosec"}
 """A time's fields are named otherwise in ROS 1 and ROS 2; either name is understood."""
 
 Step = Attribute | Element | NamedElement
+
+
+def lists_names(field: str) -> bool:
+    """Whether a field of texts names the elements of arrays beside it: `name`, `joint_names`."""
+    return field == "name" or field.endswith("names")
 
 
 @dataclass(frozen=True)

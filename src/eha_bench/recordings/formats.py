@@ -11,29 +11,6 @@ from eha_bench.recordings.source import Source
 _READ = "MCAP, ROS 1 bag, rosbag2 folder, CSV, Parquet and MAT v5"
 
 
-def open_source(path: Path) -> Source:
-    """Return a recording as a source, whatever its format.
-
-    Raises:
-        RecordingError: no such file, an empty one, or no recording.
-    """
-    where = Place(file=str(path))
-    try:
-        if path.is_dir():
-            from eha_bench.recordings.rosbag2 import Rosbag2Source
-
-            return Rosbag2Source(path)
-        with path.open("rb") as stream:
-            head = stream.read(4096)
-    except FileNotFoundError as error:
-        raise RecordingError("no such file", where=where, hint="check its path") from error
-    except OSError as error:
-        raise RecordingError(f"cannot be read ({error.strerror or error})", where=where) from error
-    if not head:
-        raise RecordingError("the file is empty", where=where, hint="record it again")
-    return open_file(path, head)
-
-
 def open_file(path: Path, head: bytes) -> Source:
     """Return one file as a source; `head` is its first 4096 bytes.
 
@@ -54,7 +31,7 @@ def open_file(path: Path, head: bytes) -> Source:
 
         return SqliteSource(path)
     if head.startswith(b"PAR1"):
-        from eha_bench.recordings.table import ParquetSource
+        from eha_bench.recordings.parquet import ParquetSource
 
         return ParquetSource(path)
     if head.startswith(b"MATLAB 5.0") or _is_mat5(head):
@@ -62,7 +39,7 @@ def open_file(path: Path, head: bytes) -> Source:
 
         return MatSource(path)
     raise_for_relatives(path, head)
-    if b"\0" not in head:
+    if b"\0" not in head or head.startswith((b"\xff\xfe", b"\xfe\xff")):
         from eha_bench.recordings.csv_source import CsvSource
 
         return CsvSource(path)
@@ -81,7 +58,7 @@ def raise_for_relatives(path: Path, head: bytes) -> None:
     """Refuse formats that look close, with the way out.
 
     Raises:
-        RecordingError: MAT v7.3, a compressed file, or a part of a rosbag2.
+        RecordingError: MAT v7.3 or v4, or an archive.
     """
     where = Place(file=str(path))
     if head.startswith((b"MATLAB 7.3", b"\x89HDF")):
@@ -90,11 +67,9 @@ def raise_for_relatives(path: Path, head: bytes) -> None:
             where=where,
             hint="save it with save(..., '-v7')",
         )
-    if head.startswith(b"\x28\xb5\x2f\xfd"):
+    if path.suffix.lower() == ".mat" and b"\0" in head:
         raise RecordingError(
-            "the file is compressed with zstd as a whole",
-            where=where,
-            hint="give the rosbag2 folder that it lies in, or decompress it with unzstd",
+            "this is not a MAT file of version 5", where=where, hint="save it with save(..., '-v7')"
         )
     if head.startswith((b"\x1f\x8b", b"PK\x03\x04")):
         raise RecordingError("this is an archive", where=where, hint="unpack it first")

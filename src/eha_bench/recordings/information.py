@@ -13,7 +13,7 @@ from eha_bench.core.errors import RecordingError
 from eha_bench.recordings import sample
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.decoder import READ_ENCODINGS
-from eha_bench.recordings.formats import open_source
+from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.series import gaps, irregularity, typical_step
 from eha_bench.recordings.source import Topic, Wanted
 from eha_bench.recordings.table import TableSource

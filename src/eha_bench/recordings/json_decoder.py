@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import Any
 
 from eha_bench.recordings.decoder import Column, Decoder, UnreadableTopic, number
-from eha_bench.recordings.field_path import ALIASES, Attribute, Element, FieldPath, NamedElement
+from eha_bench.recordings.field_path import ALIASES, Attribute, FieldPath, lists_names
+from eha_bench.recordings.naming import among
+from eha_bench.recordings.object_path import Objects
 from eha_bench.recordings.payloads import Payloads
 
 
@@ -17,6 +19,8 @@ class JsonDecoder(Decoder):
     def __init__(self, paths: tuple[FieldPath, ...]) -> None:
         self._paths = paths
         self._found: set[int] = set()
+        self._objects = _Json()
+        self._example: Any = None
 
     def kinds(self) -> Mapping[int, str]:
         """Return no types: JSON has only numbers."""
@@ -25,6 +29,18 @@ class JsonDecoder(Decoder):
     def found(self) -> Set[int]:
         """Return the numbers of the paths that led to something in at least one message."""
         return self._found
+
+    def hint(self, path: FieldPath) -> str:
+        """Say which keys stand where the path leaves the first message."""
+        here = self._example
+        for count, step in enumerate(path.steps):
+            if isinstance(here, dict) and isinstance(step, Attribute):
+                if self._objects.field(here, step.name) is None:
+                    return among(step.name, map(str, here), "fields")
+            elif isinstance(here, list) and not isinstance(step, Attribute):
+                return f"the first message has {len(here)} elements there"
+            here = self._objects.follow(self._example, FieldPath(path.steps[: count + 1]))
+        return ""
 
     def decode(self, payloads: Payloads, columns: list[Column]) -> None:
         """Write one value a message into each column.
@@ -37,27 +53,30 @@ class JsonDecoder(Decoder):
                 message = json.loads(bytes(payloads.payload(row)))
             except (ValueError, RecursionError) as error:
                 raise UnreadableTopic(f"a message is not JSON ({error})") from error
+            if self._example is None:
+                self._example = message
             for index, path in enumerate(self._paths):
-                value = follow(message, path)
+                value = self._objects.follow(message, path)
                 if value is not None:
                     self._found.add(index)
                 columns[index][row] = number(value)
 
 
-def follow(message: Any, path: FieldPath) -> Any:
-    """Return what a path leads to in nested dicts and lists; None if nothing is there."""
-    here = message
-    names: Any = None
-    for step in path.steps:
-        match step:
-            case Attribute(name):
-                if not isinstance(here, dict):
-                    return None
-                names = here.get("name")
-                here = here.get(name, here.get(ALIASES.get(name, "")))
-            case Element(index):
-                here = here[index] if isinstance(here, list) and index < len(here) else None
-            case NamedElement(name):
-                index = names.index(name) if isinstance(names, list) and name in names else -1
-                here = here[index] if isinstance(here, list) and 0 <= index < len(here) else None
-    return here
+class _Json(Objects):
+    """Nested dicts and lists."""
+
+    def field(self, message: Any, name: str) -> Any:
+        """Return a value by its key; a time's fields go by either name."""
+        if not isinstance(message, dict):
+            return None
+        return message[name] if name in message else message.get(ALIASES.get(name, ""))
+
+    def labels(self, message: Any) -> Iterator[Sequence[Any]]:
+        """Yield the lists of names."""
+        for name, value in message.items() if isinstance(message, dict) else ():
+            if lists_names(name) and isinstance(value, list):
+                yield value
+
+    def elements(self, value: Any) -> Sequence[Any]:
+        """Return a list's elements."""
+        return value if isinstance(value, list) else ()

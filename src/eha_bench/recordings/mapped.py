@@ -14,8 +14,9 @@ from eha_bench.recordings.align import align
 from eha_bench.recordings.channel_map import ChannelMap, Clock
 from eha_bench.recordings.decoder import READ_ENCODINGS
 from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.naming import among, shown
 from eha_bench.recordings.series import nan_note, seconds, seconds_in_place, unwrapped
-from eha_bench.recordings.source import Source, Span, Topic, Wanted, shown
+from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.table import TableSource
 from eha_bench.recordings.track import Column, Stamps, Track, freeze
 
@@ -154,11 +155,10 @@ def _missing_topic(
             where=Place(file=source.path, topic=topic),
             hint="map another topic in channels.yaml",
         )
-    listed = shown(topics) or "none"
     return RecordingError(
         f"the topic of channel '{channel}' is not in the recording",
         where=Place(file=source.path, topic=topic),
-        hint=f"its topics are: {listed}",
+        hint=among(topic, topics, "topics"),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Iterator, Mapping, MutableSequence, Sequence, Set
 from typing import Any
 
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet  # type: ignore[import-untyped]
@@ -11,7 +11,9 @@ from google.protobuf.message import DecodeError, Message  # type: ignore[import-
 from google.protobuf.message_factory import GetMessageClass  # type: ignore[import-untyped]
 
 from eha_bench.recordings.decoder import Column, Decoder, Encoded, UnreadableTopic, number
-from eha_bench.recordings.field_path import Attribute, Element, FieldPath, NamedElement
+from eha_bench.recordings.field_path import Attribute, Element, FieldPath, lists_names
+from eha_bench.recordings.naming import among
+from eha_bench.recordings.object_path import Objects
 from eha_bench.recordings.payloads import Payloads
 
 
@@ -22,6 +24,7 @@ class ProtobufDecoder(Decoder):
         self._paths = paths
         self._found: set[int] = set()
         self._class = _message_class(encoded)
+        self._objects = _Protobuf()
         for path in paths:
             _check(self._class, path)
 
@@ -32,6 +35,11 @@ class ProtobufDecoder(Decoder):
     def found(self) -> Set[int]:
         """Return the numbers of the paths that led to something in at least one message."""
         return self._found
+
+    def hint(self, path: FieldPath) -> str:
+        """Say nothing: wrong fields are refused before, so that only elements can be missing."""
+        del path
+        return ""
 
     def decode(self, payloads: Payloads, columns: list[Column]) -> None:
         """Write one value a message into each column.
@@ -46,7 +54,7 @@ class ProtobufDecoder(Decoder):
             except DecodeError as error:
                 raise UnreadableTopic("a message does not fit its Protobuf descriptor") from error
             for index, path in enumerate(self._paths):
-                value = _follow(message, path)
+                value = self._objects.follow(message, path)
                 if value is not None:
                     self._found.add(index)
                 columns[index][row] = number(value)
@@ -87,39 +95,73 @@ def _add(pool: DescriptorPool, files: dict[str, FileDescriptorProto], names: lis
 
 
 def _check(kind: type[Message], path: FieldPath) -> None:
-    """Check that a path's fields exist, so that a wrong name is not read as zero."""
-    descriptor: Any = kind.DESCRIPTOR
+    """Check that a path leads to a number, so that a wrong name is not read as zero."""
+    message: Any = kind.DESCRIPTOR
+    field: Any = None
+    many = False
     for step in path.steps:
         if isinstance(step, Attribute):
-            if descriptor is None:
-                raise UnreadableTopic(f"'{path}' asks for a field of a number")
-            field = descriptor.fields_by_name.get(step.name)
-            if field is None:
-                listed = ", ".join(descriptor.fields_by_name) or "none"
+            if many:
                 raise UnreadableTopic(
-                    f"{descriptor.full_name} has no field '{step.name}'; its fields are {listed}"
+                    f"'.{step.name}' of an array: say which element, e.g. [0].{step.name}"
                 )
-            descriptor = field.message_type
-    if descriptor is not None:
-        raise UnreadableTopic(f"'{path}' is not a number but a message")
+            if message is None:
+                raise UnreadableTopic(f"'.{step.name}' of something that has no fields")
+            known = list(message.fields_by_name)
+            field = message.fields_by_name.get(step.name)
+            if field is None:
+                raise UnreadableTopic(
+                    f"{message.full_name} has no field '{step.name}'; "
+                    f"{among(step.name, known, 'fields')}"
+                )
+            many = _repeated(field)
+            message = field.message_type
+            continue
+        if not many:
+            raise UnreadableTopic(f"'{path}' takes an element of something that is no array")
+        many = False
+        if message is not None and message.GetOptions().map_entry:
+            if isinstance(step, Element):
+                raise UnreadableTopic(f"'{path}' takes a number of a map: give one of its keys")
+            field = message.fields_by_name["value"]
+            message = field.message_type
+    if many:
+        raise UnreadableTopic(f"'{path}' is not a number but an array: add an index, e.g. [0]")
+    if message is not None:
+        fields = ", ".join(message.fields_by_name) or "none"
+        raise UnreadableTopic(
+            f"'{path}' is not a number but a message: add one of its fields ({fields})"
+        )
+    if field.cpp_type == field.CPPTYPE_STRING:
+        raise UnreadableTopic(f"'{path}' is not a number but text")
 
 
-def _follow(message: Any, path: FieldPath) -> Any:
-    here = message
-    names: Any = None
-    for step in path.steps:
-        match step:
-            case Attribute(name):
-                names = getattr(here, "name", None)
-                here = getattr(here, name, None)
-            case Element(index):
-                here = here[index] if index < _length(here) else None
-            case NamedElement(name):
-                labels = list(names) if _length(names) and not isinstance(names, str) else []
-                index = labels.index(name) if name in labels else -1
-                here = here[index] if 0 <= index < _length(here) else None
-    return here
+def _repeated(field: Any) -> bool:
+    """Whether a field is repeated; older versions of the library say it in another way."""
+    told = getattr(field, "is_repeated", None)
+    return bool(field.label == field.LABEL_REPEATED if told is None else told)
 
 
-def _length(value: Any) -> int:
-    return len(value) if hasattr(value, "__len__") else 0
+class _Protobuf(Objects):
+    """Messages, repeated fields and maps."""
+
+    def field(self, message: Any, name: str) -> Any:
+        """Return a field; None where the message cannot have it, or says that it is unset."""
+        field = (
+            message.DESCRIPTOR.fields_by_name.get(name) if isinstance(message, Message) else None
+        )
+        if field is None:
+            return None
+        unset = field.has_presence and not field.has_default_value and not message.HasField(name)
+        return None if unset else getattr(message, name)
+
+    def labels(self, message: Any) -> Iterator[Sequence[Any]]:
+        """Yield the lists of names."""
+        for name in message.DESCRIPTOR.fields_by_name:
+            value = getattr(message, name)
+            if lists_names(name) and not isinstance(value, (str, bytes)):
+                yield self.elements(value)
+
+    def elements(self, value: Any) -> Sequence[Any]:
+        """Return the elements of a repeated field."""
+        return value if isinstance(value, MutableSequence) else ()

@@ -10,8 +10,8 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
 from eha_bench.recordings.channel_map import ChannelMap, load_channel_map
-from eha_bench.recordings.formats import open_source
 from eha_bench.recordings.mapped import read_mapped, unmapped
+from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.own import read_own
 from eha_bench.recordings.source import Span
 from eha_bench.recordings.table import TableSource

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.recordings.decoder import Column, Decoder, Encoded, UnreadableTopic
+from eha_bench.recordings.decompress import DamagedChunk
 from eha_bench.recordings.definitions import (
     DefinitionError,
     Definitions,
@@ -15,9 +16,13 @@ from eha_bench.recordings.definitions import (
     parse_msg,
     short_name,
 )
-from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.field_path import FieldPath, NamedElement
+from eha_bench.recordings.naming import shown
+from eha_bench.recordings.packed_messages import are_packed, unpacked
 from eha_bench.recordings.payloads import Payloads
-from eha_bench.recordings.ros_layout import Layout, PayloadError, check_path, layout_of
+from eha_bench.recordings.ros_layout import Layout, layout_of
+from eha_bench.recordings.ros_path import check_path
+from eha_bench.recordings.ros_walker import PayloadError
 
 _MOST_LAYOUTS = 8
 
@@ -27,7 +32,7 @@ class RosDecoder(Decoder):
 
     def __init__(self, encoded: Encoded, paths: tuple[FieldPath, ...]) -> None:
         self._ros1 = encoded.encoding == "ros1"
-        self._name = short_name(encoded.schema_name)
+        self._name = short_name(encoded.schema_name.replace("::", "/"))
         self._paths = paths
         self._layouts: dict[int, list[Layout]] = {}
         self._kinds: dict[int, str] = {}
@@ -46,12 +51,22 @@ class RosDecoder(Decoder):
         """Return the numbers of the paths that led to something in at least one message."""
         return self._kinds.keys()
 
+    def hint(self, path: FieldPath) -> str:
+        """Say how the elements are called, where one was asked for by name."""
+        if not any(isinstance(step, NamedElement) for step in path.steps):
+            return ""
+        names = {name for known in self._layouts.values() for one in known for name in one.names}
+        return f"the names in it are {shown(sorted(names)) or 'none'}"
+
     def decode(self, payloads: Payloads, columns: list[Column]) -> None:
         """Write one value a message into each column.
 
         Raises:
             UnreadableTopic: a message does not fit its definition.
         """
+        if not self._ros1 and are_packed(payloads):
+            self._decode_packed(payloads, columns)
+            return
         rows: NDArray[np.intp] | None = None
         left = payloads
         known = self._layouts.setdefault(payloads.size, [])
@@ -78,6 +93,16 @@ class RosDecoder(Decoder):
             one = left.rows(np.array([row]))
             target = np.array([row if rows is None else rows[row]])
             self._fill(one, self._layout(one, 0), columns, target)
+
+    def _decode_packed(self, payloads: Payloads, columns: list[Column]) -> None:
+        try:
+            for rows, plain in unpacked(payloads):
+                targets = [np.empty(plain.count) for _ in columns]
+                self.decode(plain, targets)
+                for column, target in zip(columns, targets, strict=True):
+                    column[rows] = target
+        except DamagedChunk as error:
+            raise UnreadableTopic(f"a message is damaged: {error}") from error
 
     def _layout(self, payloads: Payloads, row: int) -> Layout:
         try:
@@ -122,7 +147,7 @@ def definitions_of(encoded: Encoded) -> Definitions:
                 if not text.strip() and not ros1:
                     return {}
                 return parse_msg(encoded.schema_name, text, ros1=ros1)
-            case "ros2idl":
+            case "ros2idl" | "omgidl":
                 return parse_idl(text)
             case other:
                 raise UnreadableTopic(f"its schema is written as '{other}', which is not read")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -15,21 +17,23 @@ from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.yaml_file import load
 from eha_bench.recordings.decompress import LARGEST
 from eha_bench.recordings.formats import open_file
-from eha_bench.recordings.source import Source, Span, Topic, Wanted, shown
+from eha_bench.recordings.naming import shown
+from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Track
 
 _FILES = ("*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
 
 
 class Rosbag2Source(Source):
-    """An opened rosbag2 folder; its files are read one after the other."""
+    """An opened rosbag2 folder, or one compressed file of it; read file after file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._notes: list[str] = []
         self._torn = False
-        described = self._describe()
-        self._message_mode = str(described.get("compression_mode", "")).upper() == "MESSAGE"
+        self._unpacked: dict[str, str] = {}
+        described = self._describe() if path.is_dir() else {"relative_file_paths": [path.name]}
+        self._folder = path if path.is_dir() else path.parent
         self._parts = [self._open(file) for file in self._files(described)]
         if not self._parts:
             raise RecordingError(
@@ -86,8 +90,9 @@ class Rosbag2Source(Source):
         for part in self._parts:
             here = {topic.name for topic in part.topics()}
             inside = {topic: what for topic, what in wanted.items() if topic in here}
-            for topic, track in part.tracks(inside, span).items():
-                collected[topic].append(track)
+            with self._as_given():
+                for topic, track in part.tracks(inside, span).items():
+                    collected[topic].append(track)
         return {topic: _joined(topic, tracks) for topic, tracks in collected.items()}
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
@@ -131,7 +136,7 @@ class Rosbag2Source(Source):
                 self._notes.append(
                     f"metadata.yaml names {shown([written])}; {shown([name])} was read"
                 )
-            file = self._path / name
+            file = self._folder / name
             if not file.is_file():
                 raise RecordingError(
                     f"a part of the recording is missing: {shown([name])}",
@@ -143,16 +148,26 @@ class Rosbag2Source(Source):
 
     def _open(self, file: Path) -> Source:
         if file.suffix == ".zstd":
-            file = self._unpack(file)
+            original, file = file, self._unpack(file)
+            self._unpacked[str(file)] = str(original)
         with file.open("rb") as stream:
             head = stream.read(4096)
-        if not head:
-            raise RecordingError("the file is empty", where=Place(file=str(file)))
-        if head.startswith(b"SQLite format 3\0"):
-            from eha_bench.recordings.sqlite_source import SqliteSource
+        with self._as_given():
+            if not head:
+                raise RecordingError("the file is empty", where=Place(file=str(file)))
+            return open_file(file, head)
 
-            return SqliteSource(file, compressed=self._message_mode)
-        return open_file(file, head)
+    @contextmanager
+    def _as_given(self) -> Iterator[None]:
+        """Name the compressed file in an error, not the temporary one that it was unpacked to."""
+        try:
+            yield
+        except RecordingError as error:
+            original = self._unpacked.get(error.where.file)
+            if original is None:
+                raise
+            where = replace(error.where, file=original)
+            raise RecordingError(error.what, where=where, hint=error.hint) from error
 
     def _unpack(self, file: Path) -> Path:
         """Decompress a file into a temporary folder that goes when the source goes."""
@@ -174,6 +189,12 @@ class Rosbag2Source(Source):
         except zstandard.ZstdError:
             self._torn = True
             self._notes.append(f"{file.name}: its compression is torn; what could be had was read")
+        except OSError as error:
+            raise RecordingError(
+                f"it cannot be decompressed to {folder} ({error.strerror or error})",
+                where=Place(file=str(file)),
+                hint="make room there, or set TMPDIR",
+            ) from error
         return target
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.naming import shown
 from eha_bench.recordings.track import Track
 
 
@@ -51,12 +52,6 @@ class Span:
     def __str__(self) -> str:
         """As a person writes it."""
         return f"{self.start:.6g} s to {self.stop:.6g} s"
-
-
-def shown(names: Iterable[str]) -> str:
-    """Return names from a log as text for a message: on one line, and not without end."""
-    text = ", ".join("".join(c if c.isprintable() else "?" for c in name[:200]) for name in names)
-    return text if len(text) <= 800 else f"{text[:800]} ..."
 
 
 class Source(ABC):

@@ -11,7 +11,6 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.blobs import Batch, Connection, collect, joined
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.decoder import Encoded
-from eha_bench.recordings.decompress import DamagedChunk, decompress_blob
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Track
 
@@ -19,11 +18,10 @@ _BATCH = 8192
 
 
 class SqliteSource(Source):
-    """An opened sqlite3 bag file; `compressed` if each message is compressed with zstd."""
+    """An opened sqlite3 bag file."""
 
-    def __init__(self, path: Path, *, compressed: bool = False) -> None:
+    def __init__(self, path: Path) -> None:
         self._path = path
-        self._compressed = compressed
         self._notes: list[str] = []
         self._damaged = False
         try:
@@ -121,15 +119,12 @@ class SqliteSource(Source):
                     f" WHERE topic_id IN ({marks}) ORDER BY id",
                     ids,
                 ):
-                    payload = bytes(data)
-                    if self._compressed:
-                        payload = decompress_blob(payload)
                     count += 1
-                    rows.append((int(topic), int(stamp), payload))
+                    rows.append((int(topic), int(stamp), bytes(data)))
                     if len(rows) == _BATCH:
                         yield joined(*map(list, zip(*rows, strict=True)))
                         rows.clear()
-        except (sqlite3.Error, DamagedChunk, TypeError, ValueError, OverflowError) as error:
+        except (sqlite3.Error, TypeError, ValueError, OverflowError) as error:
             self._damaged = True
             self._notes.append(
                 f"the database is damaged after {count} messages ({error}); "

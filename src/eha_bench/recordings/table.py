@@ -14,7 +14,8 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.units import factor_and_offset
 from eha_bench.recordings.channel_map import ChannelEntry, ChannelMap, ChannelMapFile, TimeColumn
-from eha_bench.recordings.source import Source, Span, Topic, Wanted, shown
+from eha_bench.recordings.naming import among, shown
+from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Column, Stamps, Track
 
 
@@ -48,6 +49,14 @@ class TableSource(Source):
     @abstractmethod
     def column(self, name: str) -> NDArray[Any]:
         """Return a column of numbers, shape (n,).
+
+        Raises:
+            RecordingError: it holds something else.
+        """
+
+    @abstractmethod
+    def clock(self, name: str) -> NDArray[Any]:
+        """Return a column of times, shape (n,): numbers, datetime64 or timedelta64.
 
         Raises:
             RecordingError: it holds something else.
@@ -120,81 +129,59 @@ class TableSource(Source):
         return kinds
 
     def _checked(self, name: str) -> NDArray[Any]:
-        if name not in self.names():
+        self._check(name)
+        return self.column(name)
+
+    def _check(self, name: str) -> None:
+        if not self.has(name):
             raise RecordingError(
                 f"there is no column '{name}'",
                 where=Place(file=self.path),
-                hint=f"its columns are: {shown(self.names())}",
+                hint=among(name, self.names(), "columns"),
             )
-        return self.column(name)
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a column."""
+        return name in self.names()
 
     def _stamps(self, clock: TimeColumn) -> Stamps:
-        raw = self._checked(clock.column)
-        if raw.dtype.kind == "M":
-            return raw.astype("datetime64[ns]").astype(np.int64)
-        where = Place(file=self.path, key=clock.column)
-        time = raw.astype(np.float64)
-        bad = np.flatnonzero(~np.isfinite(time))
-        if bad.size:
-            raise RecordingError(
-                f"the time is not a number in {bad.size} of {time.size} rows, first in row "
-                f"{bad[0] + 1}",
-                where=where,
-                hint="remove these rows, or give sample_rate instead of time",
-            )
-        factor, offset = factor_and_offset(clock.unit, "s")
-        if raw.dtype.kind in "iu" and factor == 1e-9 and not offset:
-            return raw.astype(np.int64)
-        nanoseconds = np.rint((time * factor + offset) * 1e9)
-        if np.abs(nanoseconds).max(initial=0) >= 2**62:
-            raise RecordingError("the time is too large for its unit", where=where)
-        return nanoseconds.astype(np.int64)
+        self._check(clock.column)
+        return nanoseconds(
+            self.clock(clock.column), clock.unit, Place(file=self.path, key=clock.column)
+        )
 
 
-class ParquetSource(TableSource):
-    """An Apache Parquet file."""
+def nanoseconds(times: NDArray[Any], unit: str, where: Place) -> Stamps:
+    """Return a column of times as whole nanoseconds, shape (n,).
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        try:
-            self._file = pq.ParquetFile(path)
-        except (pa.ArrowException, OSError, ValueError) as error:
-            raise RecordingError(
-                f"the Parquet file is damaged or torn ({' '.join(str(error).split())[:200]})",
-                where=Place(file=self.path),
-                hint="its index stands at the end, so a torn file cannot be read",
-            ) from error
-
-    @property
-    def format(self) -> str:
-        """`parquet`."""
-        return "parquet"
-
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
-        return tuple(self._file.schema_arrow.names)
-
-    def column(self, name: str) -> NDArray[Any]:
-        """Return a column of numbers, shape (n,); nulls are NaN.
-
-        Raises:
-            RecordingError: it holds something else, or is damaged.
-        """
-        import pyarrow as pa
-
-        where = Place(file=self.path, key=name)
-        try:
-            column = self._file.read(columns=[name]).column(name)
-            values: NDArray[Any] = column.to_numpy()
-        except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-            raise RecordingError(
-                f"cannot be read ({' '.join(str(error).split())[:200]})", where=where
-            ) from error
-        if values.dtype.kind not in "iufbM":
-            raise RecordingError("the column does not hold numbers", where=where)
-        if not values.size:
-            raise RecordingError("the table is empty", where=where, hint="record it again")
-        return values
+    Raises:
+        RecordingError: a time is missing, or too large.
+    """
+    dated = times.dtype.kind in "mM"
+    bad = np.flatnonzero(np.isnat(times) if dated else ~np.isfinite(times))
+    if bad.size:
+        raise RecordingError(
+            f"the time is not a number in {bad.size} of {times.size} rows, first in row "
+            f"{bad[0] + 1}",
+            where=where,
+            hint="remove these rows, or give sample_rate instead of time",
+        )
+    if dated:
+        return times.astype(f"{times.dtype.kind}8[ns]").astype(np.int64)
+    factor, offset = factor_and_offset(unit, "s")
+    tick = factor * 1e9
+    with np.errstate(over="ignore"):
+        farthest = np.abs(times.astype(np.float64) * tick + offset * 1e9).max(initial=0)
+    if farthest >= 2**62:
+        raise RecordingError(
+            f"the time is too large for its unit ({unit})",
+            where=where,
+            hint="is it in another unit, such as ns or us?",
+        )
+    if tick < 1 or tick % 1 or offset:
+        return np.rint((times.astype(np.float64) * factor + offset) * 1e9).astype(np.int64)
+    # whole units and the rest apart: a double holds no seconds since 1970 to the nanosecond
+    whole = np.floor(times)
+    rest = np.rint((times - whole).astype(np.float64) * tick).astype(np.int64)
+    stamps: Stamps = whole.astype(np.int64) * np.int64(tick) + rest
+    return stamps

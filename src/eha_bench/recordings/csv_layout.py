@@ -1,0 +1,170 @@
+"""Finds the table in a text: its delimiter, its names, and where its numbers begin."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from eha_bench.core.errors import UnitError
+from eha_bench.core.units import base_unit
+
+_DELIMITERS = ";\t|,"
+"""Tried in this order: a comma may also be a decimal one."""
+_WINDOW = 200
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+MISSING = ("-", "--")
+"""What stands in a cell where nothing was measured, besides what pandas knows."""
+_NOTHING = {"", "nan", "na", "n/a", "null", "inf", "-inf", "+inf", *MISSING}
+
+
+class NoTable(Exception):
+    """The text holds no table; says why, and in which line (from 1)."""
+
+    def __init__(self, what: str, line: int, hint: str) -> None:
+        super().__init__(what)
+        self.line = line
+        self.hint = hint
+
+
+@dataclass(frozen=True)
+class CsvLayout:
+    """How a table is written.
+
+    Attributes:
+        delimiter: one character; a blank stands for any white space.
+        decimal: `.` or `,`.
+        names: of the columns, as they stand there.
+        first: line of the first row, from 0.
+        trailing: whether rows end with a delimiter that the names do not have.
+        notes: what had to be assumed.
+    """
+
+    delimiter: str
+    decimal: str
+    names: tuple[str, ...]
+    first: int
+    trailing: bool
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, text: str) -> CsvLayout:
+        """Find the table in a text.
+
+        Raises:
+            NoTable: there is none.
+        """
+        head = text.split("\n", _WINDOW)[:_WINDOW]
+        rows = [(n, line) for n, line in enumerate(head) if line.strip() and not _is_comment(line)]
+        delimiter, cells = _delimiter([line for _, line in rows])
+        if not delimiter:
+            raise NoTable(
+                "this is not a table: its first line holds no delimiter (comma, semicolon, tab)",
+                (rows[0][0] if rows else 0) + 1,
+                "give a CSV file with a line of column names",
+            )
+        table = [(n, _split(line, delimiter)) for n, line in rows]
+        start = _first_row(table, cells)
+        number = table[start][0] if start < len(table) else len(head)
+        above = table[start - 1] if start else (0, [])
+        trailing = len(above[1]) == cells - 1 and not table[start][1][-1]
+        notes: list[str] = []
+        names: list[str] = []
+        left = start
+        if len(above[1]) == cells or trailing:
+            names, left = above[1], start - 1
+            if start > 1 and len(table[start - 2][1]) == len(names) and _are_units(names):
+                units = ", ".join(names)
+                names, left = table[start - 2][1], start - 2
+                notes.append(
+                    f"line {above[0] + 1} was taken as units ({units[:100]}); "
+                    "those of channels.yaml count"
+                )
+        elif len(above[1]) > 1:
+            raise NoTable(
+                f"its lines hold {cells} cells, its line of names {len(above[1])}",
+                above[0] + 1,
+                "give every column a name",
+            )
+        else:
+            names = _names_in_comment(head[:number], delimiter, cells)
+        if left:
+            notes.append(f"{left} lines before the table were left aside")
+        if not names:
+            names = [str(k) for k in range(cells)]
+            notes.append("it has no line of names: its columns are called 0, 1, 2, ...")
+        decimal = "," if delimiter != "," and re.search(r"\d,\d", text[:100_000]) else "."
+        return cls(delimiter, decimal, tuple(names), number, trailing, tuple(notes))
+
+
+def _first_row(table: list[tuple[int, list[str]]], cells: int) -> int:
+    """Return which line is the first whose cells are of the kinds that the table's cells are."""
+    kinds = [tuple(map(_is_number, line)) if len(line) == cells else () for _, line in table]
+    counts = Counter(kind for kind in kinds if any(kind))
+    if not counts:  # no number at all: the names are all that can be told from the rest
+        return next(k for k, (_, line) in enumerate(table) if len(line) == cells) + 1
+    usual = max(counts, key=lambda kind: (counts[kind], sum(kind)))
+    return next(
+        k
+        for k, (_, line) in enumerate(table)
+        if len(line) == cells
+        and any(kinds[k])
+        and all(
+            same == wanted or cell.lower() in _NOTHING
+            for cell, same, wanted in zip(line, kinds[k], usual, strict=True)
+        )
+    )
+
+
+def _names_in_comment(lines: list[str], delimiter: str, cells: int) -> list[str]:
+    """Return the names that stand in a comment right above the numbers, as NumPy writes them."""
+    comment = next((line for line in reversed(lines) if line.strip()), "")
+    written = _split(comment.lstrip("#% \t"), delimiter) if _is_comment(comment) else []
+    return written if len(written) == cells and not any(map(_is_number, written)) else []
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(("#", "%"))
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    if delimiter == " ":
+        return line.split()
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:
+        cells = line.split(delimiter)
+    return [cell.strip() for cell in cells]
+
+
+def _delimiter(lines: list[str]) -> tuple[str, int]:
+    """Return the delimiter that most lines have equally often, and the number of cells."""
+    # the last line may have been cut
+    body = lines[:-1] if len(lines) > 3 else lines
+    for delimiter in (*_DELIMITERS, " "):
+        counts = Counter(len(_split(line, delimiter)) for line in body[len(body) // 4 :])
+        cells, times = max(counts.items(), key=lambda item: item[1], default=(0, 0))
+        if cells > 1 and times > 0.6 * counts.total():
+            numbers = sum(any(map(_is_number, _split(line, delimiter))) for line in lines)
+            if delimiter != " " or numbers > 0.5 * len(lines):
+                return delimiter, cells
+    return "", 0
+
+
+def _is_number(cell: str) -> bool:
+    return _NUMBER.fullmatch(cell) is not None
+
+
+def _are_units(cells: list[str]) -> bool:
+    """Whether most of the cells that are not empty are units, in brackets or not."""
+    written = [cell.strip("[]() ") for cell in cells]
+    return sum(map(_is_unit, written)) > 0.5 * sum(map(bool, written)) > 0
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        base_unit(text)
+    except UnitError:
+        return False
+    return bool(text)

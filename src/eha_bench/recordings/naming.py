@@ -1,0 +1,21 @@
+"""How names from a log are shown in a message to a person."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from eha_bench.core.near_miss import suggest
+
+
+def shown(names: Iterable[str]) -> str:
+    """Return names from a log as text for a message: on one line, and not without end."""
+    text = ", ".join("".join(c if c.isprintable() else "?" for c in name[:200]) for name in names)
+    return text if len(text) <= 800 else f"{text[:800]} ..."
+
+
+def among(name: str, known: Iterable[str], what: str) -> str:
+    """Say which names of a kind (`what`, in plural) there are, the likeliest first."""
+    names = list(known)
+    nearest = suggest(name[:200], names)
+    listed = f"its {what} are: {shown(names) or 'none'}"
+    return f"{shown([nearest])} ({listed})" if nearest.startswith("did you mean") else listed

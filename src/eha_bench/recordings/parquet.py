@@ -1,0 +1,105 @@
+"""Apache Parquet files as tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.field_path import Attribute, Element, FieldPath
+from eha_bench.recordings.table import TableSource
+
+
+class ParquetSource(TableSource):
+    """An Apache Parquet file."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            self._file = pq.ParquetFile(path)
+        except (pa.ArrowException, OSError, ValueError) as error:
+            raise RecordingError(
+                f"the Parquet file is damaged or torn ({' '.join(str(error).split())[:200]})",
+                where=Place(file=self.path),
+                hint="its index stands at the end, so a torn file cannot be read",
+            ) from error
+
+    @property
+    def format(self) -> str:
+        """`parquet`."""
+        return "parquet"
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self._file.schema_arrow.names)
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a column, or a column that may hold such an element."""
+        return name in self.names() or self._owner(name) in self.names()
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column of numbers, shape (n,); nulls are NaN.
+
+        Args:
+            name: a column, a field of a struct (`p.x`) or an element of a list (`p[1]`).
+
+        Raises:
+            RecordingError: it holds something else, or is damaged.
+        """
+        values = self._values(name)
+        if values.dtype.kind not in "iufb":
+            raise RecordingError(
+                "the column does not hold numbers", where=Place(file=self.path, key=name)
+            )
+        return values
+
+    def clock(self, name: str) -> NDArray[Any]:
+        """Return a column of times, shape (n,): numbers, dates, times of day or durations.
+
+        Raises:
+            RecordingError: it holds something else, or is damaged.
+        """
+        values = self._values(name)
+        return values if values.dtype.kind in "mM" else self.column(name)
+
+    @staticmethod
+    def _owner(name: str) -> str:
+        try:
+            first = FieldPath.parse(name).steps[0]
+        except ValueError:
+            return name
+        return first.name if isinstance(first, Attribute) else name
+
+    def _values(self, name: str) -> NDArray[Any]:
+        import pyarrow as pa
+        import pyarrow.compute as pc
+
+        where = Place(file=self.path, key=name)
+        owner = name if name in self.names() else self._owner(name)
+        try:
+            column = self._file.read(columns=[owner]).column(owner)
+            for step in FieldPath.parse(name).steps[1:] if owner != name else ():
+                match step:
+                    case Attribute(field):
+                        column = pc.struct_field(column, field)
+                    case Element(index):
+                        column = pc.list_element(column, index)
+                    case _:
+                        raise RecordingError("a table's elements have no names", where=where)
+            if pa.types.is_decimal(column.type):
+                column = column.cast(pa.float64())
+            if pa.types.is_time(column.type):
+                column = column.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.duration("ns"))
+            values: NDArray[Any] = column.to_numpy()
+        except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+            raise RecordingError(
+                f"cannot be read ({' '.join(str(error).split())[:200]})", where=where
+            ) from error
+        if not values.size:
+            raise RecordingError("the table is empty", where=where, hint="record it again")
+        return values
