@@ -36,12 +36,14 @@ class FrequencyResponse:
         left_out: frequency in Hz and reason of the others.
         method: how it was found.
         how: how the signal was found in the recording; "" for the bench's own.
+        doubtful: those of the points left out that were measured, in order of frequency.
     """
 
     points: tuple[ResponsePoint, ...]
     left_out: tuple[tuple[float, str], ...]
     method: str
     how: str
+    doubtful: tuple[ResponsePoint, ...] = ()
 
     @property
     def frequency(self) -> FloatArray:
@@ -116,17 +118,20 @@ def _response(recording: Recording, trial: Trial, channel: str) -> FrequencyResp
         found = chirp_points(recording[channel], line, signal.sweeps)
     else:
         raise NotScored("the signal excites no band of frequencies")
-    reliable = []
+    reliable, doubtful = [], []
     for point in sorted(found, key=lambda point: point.frequency):
         doubt = _doubt(point)
         if doubt:
             left_out.append((point.frequency, doubt))
+            doubtful.append(point)
         else:
             reliable.append(point)
     if not reliable:
         reason = left_out[0][1] if left_out else "no line in the recording"
         raise NotScored(f"no frequency can be relied upon ({reason})")
-    return FrequencyResponse(tuple(reliable), tuple(sorted(left_out)), method, line.how)
+    return FrequencyResponse(
+        tuple(reliable), tuple(sorted(left_out)), method, line.how, tuple(doubtful)
+    )
 
 
 def _doubt(point: ResponsePoint) -> str:

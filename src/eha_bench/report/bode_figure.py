@@ -69,7 +69,7 @@ def bode_svg(bode: Bode, *, key: str, title: str) -> Markup:
         low, high = float(bode.frequency[0]), float(bode.frequency[-1])
         rows[-1].set_xlim(low / 1.08, high * 1.08)
         rows[-1].set_xlabel("frequency / Hz")
-        few = high / low < 20.0
+        few = high / low < 300.0
         rows[-1].xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
         rows[-1].xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         rows[-1].xaxis.set_minor_formatter(NullFormatter())
@@ -99,8 +99,18 @@ def _draw(axes: Axes, frequency: FloatArray, panel: BodePanel) -> None:
                 xytext=(-4 if left else 4, -9), textcoords="offset points", fontsize=7.5,
                 color=shade, ha="right" if left else "left",
             )  # fmt: skip
+    if panel.low is None:
+        axes.set_ylim(*_span(panel))
     if len(panel.curves) > 1:
         axes.legend(loc="lower left", ncols=len(panel.curves))
+
+
+def _span(panel: BodePanel) -> tuple[float, float]:
+    """Return the ends of the axis: all curves, intervals not, which may reach down to nothing."""
+    values = np.concatenate([curve.values for curve in panel.curves])
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    pad = 0.12 * max(high - low, 1.0)
+    return low - pad, high + pad
 
 
 def _draw_curve(axes: Axes, frequency: FloatArray, curve: BodeCurve) -> None:
@@ -115,15 +125,12 @@ def _draw_curve(axes: Axes, frequency: FloatArray, curve: BodeCurve) -> None:
     if np.any(known):
         floor = np.where(np.isfinite(low), low, values - 60.0)
         axes.vlines(where[known], floor[known], high[known], color=shade, linewidth=2.2, alpha=0.35)
-        if not curve.dashed:
-            # an interval that reaches down to nothing must not squeeze the curve
-            span = max(float(np.ptp(values)), 1.0)
-            axes.set_ylim(float(values.min()) - 0.35 * span, float(values.max()) + 0.35 * span)
-    style = (0, (4, 2)) if curve.dashed else "-"
-    marker = {} if curve.dashed else {"marker": "o", "ms": 2.6}
-    axes.plot(
-        where, values, color=shade, linestyle=style, linewidth=1.1, label=curve.label, **marker
-    )  # type: ignore[arg-type]
+    (line,) = axes.plot(where, values, color=shade, linewidth=1.1, label=curve.label)
+    if curve.dashed:
+        line.set_linestyle((0, (4, 2)))
+    else:
+        line.set_marker("o")
+        line.set_markersize(2.6)
 
 
 def _data(bode: Bode) -> dict[str, Any]:

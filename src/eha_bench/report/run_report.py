@@ -15,6 +15,8 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import ScoreStatus
 from eha_bench.core.trial import Trial
+from eha_bench.report.bode import bode_of
+from eha_bench.report.bode_figure import BodeView, bode_view
 from eha_bench.report.describe import describe
 from eha_bench.report.figure_view import FigureView, figure_of
 from eha_bench.report.limits import (
@@ -64,6 +66,7 @@ class RunView:
     judged: tuple[ScoreRow, ...]
     others: tuple[ScoreRow, ...]
     figure: FigureView | None
+    bode: BodeView | None
     missing: str
     recording: str
     href: str
@@ -235,6 +238,7 @@ def _run_view(
 ) -> RunView:
     rows = score_rows(run, trial)
     figure: FigureView | None = None
+    bode: BodeView | None = None
     missing, notes = "", run.notes
     try:
         if load is None:
@@ -242,6 +246,7 @@ def _run_view(
         else:
             recording = load()
             figure, missing = _figure(recording, run, trial, key, share, first)
+            bode = _bode(recording, run, trial, key)
             notes = (*notes, *(note for note in recording.notes if note not in notes))
     except EhaBenchError as error:
         missing = f"No plot: {error}."
@@ -255,6 +260,7 @@ def _run_view(
         judged=tuple(row for row in rows if row.limit),
         others=tuple(row for row in rows if not row.limit),
         figure=figure,
+        bode=bode,
         missing=missing,
         recording=run.recording,
         href=recording_href(folder, run.recording),
@@ -282,3 +288,12 @@ def _figure(
     title = f"{run.id}, repeat {run.repeat}: {headings}"
     static = None if first else 1
     return figure_of(scene, key=key, title=title, points=points, static_panels=static), ""
+
+
+def _bode(
+    recording: Recording, run: TrialResult, trial: Trial | None, key: str
+) -> BodeView | None:
+    bode = bode_of(recording, run, trial)
+    if bode is None:
+        return None
+    return bode_view(bode, key=f"{key}-bode", title=f"{run.id}, repeat {run.repeat}: Bode plot")
