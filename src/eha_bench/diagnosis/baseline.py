@@ -27,6 +27,9 @@ STEP = 1e-4
 COARSE = 2e-4
 """Integration step while searching, where only differences between candidates count, s."""
 
+SCREENING = 5e-4
+"""Integration step where only a simulation's change by a candidate counts, s."""
+
 BUDGET = 40.0
 """Most that is simulated for one residual, s; longer training data are sampled evenly."""
 

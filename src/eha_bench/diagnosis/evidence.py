@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from eha_bench.diagnosis.fit import Fit
 from eha_bench.diagnosis.gate import noise_of
@@ -219,9 +220,7 @@ def compare(
     draws = generator.integers(0, sums.size, size=(1000, sums.size))
     totals = sums[draws].sum(axis=1)
     spread = float(totals.std()) or 1e-300
-    from scipy.stats import norm
-
-    p_value = float(norm.sf(gain_out / spread))
+    p_value = float(ndtr(-gain_out / spread))
     per_run = np.array([float(difference[rows].sum()) for rows in groups.runs])
     # where there is hardly any excess, shares of it mean nothing
     scale = max(excess_before, gain, 1.0)

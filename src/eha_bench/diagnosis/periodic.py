@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 
 SHORT = 0.04
 """Length of a window in which the phase cannot be lost, s."""
-_BUDGET = 6.0
+_BUDGET = 4.0
 _COUNTS = (*range(1, 49), 54, 56, 60, 66, 72, 80, 84, 90, 96)
 _KEEP = 3
 
@@ -88,7 +88,9 @@ def scan(
     short.scale_to(base)
     soft, weight = soften(base, short.soft)
     free = free_parameters(layout, keys, vector)
-    matrix = jacobian(short, vector, free, base) * weight[:, None]
+    columns_of = jacobian(short, vector, free, base)
+    known = {item.key: columns_of[:, k] for k, item in enumerate(free)}
+    matrix = columns_of * weight[:, None]
     norms = np.linalg.norm(matrix, axis=0)
     basis = np.linalg.qr(matrix[:, norms > 1e-6 * norms.max(initial=1e-300)])[0]
     target = soft - basis @ (basis.T @ soft)
@@ -118,7 +120,7 @@ def scan(
         here = start.apply(vector)
         # what is calibrated moves along: without the effect it had been bent to imitate it
         together = (*free, *free_parameters(layout, start.keys, here))
-        moved = levenberg_marquardt(short, here, together, iterations=6, refresh=1)
+        moved = levenberg_marquardt(short, here, together, iterations=6, known=known, refresh=1)
         strength = float(moved.vector[start.strength_at])
         if strength == start.neutral:
             continue

@@ -14,6 +14,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import TypeVar
 
@@ -111,6 +112,10 @@ class Problem:
         other = self.subset(range(len(self.windows)))
         other.step = step
         return other
+
+    def with_noise(self, noise: Mapping[str, float]) -> Problem:
+        """Return the same windows weighted by another noise; it needs `prepare`."""
+        return Problem(self.plant, self.windows, noise, self.step)
 
     def scale_to(self, residual: FloatArray) -> None:
         """Set what counts as an outlier by a residual's usual size, never below the noise.
@@ -245,6 +250,12 @@ class Problem:
         out = self._simulated(part, vector, shift)[:, part.columns] / part.scale
         difference = part.target - out.ravel()[part.pick]
         return np.clip(np.nan_to_num(difference, nan=_BAD, posinf=_BAD, neginf=-_BAD), -_BAD, _BAD)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Return the threads that simulate windows; the kernel runs without the interpreter's lock."""
+    return ThreadPoolExecutor(WORKERS, thread_name_prefix="simulate")
 
 
 def start_of(

@@ -17,20 +17,16 @@ from eha_bench.core.result import write_text
 from eha_bench.diagnosis import search as searching
 from eha_bench.diagnosis.baseline import (
     COARSE,
-    FRICTION_AT_REST,
     Baseline,
     CalibrationInterrupted,
     calibrated,
     no_progress,
 )
-from eha_bench.diagnosis.candidates import LEARNED
 from eha_bench.diagnosis.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.decide import Decision, decide
 from eha_bench.diagnosis.diagnosis import (
     SCHEMA_VERSION,
     Diagnosis,
-    FoundEffect,
-    RankLine,
     Unknown,
     Verdict,
     errors_to_dict,
@@ -43,13 +39,12 @@ from eha_bench.diagnosis.errors_by_channel import (
     replay_notes,
 )
 from eha_bench.diagnosis.evidence import groups_of
-from eha_bench.diagnosis.fit import Fit, jacobian
+from eha_bench.diagnosis.findings import assemble, units_of
 from eha_bench.diagnosis.replay import replay
 from eha_bench.diagnosis.revise import revised
 from eha_bench.diagnosis.scoring import scored
 from eha_bench.diagnosis.search import Search
 from eha_bench.diagnosis.uncertainty import Estimate, estimates, undetermined
-from eha_bench.plants.effect import Effect
 from eha_bench.plants.model import Model
 
 FloatArray = NDArray[np.float64]
@@ -129,7 +124,7 @@ def calibrate(
     notes = base.notes if complete else (*base.notes, "interrupted before the fit had ended")
     found = Calibration(
         model,
-        estimates(base.fit, groups_of(base.problem), _units(loaded.model)),
+        estimates(base.fit, groups_of(base.problem), units_of(loaded.model)),
         undetermined(base.fit),
         errors,
         (*notes, *replay_notes(replays, errors)),
@@ -160,7 +155,7 @@ def diagnose(
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
     with Interruption() as asked:
         base, search, decision = _searched(loaded, asked, progress)
-        found = _assemble(loaded, base, search, decision)
+        found = assemble(loaded, base, search, decision)
         vectors = (search.base.vector, decision.fit.vector)
         try:
             found = scored(found, loaded, base, vectors, progress)
@@ -199,125 +194,6 @@ def _searched(
 
 
 run_diagnosis = diagnose
-
-
-def _units(model: Model) -> dict[str, str]:
-    return {key: parameter.unit for key, parameter in model.plant.layout.items()}
-
-
-def _assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decision) -> Diagnosis:
-    model = dataset.model
-    layout = model.plant.layout
-    fit = _fresh(search, decision)
-    added = [item.start.candidate for item in search.effects]
-    if decision.unknown is not None and decision.learned:
-        added.append(LEARNED)
-    mundane = [item.start.keys[0] for item in search.accepted if item.start.mundane]
-    keys = [*base.keys, *mundane]
-    values = estimates(fit, search.groups, _units(model))
-    effects = []
-    for item in search.effects:
-        effect = layout.effect(item.start.candidate)
-        at = {p.name: layout.index[f"{effect.id}.{p.name}"] for p in effect.parameters}
-        numbers = {p.name: float(fit.vector[at[p.name]]) for p in effect.parameters if p.size == 1}
-        effects.append(
-            FoundEffect(
-                effect.id,
-                str(effect.equation(layout.plant, numbers).value),
-                _numbers(effect, item.start.keys, values, numbers),
-                {p.name: str(p.decode(numbers[p.name])) for p in effect.parameters if p.choices},
-                item.comparison.share_out,
-                item.comparison.p_value,
-            )
-        )
-    effects.sort(key=lambda item: -_share(search, item.id))
-    groups = tuple(
-        (item.start.candidate, *item.equivalent) for item in search.effects if item.equivalent
-    )
-    separate = {
-        name: layout.effect(name).separate for name in {n for group in groups for n in group}
-    }
-    notes = list(base.notes)
-    for key in base.nuisance:
-        if fit.vector[layout.index[key]] == 0.0:
-            continue
-        text = f"friction at rest was estimated: {key} = {fit.vector[layout.index[key]]:.3g}"
-        notes.append(f"{text} {layout.by_key[key].unit}")
-    for key in mundane:
-        notes.append(
-            f"{key} is only assumed in the model; the data ask for "
-            f"{fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}"
-        )
-    notes += decision.notes
-    return Diagnosis(
-        decision.verdict,
-        revised(model, fit.vector, keys, added),
-        revised(model, search.base.vector, base.keys),
-        tuple(effects) if decision.verdict is not Verdict.NONE else (),
-        decision.unknown,
-        groups,
-        dict(sorted(separate.items())),
-        _ranking(search),
-        {},
-        {},
-        {key: item for key, item in values.items() if "." not in key},
-        undetermined(fit),
-        tuple(notes),
-    )
-
-
-def _fresh(search: Search, decision: Decision) -> Fit:
-    """Return the fit with a Jacobian computed anew: intervals are no place for one updated."""
-    fit = decision.fit
-    if decision.learned:
-        return fit
-    layout = search.problem.plant.layout
-    sticks = {key for key in FRICTION_AT_REST if key in layout.index
-              and fit.vector[layout.index[key]] == 0.0}  # fmt: skip
-    free = tuple(item for item in fit.free if item.key not in sticks)
-    residual = search.problem.residual(fit.vector)
-    matrix = jacobian(search.problem, fit.vector, free, residual)
-    return replace(fit, free=free, residual=residual, jacobian=matrix)
-
-
-def _numbers(
-    effect: Effect, keys: tuple[str, ...], values: dict[str, Estimate], numbers: dict[str, float]
-) -> dict[str, Estimate]:
-    """What was fitted, with its interval; a count that a scan found is exact."""
-    found = {}
-    for parameter in effect.parameters:
-        key = f"{effect.id}.{parameter.name}"
-        if key in keys and key in values:
-            found[parameter.name] = values[key]
-        elif parameter.name == "count":
-            number = numbers[parameter.name]
-            found[parameter.name] = Estimate(number, number, number, parameter.unit)
-    return found
-
-
-def _share(search: Search, name: str) -> float:
-    """How much an effect explains: the gain when it was added."""
-    return next(i.comparison.gain for i in search.effects if i.start.candidate == name)
-
-
-def _ranking(search: Search) -> tuple[RankLine, ...]:
-    lines = []
-    size = max(1, search.problem.size)
-    chosen = {item.start.candidate for item in search.accepted}
-    same = {name for item in search.accepted for name in item.equivalent}
-    for item in search.ranking:
-        if item.candidate in chosen:
-            reason = "added"
-        elif item.candidate in same:
-            reason = "fits as well as what was added"
-        elif not item.refitted:
-            reason = f"predicted to explain {item.score:.1%} of the excess; not refitted"
-        else:
-            reason = f"refitted, it explains {item.score:.1%} of the excess on runs left out"
-        error = float(np.sqrt(max(item.cost, 0.0) / size))
-        lines.append(RankLine(item.candidate, item.score, item.p_value, error, reason))
-    order = {name: k for k, name in enumerate(i.start.candidate for i in search.accepted)}
-    return tuple(sorted(lines, key=lambda line: (order.get(line.id, 99), line.error_after)))
 
 
 __all__ = ["Calibration", "Unknown", "calibrate", "diagnose", "run_diagnosis"]

@@ -45,13 +45,14 @@ class Screen:
     """Screens candidates against one fit.
 
     Args:
-        problem: residuals.
-        fit: without the candidates.
+        problem: residuals, at a step as coarse as differences of simulations allow.
+        fit: without the candidates; its residual may come from a finer step.
     """
 
     def __init__(self, problem: Problem, fit: Fit) -> None:
         self.problem = problem
         self.fit = fit
+        self._base = problem.residual(fit.vector)
         soft, self._weight = soften(fit.residual, fit.soft)
         weighted = fit.jacobian * self._weight[:, None]
         norms = np.linalg.norm(weighted, axis=0)
@@ -83,7 +84,7 @@ class Screen:
     def _at(self, start: Start, share: float) -> Screened | None:
         limit = 50.0 * self.fit.soft
         moved = self.problem.residual(start.apply(self.fit.vector, share))
-        change = np.clip(moved - self.fit.residual, -limit, limit) * self._weight
+        change = np.clip(moved - self._base, -limit, limit) * self._weight
         column = self._off(change) / share
         size = float(column @ column)
         if size * share * share < 1e-6:

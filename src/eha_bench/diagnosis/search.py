@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, friction_at_rest
+from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, SCREENING, friction_at_rest
 from eha_bench.diagnosis.candidates import Start, all_starts
 from eha_bench.diagnosis.evidence import (
     SOFT_MEAN,
@@ -20,6 +20,7 @@ from eha_bench.diagnosis.evidence import (
     Groups,
     compare,
     excess,
+    refined_noise,
 )
 from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.periodic import is_periodic, scan, short_problem
@@ -43,6 +44,10 @@ __all__ = ["Search", "begin", "equivalents", "look", "run"]
 MOST_EFFECTS = 4
 _SHORTLIST = 5
 _FINALISTS = 3
+_POOR = 1.02
+"""A fit this much above the noise may be caught in another minimum."""
+_LEAST = 5.0
+"""Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 
 
 def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = None) -> None:
@@ -83,8 +88,9 @@ def _drop_last(search: Search) -> None:
 
 
 def _worth_a_look(search: Search) -> bool:
+    """Whether anything is left beyond what the noise's own estimate is uncertain by."""
     left = search.excess_left
-    return left.total > 0.005 * left.size or left.significance > 6.0
+    return left.total > 0.01 * left.size or left.significance > 4.0
 
 
 def look(search: Search, *, first: bool) -> list[Trial]:
@@ -98,16 +104,13 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     ]
     # screening and first refits only compare candidates, so a coarser step is enough
     coarse = search.problem.at_step(COARSE)
-    residual = coarse.residual(search.fit.vector)
-    soft, _ = soften(residual, coarse.soft)
-    here = replace(search.fit, residual=residual, cost=float(soft @ soft))
-    screen = Screen(coarse, here)
+    screen = Screen(search.problem.at_step(SCREENING), search.fit)
     turning = [effect.id for effect in layout.effects if is_periodic(effect)]
     screened = screen.all([start for start in starts if start.candidate not in turning])
     finals = _confirm(search, coarse, screened)
     reached = min((item.fit.cost for item in finals), default=search.fit.cost)
     floor = search.fit.cost - search.excess_left.total
-    if reached > floor + max(0.02 * search.excess_left.total, 30.0):
+    if _worth_a_look(search) and reached > floor + max(0.02 * search.excess_left.total, 30.0):
         own = [start for start in starts if start.candidate in turning]
         more = screen.all(_periodic(search, turning, own))
         screened = sorted([*screened, *more], key=lambda item: -item.gain)
@@ -131,7 +134,8 @@ def _confirm(search: Search, coarse: Problem, screened: Sequence[Screened]) -> l
             best[item.start.candidate] = item
         elif item.start.candidate not in second:
             second[item.start.candidate] = item
-    order = [name for name in best if best[name].gain > 0.0]
+    least = max(_LEAST, 0.01 * search.excess_left.total)
+    order = [name for name in best if best[name].gain > least]
     shortlist = [best[name] for name in order[:_SHORTLIST]]
     shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
     trials = _best_of_each([_refit(search, coarse, item) for item in shortlist])
@@ -139,10 +143,12 @@ def _confirm(search: Search, coarse: Problem, screened: Sequence[Screened]) -> l
     top = 0.0
     for number, trial in enumerate(trials):
         rough_gain = search.fit.cost - trial.fit.cost
-        if number > 0 and (number >= _FINALISTS or rough_gain < 0.5 * top):
+        if rough_gain <= 0.0 or (number > 0 and (number >= _FINALISTS or rough_gain < 0.5 * top)):
             done.append(trial)
             continue
-        done.append(replace(trial, fit=_polish(search, trial.fit, [trial.start])))
+        # where a rival has reached the noise already, a better place cannot beat it
+        again = top < 0.95 * search.excess_left.total
+        done.append(replace(trial, fit=_polish(search, trial.fit, [trial.start], afresh=again)))
         top = max(top, search.fit.cost - done[-1].fit.cost)
     return done
 
@@ -211,12 +217,12 @@ def _refit(search: Search, coarse: Problem, item: Screened) -> Trial:
     return Trial(item.start, fit, Comparison(0, 0, 0, 0, 1, 0))
 
 
-def _polish(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
+def _polish(search: Search, rough: Fit, extra: Sequence[Start], *, afresh: bool = True) -> Fit:
     """Fit to the end, from where the rough fit is and, if that is poor, from declared values."""
     problem = search.problem
     vector = rough.vector
     known = {f.key: rough.jacobian[:, k] for k, f in enumerate(rough.free)}
-    if rough.cost > 1.01 * SOFT_MEAN * problem.size:
+    if afresh and rough.cost > _POOR * SOFT_MEAN * problem.size:
         other = _afresh(search, vector, extra)
         if other.cost < rough.cost:
             vector = other.vector
@@ -308,11 +314,10 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
     search.accepted.append(
         Accepted(chosen.start, chosen.comparison, equivalents(chosen, trials, search.groups))
     )
-    search.problem.prepare(chosen.fit.vector)
-    residual = search.problem.residual(chosen.fit.vector)
+    residual = _reweighted(search, chosen.fit.vector)
     soft, _ = soften(residual, search.problem.soft)
     search.fit = _polish(
-        search, replace(chosen.fit, residual=residual, cost=float(soft @ soft)), []
+        search, replace(chosen.fit, residual=residual, cost=float(soft @ soft)), [], afresh=False
     )
     search.base = levenberg_marquardt(
         search.problem,
@@ -323,6 +328,21 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
     )
     search.excess_left = excess(search.problem, search.fit)
     search.excess_base = excess(search.problem, search.base)
+
+
+def _reweighted(search: Search, vector: FloatArray) -> FloatArray:
+    """Take noise, outliers and start states from a better fit, and return its residual.
+
+    What an effect leaves in a residual reads as noise and as outliers until the effect is there.
+    """
+    problem = search.problem
+    problem.prepare(vector)
+    noise = refined_noise(problem, problem.residual(vector), problem.noise)
+    search.problem = problem.with_noise(noise)
+    search.problem.prepare(vector)
+    residual = search.problem.residual(vector)
+    search.problem.scale_to(residual)
+    return residual
 
 
 def _review(search: Search, limits: Thresholds) -> None:
