@@ -299,9 +299,11 @@ def _worse_or_better(difference: float, direction: Direction) -> Verdict:
 
 
 def _missing(item: Compared) -> str:
-    parts = [
-        f"{side.missing} of {side.runs} runs of the {name} not scored: {'; '.join(side.reasons)}"
-        for name, side in (("baseline", item.baseline), ("candidate", item.candidate))
-        if side.missing
-    ]
-    return ". ".join(parts)
+    """Return how often each side was not scored, and why where nothing is left of it."""
+    sides = (("baseline", item.baseline), ("candidate", item.candidate))
+    parts = [f"{side.missing} of {side.runs} in the {name}" for name, side in sides if side.missing]
+    reasons = dict.fromkeys(
+        reason for _, side in sides if not side.values for reason in side.reasons
+    )
+    why = f" ({'; '.join(reasons)})" if reasons else ""
+    return f"not scored: {', '.join(parts)}{why}" if parts else ""

@@ -37,21 +37,21 @@ def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) 
     """
     rows = limit_rows(result, trials or {})
     parts = [
-        f"## {_SIGNS[result.status]} {_text(result.suite)} on {_text(result.target)}: "
+        f"## {_SIGNS[result.status]} {as_text(result.suite)} on {as_text(result.target)}: "
         f"{result.status.value}",
-        _text(headline(result)),
+        as_text(headline(result)),
     ]
     stopped = [run for run in result.trials if run.reason]
     if stopped:
         parts.append(
             "\n".join(
-                f"- {_text(run.id)} ({run.status.value}): {_text(run.reason)}"
+                f"- {as_text(run.id)} ({run.status.value}): {as_text(run.reason)}"
                 for run in stopped[:_MOST_ROWS]
             )
         )
     missed = worst_first(rows)
     if missed:
-        parts.append(_table(("Not kept", "Metric", "Measured", "Limit", "Margin"), _rows(missed)))
+        parts.append(table(("Not kept", "Metric", "Measured", "Limit", "Margin"), _rows(missed)))
     kept: dict[str, list[bool]] = {}
     for run in result.trials:
         kept.setdefault(run.id, []).extend(
@@ -62,11 +62,11 @@ def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) 
     for run in result.trials:
         worst[run.id] = max(worst.get(run.id, run.status), run.status, key=gravity.index)
     parts.append(
-        _table(
+        table(
             ("Trial", "Verdict", "Limits kept"),
             (
                 (
-                    _text(trial),
+                    as_text(trial),
                     f"{_SIGNS[status]} {status.value}",
                     f"{sum(kept[trial])} of {len(kept[trial])}" if kept[trial] else "",
                 )
@@ -117,15 +117,16 @@ def _rows(missed: Iterable[ScoreRow]) -> Iterable[tuple[str, ...]]:
         value = " ".join(part for part in (row.value, row.unit, row.interval) if part)
         margin = row.margin or row.status.value.replace("_", " ")
         yield (
-            _text(row.trial) + worst,
-            _text(f"{row.metric}, {row.channel}"),
-            value if not row.reason else f"{value} ({_text(row.reason)})",
-            _text(row.limit),
+            as_text(row.trial) + worst,
+            as_text(f"{row.metric}, {row.channel}"),
+            value if not row.reason else f"{value} ({as_text(row.reason)})",
+            as_text(row.limit),
             margin,
         )
 
 
-def _table(heading: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+def table(heading: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    """Return a table whose cells are Markdown; of very many rows the first."""
     listed = list(rows)
     lines = [f"| {' | '.join(heading)} |", f"|{'---|' * len(heading)}"]
     lines += [f"| {' | '.join(cells)} |" for cells in listed[:_MOST_ROWS]]
@@ -134,7 +135,7 @@ def _table(heading: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     return "\n".join(lines)
 
 
-def _text(text: str) -> str:
+def as_text(text: str) -> str:
     """Text that Markdown shows as it is, on one line."""
     line = " ".join(text.split())
     if len(line) > _LONGEST_TEXT:

@@ -1,0 +1,86 @@
+"""`eha-bench compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eha_bench.cli.console import say
+
+if TYPE_CHECKING:
+    from eha_bench.comparison.comparison import Comparison
+
+Json = Annotated[bool, typer.Option("--json", help="Print comparison.json on standard output.")]
+Strict = Annotated[
+    bool,
+    typer.Option(
+        "--strict", help="Leave with 1 also where a metric is undecided, changed or not compared."
+    ),
+]
+
+
+def compare(
+    baseline: Annotated[
+        Path, typer.Argument(help="Result folder, baseline file, or folder of several.")
+    ],
+    candidate: Annotated[Path, typer.Argument(help="The same, of what is to be judged.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder for comparison.html, .json and .md.")
+    ] = Path("reports/comparison"),
+    json: Json = False,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the summary for a merge request.")
+    ] = False,
+    across_targets: Annotated[
+        bool, typer.Option("--across-targets", help="Compare different rigs on purpose.")
+    ] = False,
+    strict: Strict = False,
+) -> None:
+    """Compare two results: differences with confidence, and a verdict a metric."""
+    from eha_bench.comparing import compare as compare_results
+
+    found = compare_results(baseline, candidate, out, across_targets=across_targets)
+    say_verdicts(found)
+    if json:
+        typer.echo(found.to_json(), nl=False)
+    elif markdown:
+        typer.echo((out / "comparison.md").read_text(encoding="utf-8"), nl=False)
+    else:
+        typer.echo(str(out / "comparison.html"))
+    leave(found, strict=strict)
+
+
+def say_verdicts(found: Comparison) -> None:
+    """Print caveats, what is not the same, and the verdict."""
+    from eha_bench.comparison.verdict import Verdict
+    from eha_bench.report.comparison_report import headline
+    from eha_bench.report.comparison_rows import rows_of
+
+    for caveat in found.caveats:
+        say(f"note: {caveat}")
+    others = [verdict for verdict in Verdict if verdict is not Verdict.SAME]
+    for row in rows_of(found.of(*others)):
+        share = f" ({row.share})" if row.share else ""
+        change = f": {row.baseline} -> {row.candidate} {row.unit}".rstrip() + share
+        note = f"; {row.note}" if row.note else ""
+        say(f"{row.trial}: {row.metric} {row.verdict}{change}{note}")
+    say(f"{found.status.replace('_', ' ')}: {headline(found)}")
+
+
+def leave(found: Comparison, *, strict: bool) -> None:
+    """Leave with the comparison's exit status, if it is not 0."""
+    from eha_bench.comparison.verdict import Verdict
+
+    status = found.exit_status
+    open_ones = found.of(Verdict.UNDECIDED, Verdict.CHANGED, Verdict.NOT_COMPARED)
+    if strict and status == 0 and open_ones:
+        status = 1
+    if status:
+        raise typer.Exit(status)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(compare)

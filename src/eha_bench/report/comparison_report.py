@@ -1,0 +1,169 @@
+"""The page of a comparison: verdict, caveats, what changed, every metric, overlaid plots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from eha_bench.comparison.comparison import Compared, Comparison
+from eha_bench.comparison.side import Run, Side
+from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.errors import EhaBenchError
+from eha_bench.recordings import read
+from eha_bench.report.comparison_rows import GRAVITY, LOOKS, Row, rows_of
+from eha_bench.report.figure_view import FigureView, figure_of
+from eha_bench.report.overlay import overlay
+from eha_bench.report.page import Fact, write_page
+from eha_bench.report.run_report import moment
+
+REPORT_NAME: Final = "comparison.html"
+MOST_PLOTS: Final = 12
+_STATIC_POINTS: Final = 600
+
+_WORDS: Final = {
+    "regression": ("failed", "Regression"),
+    "no_regression": ("passed", "No regression"),
+    "nothing_compared": ("incomplete", "Nothing compared"),
+}
+
+
+@dataclass(frozen=True)
+class TrialView:
+    """A trial's metrics and its overlaid plot."""
+
+    id: str
+    anchor: str
+    look: str
+    sign: str
+    verdict: str
+    rows: tuple[Row, ...]
+    figure: FigureView | None
+    missing: str
+
+
+def write_comparison(folder: Path, comparison: Comparison) -> Path:
+    """Write `comparison.html` into a folder that exists; return its path."""
+    look, word = _WORDS[comparison.status]
+    notable = comparison.of(*GRAVITY[:-1])
+    content = {
+        "comparison": comparison,
+        "look": look,
+        "word": word,
+        "headline": headline(comparison),
+        "suite": " and ".join(sorted(comparison.candidate.suites)),
+        "sides": [
+            ("Baseline", comparison.baseline, _facts(comparison.baseline)),
+            ("Candidate", comparison.candidate, _facts(comparison.candidate)),
+        ],
+        "notable": rows_of(notable),
+        "trials": _trials(comparison),
+    }
+    title = f"{word}: {content['suite']}"
+    return write_page(folder / REPORT_NAME, "comparison.html.j2", content, title=title)
+
+
+def headline(comparison: Comparison) -> str:
+    """Return what was found as a sentence: `Of 21 metrics 1 is worse, 18 are the same`."""
+    found = comparison.counts()
+    parts = []
+    for verdict in GRAVITY:
+        count = found[verdict]
+        if count and verdict is not Verdict.NOT_COMPARED:
+            word = "the same" if verdict is Verdict.SAME else verdict.value
+            verb = "" if verdict is Verdict.CHANGED else ("is " if count == 1 else "are ")
+            parts.append(f"{count} {verb}{word}")
+    total = comparison.compared
+    text = f"Of {total} metric{'' if total == 1 else 's'} {', '.join(parts)}" if parts else ""
+    left = found[Verdict.NOT_COMPARED]
+    if left:
+        also = f"{left} could not be compared"
+        text = f"{text}; {also}" if text else f"{also[0].upper()}{also[1:]}"
+    return f"{text or 'There is nothing to compare'}."
+
+
+def _facts(side: Side) -> tuple[Fact, ...]:
+    found = [
+        Fact("Result", side.name),
+        Fact("Target", ", ".join(sorted(side.targets))),
+        Fact("Runs", str(sum(len(runs) for runs in side.runs.values()))),
+    ]
+    for key, name in (
+        ("revision", "Revision"),
+        ("started", "Started"),
+        ("host", "Host"),
+        ("version", "eha-bench"),
+        ("suite_sha256", "Suite, SHA-256"),
+        ("model_sha256", "Model, SHA-256"),
+        ("controller_sha256", "Controller, SHA-256"),
+    ):
+        values = sorted(side.provenance(key))
+        if values:
+            shown = [moment(value) if key == "started" else value for value in values]
+            text = shown[0] if len(shown) == 1 else f"{shown[0]} … {shown[-1]}"
+            found.append(Fact(name, text, code="sha256" in key or key == "revision"))
+    return tuple(found)
+
+
+def _trials(comparison: Comparison) -> tuple[TrialView, ...]:
+    grouped: dict[str, list[Compared]] = {}
+    for item in comparison.items:
+        grouped.setdefault(item.trial, []).append(item)
+    by_gravity = sorted(grouped, key=lambda trial: _gravity(grouped[trial]))
+    plotted = set(by_gravity[:MOST_PLOTS])
+    views = []
+    for place, (trial, items) in enumerate(grouped.items()):
+        figure, missing = None, "Not plotted: the page shows the most notable trials only."
+        if trial in plotted:
+            figure, missing = _figure(comparison, trial, items, f"t{place}")
+        worst = GRAVITY[_gravity(items)]
+        look, sign = LOOKS[worst]
+        word, rows = worst.value.replace("_", " "), rows_of(tuple(items))
+        views.append(TrialView(trial, f"trial={place}", look, sign, word, rows, figure, missing))
+    return tuple(views)
+
+
+def _gravity(items: Iterable[Compared]) -> int:
+    return min(GRAVITY.index(item.verdict) for item in items)
+
+
+def _figure(
+    comparison: Comparison, trial: str, items: list[Compared], key: str
+) -> tuple[FigureView | None, str]:
+    sides = (comparison.baseline, comparison.candidate)
+    chosen = [_typical(side.runs.get(trial, ()), items) for side in sides]
+    if chosen[0] is None or chosen[1] is None:
+        return None, "No plot: the recordings of one side are not there."
+    first, second = chosen
+    try:
+        recordings = tuple(read(run.recording) for run in (first, second) if run.recording)
+        scene = overlay(
+            (recordings[0], recordings[1]),
+            (first.trial, second.trial),
+            ("baseline", "candidate"),
+        )
+    except (EhaBenchError, OSError) as error:
+        return None, f"No plot: {error}."
+    if scene is None:
+        return None, "No plot: the two recordings have nothing in common."
+    title = f"{trial}: baseline repeat {first.trial.repeat}, candidate {second.trial.repeat}"
+    view = figure_of(scene, key=key, title=title, points=_STATIC_POINTS, static_panels=1)
+    return view, ""
+
+
+def _typical(runs: tuple[Run, ...], items: list[Compared]) -> Run | None:
+    """Return the run whose value of the most notable metric is in the middle."""
+    there = [run for run in runs if run.usable and run.recording is not None]
+    if not there:
+        return None
+    notable = min(items, key=lambda item: GRAVITY.index(item.verdict))
+
+    def value(run: Run) -> float:
+        for score in run.trial.scores:
+            if (score.metric, score.channel) == (notable.metric, notable.channel):
+                return score.value
+        return float("nan")
+
+    valued = sorted((run for run in there if value(run) == value(run)), key=value)
+    return valued[len(valued) // 2] if valued else there[0]
