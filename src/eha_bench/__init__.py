@@ -10,10 +10,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eha_bench.api import run
+    from eha_bench.api import diagnose, run
+    from eha_bench.comparing import ab, compare, history
     from eha_bench.core.recording import Recording
     from eha_bench.diagnosis.prediction import predict
-    from eha_bench.diagnosis.run import calibrate, diagnose
+    from eha_bench.diagnosis.run import calibrate
     from eha_bench.metrics import score
     from eha_bench.recordings import read, write
 
@@ -24,7 +25,10 @@ _HOME = {
     "read": "eha_bench.recordings",
     "write": "eha_bench.recordings",
     "calibrate": "eha_bench.diagnosis.run",
-    "diagnose": "eha_bench.diagnosis.run",
+    "diagnose": "eha_bench.api",
+    "ab": "eha_bench.comparing",
+    "compare": "eha_bench.comparing",
+    "history": "eha_bench.comparing",
     "predict": "eha_bench.diagnosis.prediction",
     "run": "eha_bench.api",
     "score": "eha_bench.metrics",
@@ -35,6 +39,9 @@ __all__ = [
     "__version__",
     "calibrate",
     "diagnose",
+    "ab",
+    "compare",
+    "history",
     "predict",
     "read",
     "run",

@@ -12,8 +12,12 @@ from eha_bench.bench.scoring import score_recordings
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, TrialResult, write_text
 from eha_bench.core.trial import Trial
+from eha_bench.diagnosis.dataset import Dataset, load_dataset
+from eha_bench.diagnosis.diagnosis import Diagnosis
+from eha_bench.diagnosis.run import diagnose as close_the_loop
 from eha_bench.recordings import read
 from eha_bench.report import append_step_summary, markdown_summary, write_junit, write_report
+from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.suites import Suite, load_suite
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
@@ -140,3 +144,29 @@ def write_reports(
 def _loader(base: Path, item: TrialResult, channels: Path | None) -> Loader:
     path = base / item.recording
     return lambda: read(path, channels=channels)
+
+
+def diagnose(
+    dataset: Dataset | str | Path,
+    out: str | Path | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Diagnosis:
+    """Close the loop: residual, cause, revised model, errors before and after.
+
+    Ctrl-C ends the search and keeps what was found until then (`complete` is False).
+
+    Args:
+        dataset: dataset.yaml, or as loaded.
+        out: folder that gets diagnosis.html, diagnosis.json, revised.yaml and recalibrated.yaml.
+        progress: called with the stage and the fraction of it done.
+
+    Raises:
+        InputError: a file is wrong or missing, or nothing can be compared.
+    """
+    loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    found = close_the_loop(loaded, out, progress or (lambda _stage, _fraction: None))
+    if out is not None:
+        source = Path(loaded.source)
+        name = f"{source.resolve().parent.name}/{source.name}" if loaded.source else "dataset"
+        write_diagnosis_report(Path(out), found, name, loaded.model)
+    return found

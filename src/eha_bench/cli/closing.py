@@ -53,15 +53,18 @@ def calibrate(
         typer.echo((out / "calibration.json").read_text(encoding="utf-8"), nl=False)
     else:
         typer.echo(str(out / "calibrated.yaml"))
+    if not found.complete:
+        say("interrupted: these are the values that the fit had reached")
+        raise typer.Exit(INTERRUPTED)
 
 
 def diagnose(
     dataset: Dataset,
-    out: Annotated[Path, typer.Option("--out", help="Folder for diagnosis.json and models.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the page and the models.")],
     json: Json = False,
 ) -> None:
     """Close the loop: residual, cause, revised model, error before and after."""
-    from eha_bench.diagnosis.run import diagnose as close
+    from eha_bench.api import diagnose as close
 
     with TerminalProgress() as bar:
         found = close(dataset, out, _stages(bar))
@@ -71,7 +74,7 @@ def diagnose(
     if json:
         typer.echo(found.to_json(), nl=False)
     else:
-        typer.echo(str(out / "diagnosis.json"))
+        typer.echo(str(out / "diagnosis.html"))
     if not found.complete:
         raise typer.Exit(INTERRUPTED)
 

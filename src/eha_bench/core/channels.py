@@ -28,6 +28,8 @@ _ALL: Final = (
     Channel("joint_angle", "rad", "absolute knee angle between the links of length a and b"),
     Channel("force", "N", "external force on the rod, positive against extension"),
     Channel("oil_temperature", "K", "temperature of the oil"),
+    Channel("voltage", "V", "what a linear drive is asked for (its input in open loop)"),
+    Channel("pulses", "V", "voltage that is added to what a linear drive's controller asks for"),
 )
 
 CHANNELS: Final[dict[str, Channel]] = {channel.name: channel for channel in _ALL}

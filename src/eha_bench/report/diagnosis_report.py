@@ -1,0 +1,225 @@
+"""The page of a diagnosis: what is missing, how much better the model is with it, what remains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from eha_bench.diagnosis.dataset import Use
+from eha_bench.diagnosis.diagnosis import Diagnosis
+from eha_bench.diagnosis.replay import Replay
+from eha_bench.plants.model import Model
+from eha_bench.report.curve_figure import curve_view, learned_curve
+from eha_bench.report.diagnosis_scene import diagnosis_scene, gap
+from eha_bench.report.diagnosis_text import (
+    ErrorRow,
+    ParameterRow,
+    effect_rows,
+    error_rows,
+    headline,
+    parameter_row,
+    probability,
+    share,
+    times,
+    where,
+    words_of,
+)
+from eha_bench.report.engineering import number
+from eha_bench.report.figure_view import FigureView, figure_of
+from eha_bench.report.page import Fact, write_page
+
+DIAGNOSIS_NAME: Final = "diagnosis.html"
+
+_POINTS: Final = 500
+_LOSERS: Final = 12
+
+
+@dataclass(frozen=True)
+class CauseView:
+    """An effect that was added."""
+
+    name: str
+    id: str
+    where: str
+    summary: str
+    share: str
+    p_value: str
+    rows: tuple[ParameterRow, ...]
+    source: str
+
+
+@dataclass(frozen=True)
+class UnknownView:
+    """Something that no known effect explains."""
+
+    where: str
+    description: str
+    variables: str
+    times: str
+    figure: FigureView | None
+
+
+@dataclass(frozen=True)
+class CandidateView:
+    """One line of the ranking."""
+
+    name: str
+    score: str
+    p_value: str
+    reason: str
+    added: bool
+
+
+@dataclass(frozen=True)
+class RunView:
+    """One run as measured and as two models replay it."""
+
+    name: str
+    anchor: str
+    setup: str
+    use: str
+    figure: FigureView
+
+
+@dataclass(frozen=True)
+class SetView:
+    """Candidates that the data cannot tell apart, each with what would separate it."""
+
+    names: str
+    experiments: tuple[tuple[str, str], ...]
+
+
+def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: Model) -> Path:
+    """Write `diagnosis.html` into a folder and return its path.
+
+    Args:
+        folder: where diagnosis.json and the models lie; must exist.
+        found: what to show.
+        name: of the dataset.
+        declared: the model as it was before.
+    """
+    status, verdict, sentence = headline(found)
+    curve = learned_curve(found.revised)
+    content = {
+        "name": name,
+        "plant": found.revised.plant_id,
+        "status": status,
+        "verdict": verdict,
+        "sentence": sentence,
+        "errors": _error_tables(found),
+        "causes": _causes(found),
+        "unknown": None if found.unknown is None else UnknownView(
+            where(found.unknown.equation),
+            found.unknown.description,
+            ", ".join(words_of(item) for item in found.unknown.variables) or "nothing measured",
+            times(found.unknown.when),
+            curve_view(curve, key="learned", title="The learned curve") if curve else None,
+        ),
+        "sets": tuple(
+            SetView(
+                " / ".join(words_of(item) for item in group),
+                tuple((words_of(item), found.separate.get(item, "")) for item in group),
+            )
+            for group in found.equivalent
+        ),
+        "ranking": tuple(_ranking(found)),
+        "left": max(0, len(found.ranking) - _LOSERS),
+        "parameters": tuple(
+            parameter_row(key, item, declared.value(key))
+            for key, item in found.calibrated.items()
+            if "[" not in key
+        ),
+        "undetermined": found.undetermined,
+        "notes": found.notes,
+        "runs": _runs(found),
+        "facts": _facts(found, name),
+    }  # fmt: skip
+    title = f"{name}: diagnosis"
+    return write_page(folder / DIAGNOSIS_NAME, "diagnosis.html.j2", content, title=title)
+
+
+def _error_tables(found: Diagnosis) -> tuple[tuple[str, tuple[ErrorRow, ...]], ...]:
+    tables = (
+        ("Held-out runs, never fitted", error_rows(dict(found.holdout))),
+        ("Training runs", error_rows(dict(found.train))),
+    )
+    return tuple((heading, rows) for heading, rows in tables if rows)
+
+
+def _causes(found: Diagnosis) -> tuple[CauseView, ...]:
+    layout = found.revised.plant.layout
+    return tuple(
+        CauseView(
+            words_of(item.id),
+            item.id,
+            where(item.equation),
+            layout.effect(item.id).summary,
+            share(item.share),
+            probability(item.p_value),
+            effect_rows(item),
+            layout.effect(item.id).source,
+        )
+        for item in found.effects
+    )
+
+
+def _ranking(found: Diagnosis) -> Iterable[CandidateView]:
+    for line in found.ranking[:_LOSERS]:
+        yield CandidateView(
+            words_of(line.id),
+            share(line.score),
+            probability(line.p_value),
+            line.reason,
+            line.reason == "added",
+        )
+
+
+def _runs(found: Diagnosis) -> tuple[RunView, ...]:
+    """Return all runs: held-out ones first, among them the one that shows most."""
+    floors = {name: item.noise_floor for name, item in (*found.train.items(),
+                                                        *found.holdout.items())}  # fmt: skip
+    ordered = sorted(found.replays, key=lambda item: (item.use is Use.TRAIN, -_worst(item, floors)))
+    when = found.unknown.when if found.unknown is not None else ()
+    views = []
+    for place, item in enumerate(ordered):
+        if not item.measured or item.time.size < 2:
+            continue
+        scene = diagnosis_scene(item, floors, when)
+        figure = figure_of(
+            scene,
+            key=f"run{place}",
+            title=f"{item.run}: measured, and replayed by the recalibrated and the revised model",
+            points=_POINTS,
+            static_panels=6 if place == 0 else 2,
+        )
+        setup = ["piston locked" if item.locked else "piston free"]
+        if found.revised.plant_id == "linear_drive":
+            setup = []
+        if item.bypass_open:
+            setup.append("bypass open")
+        setup.append(f"{number(float(item.time[-1]), 1)} s")
+        use = "held out" if item.use is Use.HOLDOUT else "training"
+        anchor = f"trial={quote(item.run, safe='')}"
+        views.append(RunView(item.run, anchor, " · ".join(setup), use, figure))
+    return tuple(views)
+
+
+def _worst(item: Replay, floors: dict[str, float]) -> float:
+    """How far the recalibrated model is off in the worst channel, in noise floors."""
+    return max((gap(item, name, floors) for name in item.measured), default=0.0)
+
+
+def _facts(found: Diagnosis, name: str) -> tuple[Fact, ...]:
+    facts = [
+        Fact("Dataset", name),
+        Fact("Plant", found.revised.plant_id),
+        Fact("Revised model, SHA-256", found.revised.sha256, code=True),
+    ]
+    if math.isfinite(found.seconds):
+        facts.append(Fact("Time taken", f"{number(found.seconds, 1)} s"))
+    files = "diagnosis.json, revised.yaml, recalibrated.yaml"
+    return (*facts, Fact("Files beside this page", files))

@@ -1,0 +1,102 @@
+"""What the plots of a diagnosis show: a run as measured, as two models replay it, and residuals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.channels import unit_of
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.replay import Replay
+from eha_bench.report.engineering import channel_name, display_unit
+from eha_bench.report.marks import Mark, Role, TimeBand, ValueBand
+from eha_bench.report.panels import Panel, Trace
+from eha_bench.report.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+BEFORE, AFTER = "recalibrated", "revised"
+
+
+def gap(replay: Replay, name: str, floors: dict[str, float]) -> float:
+    """Return how far the recalibrated model is off in a channel, RMS, in noise floors."""
+    error = replay.errors(name)[1]
+    error = error[~np.isnan(error)]
+    floor = floors.get(name, math.nan)
+    if not error.size or not floor > 0.0:
+        return 0.0
+    return float(np.sqrt(np.mean(np.clip(error / floor, -1e9, 1e9) ** 2)))
+
+
+def worst_first(replay: Replay, floors: dict[str, float]) -> tuple[str, ...]:
+    """Return a run's channels, the one that the recalibrated model misses most first."""
+    return tuple(sorted(replay.measured, key=lambda name: (-gap(replay, name, floors), name)))
+
+
+def diagnosis_scene(
+    replay: Replay, floors: dict[str, float], when: Sequence[tuple[float, float]] = ()
+) -> Scene:
+    """Return two panels for each channel: its curves, and its residuals within the noise's band.
+
+    Args:
+        replay: by the declared, the recalibrated and the revised model.
+        floors: channel -> standard deviation of its noise, SI.
+        when: (start, stop) times in s at which something unknown acts.
+    """
+    values: dict[str, FloatArray] = {}
+    units: dict[str, str] = {}
+    panels: list[Panel] = []
+    marks: list[Mark] = [
+        TimeBand(start, stop, Role.LIMIT) for start, stop in when if start < float(replay.time[-1])
+    ]
+    for name in worst_first(replay, floors):
+        curves = {
+            f"{name}: measured": replay.measured[name],
+            f"{name}: {BEFORE}": _drawable(replay.simulated[1][name], replay.measured[name]),
+            f"{name}: {AFTER}": _drawable(replay.simulated[2][name], replay.measured[name]),
+        }
+        residuals = {
+            f"{name}: residual, {BEFORE}": _finite(replay.errors(name)[1]),
+            f"{name}: residual, {AFTER}": _finite(replay.errors(name)[2]),
+        }
+        values |= curves | residuals
+        units |= {key: unit_of(name) for key in (*curves, *residuals)}
+        panels.append(_panel(channel_name(name), unit_of(name), curves))
+        panels.append(_panel(f"{channel_name(name)}, residual", unit_of(name), residuals))
+        floor = floors.get(name, math.nan)
+        if floor > 0.0:
+            start, stop = float(replay.time[0]), float(replay.time[-1])
+            channel = f"{name}: residual, {AFTER}"
+            marks.append(ValueBand(channel, -floor, floor, start, stop, Role.BAND))
+    recording = Recording(replay.time, values, units)
+    return Scene(recording, tuple(panels), tuple(marks))
+
+
+def _panel(heading: str, si: str, curves: dict[str, FloatArray]) -> Panel:
+    finite = [part[np.isfinite(part)] for part in curves.values()]
+    unit = display_unit(si, [v for part in finite if part.size for v in (part.min(), part.max())])
+    colours = {"measured": "reference", BEFORE: "vermilion", AFTER: "blue"}
+    traces = []
+    for channel in curves:
+        label = channel.rsplit(": ", 1)[1]
+        word = label.rsplit(", ", 1)[-1]
+        traces.append(Trace(channel, word, colours[word], dashed=False))
+    # no SI unit: a residual of micrometres is to fill its panel
+    return Panel(heading, "", unit, tuple(traces))
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _drawable(values: FloatArray, measured: FloatArray) -> FloatArray:
+    """Return a simulation cut where it runs away, so that it does not flatten what was measured."""
+    there = measured[np.isfinite(measured)]
+    low, high = float(there.min()), float(there.max())
+    reach = 5.0 * (high - low) + 1e-300
+    with np.errstate(invalid="ignore"):
+        near = np.isfinite(values) & (values > low - reach) & (values < high + reach)
+    return np.where(near, values, np.nan)

@@ -1,0 +1,208 @@
+"""A diagnosis in words: the verdict as one sentence, its numbers as a person reads them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, Verdict
+from eha_bench.diagnosis.errors_by_channel import ChannelError
+from eha_bench.diagnosis.uncertainty import Estimate
+from eha_bench.report.engineering import (
+    DisplayUnit,
+    channel_name,
+    decimals_for,
+    display_unit,
+    number,
+    quantity,
+)
+
+_NOTHING = "\N{EN DASH}"
+_WHERE = {
+    "torque": "the torque balance of the shaft",
+    "flow": "the flow balances of the chambers",
+    "force": "the force balance of the rod",
+    "measurement": "a sensor",
+    "actuation": "the actuation",
+}
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """One channel's errors as text; `ratio` is the error after over the noise floor."""
+
+    channel: str
+    uncalibrated: str
+    before: str
+    after: str
+    floor: str
+    ratio: str
+    windows: str
+    worse: bool
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """A parameter's value and 95 % interval as text; `declared` may be empty."""
+
+    name: str
+    value: str
+    interval: str
+    declared: str = ""
+
+
+def words_of(identifier: str) -> str:
+    """Return an id as words: `entrained_air` -> entrained air."""
+    return identifier.replace("parameter:", "assumed value of ").replace("_", " ")
+
+
+def where(equation: str) -> str:
+    """Return a balance in words."""
+    return _WHERE.get(equation, f"the {equation} equation")
+
+
+def headline(found: Diagnosis) -> tuple[str, str, str]:
+    """Return status, verdict and the sentence that says what it rests on."""
+    if not found.complete:
+        return "incomplete", _verdict(found), "Interrupted: " + _rests_on(found)
+    status = {Verdict.NONE: "passed", Verdict.EFFECT: "warned", Verdict.UNKNOWN: "undecided"}
+    return status[found.verdict], _verdict(found), _rests_on(found)
+
+
+def _verdict(found: Diagnosis) -> str:
+    if found.verdict is Verdict.NONE:
+        return "Nothing is missing from the model"
+    if found.verdict is Verdict.EFFECT:
+        names = [f"{words_of(item.id)} (in {where(item.equation)})" for item in found.effects]
+        return f"The model lacks {_listed(names)}"
+    if found.unknown is None:
+        return "Something is missing from the model; what it is remains open"
+    on = _listed([words_of(name) for name in found.unknown.variables])
+    depends = f" and depends on {on}" if on else ""
+    return f"Something unknown acts in {where(found.unknown.equation)}{depends}"
+
+
+def _rests_on(found: Diagnosis) -> str:
+    errors = found.holdout or found.train
+    told = [name for name, item in errors.items() if _told(item)]
+    if not told:
+        return "no run could be scored."
+    name = max(told, key=lambda key: errors[key].before / errors[key].noise_floor)
+    item = errors[name]
+    kind = "runs that were never fitted" if found.holdout else "the runs that were fitted"
+    noise = f"the noise there is {amount(item.noise_floor, item.unit)}"
+    if found.verdict is Verdict.NONE:
+        return (
+            f"Recalibrated, it misses the {_channel(name)} of {kind} by "
+            f"{amount(item.after, item.unit)} RMS; {noise}."
+        )
+    word = "falls" if item.after <= item.before else "grows"
+    return (
+        f"With it the error of the {_channel(name)} on {kind} {word} from "
+        f"{amount(item.before, item.unit)} to {amount(item.after, item.unit)} RMS; {noise}."
+    )
+
+
+def _channel(name: str) -> str:
+    words = channel_name(name)
+    return words[:1].lower() + words[1:]
+
+
+def _told(item: ChannelError) -> bool:
+    return item.noise_floor > 0.0 and math.isfinite(item.before) and math.isfinite(item.after)
+
+
+def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
+    """Return the table of errors, the channel that was missed most first."""
+
+    def gap(name: str) -> float:
+        ratio = errors[name].before / errors[name].noise_floor
+        return -ratio if math.isfinite(ratio) else 0.0
+
+    rows = []
+    for name in sorted(errors, key=lambda name: (gap(name), name)):
+        item = errors[name]
+        ratio = item.after / item.noise_floor if item.noise_floor > 0.0 else math.nan
+        apart = item.after > 1.5 * item.after_windows
+        # one unit a row, so that its numbers compare at a glance
+        unit = display_unit(item.unit, (item.before, item.noise_floor))
+        rows.append(
+            ErrorRow(
+                channel_name(name) + (f" / {unit.symbol}" if unit.symbol else ""),
+                _shown(item.uncalibrated, unit),
+                _shown(item.before, unit),
+                _shown(item.after, unit),
+                _shown(item.noise_floor, unit),
+                f"{number(ratio, 2)} ×" if math.isfinite(ratio) else _NOTHING,
+                amount(item.after_windows, item.unit) if apart else "",
+                item.after > 1.05 * item.before,
+            )
+        )
+    return tuple(rows)
+
+
+def _shown(value: float, unit: DisplayUnit) -> str:
+    """Write an error in a unit that stands elsewhere, with three digits."""
+    if math.isinf(value):
+        return "runs away"
+    if not math.isfinite(value):
+        return _NOTHING
+    shown = unit.difference(value)
+    return number(shown, max(0, decimals_for(shown) - 1))
+
+
+def amount(value: float, si: str) -> str:
+    """Write an error: with its unit, or that it is not known or runs away."""
+    if math.isinf(value):
+        return "runs away"
+    return quantity(value, si) if math.isfinite(value) else _NOTHING
+
+
+def parameter_row(name: str, item: Estimate, declared: float = math.nan) -> ParameterRow:
+    """Return a parameter as text."""
+    spread = (item.high - item.low) / 2.0
+    known = math.isfinite(item.low) and math.isfinite(item.high)
+    interval = "not determined by these data"
+    if known and spread > 0.0:
+        unit = display_unit(item.unit, (item.value,))
+        digits = decimals_for(unit.shown(item.value), unit.difference(spread))
+        low, high = (number(unit.shown(end), digits) for end in (item.low, item.high))
+        interval = f"{low} … {high}"
+    elif known:
+        interval = "exact"
+    value = quantity(item.value, item.unit, spread=spread if known else math.nan)
+    given = quantity(declared, item.unit) if math.isfinite(declared) else ""
+    return ParameterRow(name, value, interval, given)
+
+
+def effect_rows(effect: FoundEffect) -> tuple[ParameterRow, ...]:
+    """Return the numbers of an effect that was found, and its words."""
+    rows = [parameter_row(name, item) for name, item in effect.parameters.items()]
+    rows += [ParameterRow(name, word, "") for name, word in effect.settings.items()]
+    return tuple(rows)
+
+
+def share(value: float) -> str:
+    """Write a share of the excess as per cent."""
+    if not math.isfinite(value):
+        return _NOTHING
+    return f"{number(100.0 * min(value, 1.0), 1)} %" if value > 0.0 else "nothing"
+
+
+def probability(value: float) -> str:
+    """Write a p-value."""
+    if not math.isfinite(value):
+        return _NOTHING
+    return "< 0.0001" if value < 1e-4 else number(value, 4)
+
+
+def times(when: Iterable[tuple[float, float]]) -> str:
+    """Write stretches of time in s."""
+    return ", ".join(f"{number(start, 3)} … {number(stop, 3)} s" for start, stop in when)
+
+
+def _listed(words: list[str]) -> str:
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} and {words[-1]}"
