@@ -202,6 +202,8 @@ def errors_to_dict(items: Mapping[str, ChannelError]) -> dict[str, Any]:
             "noise_floor": _number(item.noise_floor),
             "unit": item.unit,
             "uncalibrated": _number(item.uncalibrated),
+            "before_predict": _number(item.before_predict),
+            "after_predict": _number(item.after_predict),
             "before_windows": _number(item.before_windows),
             "after_windows": _number(item.after_windows),
             "start": _number(item.start),

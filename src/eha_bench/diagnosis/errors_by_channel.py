@@ -1,9 +1,10 @@
 """Simulation error by channel, before and after, beside the noise floor; root mean square, SI.
 
-The errors that count are those of whole runs replayed freely, as `predict` gives them. Beside
-them stand those over the windows of the fit (locked and bypassed runs whole, free ones about
-0.4 s), each from the start state that fits it best within what its measurement allows: where small
-errors add up over a whole run, these say how good the equations are.
+The errors that count are those of whole runs replayed freely, from a start within the noise of
+their first sample. Beside them stand those of `predict`, from the first sample as it is: the same
+but for the channels that one noisy sample moves for good, as a free rod's position. And those over
+the windows of the fit (locked and bypassed runs whole, free ones about 0.4 s): where small errors
+add up over a whole run, these say how good the equations are.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class ChannelError:
         after: with it. All three over whole runs, replayed freely; inf where a replay diverges.
         noise_floor: of the channel's noise.
         unit: of all of them.
+        before_predict, after_predict: as `predict` gives it, from the first sample as it is.
         before_windows, after_windows: over the windows of the fit.
         start: what one standard deviation of the first sample changes in a whole replay.
     """
@@ -43,6 +45,8 @@ class ChannelError:
     after: float
     noise_floor: float
     unit: str
+    before_predict: float = nan
+    after_predict: float = nan
     before_windows: float = nan
     after_windows: float = nan
     start: float = nan
@@ -66,6 +70,7 @@ def replay_errors(
     for name in sorted({name for item in replays for name in item.measured}):
         own = [item for item in replays if name in item.measured]
         errors = [item.errors(name) for item in own]
+        predicted = [item.prediction_errors(name) for item in own]
         declared, before, after = (_rms([e[k] for e in errors]) for k in places)
         counts = [float(np.isfinite(item.measured[name]).sum()) for item in own]
         moved = [item.moved.get(name, nan) for item in own]
@@ -75,6 +80,8 @@ def replay_errors(
             after,
             floors.get(name, nan),
             unit_of(name),
+            _rms([e[places[1]] for e in predicted]),
+            _rms([e[places[2]] for e in predicted]),
             windows[0].get(name, nan),
             windows[1].get(name, nan),
             float(np.sqrt(np.average(np.square(moved), weights=counts))),
@@ -95,17 +102,18 @@ def _rms(errors: Sequence[FloatArray]) -> float:
 
 def replay_notes(replays: Sequence[Replay], errors: Mapping[str, ChannelError]) -> Iterator[str]:
     """Say where the error of a whole replay tells little about the model, one sentence each."""
-    for item in replays:
-        loose = [
-            f"{name} by {moved / errors[name].noise_floor:.1f}"
-            for name, moved in item.moved.items()
-            if name in errors and moved > _MOVED * errors[name].noise_floor
-        ]
-        if loose:
-            yield (
-                f"{item.run}: the noise of its first sample alone moves a whole replay of "
-                f"{', '.join(loose)} times the noise floor"
-            )
+    loose = [
+        f"{name} of {item.run} by {moved / errors[name].noise_floor:.1f}"
+        for item in replays
+        for name, moved in item.moved.items()
+        if name in errors and moved > _MOVED * errors[name].noise_floor
+    ]
+    if loose:
+        yield (
+            f"one standard deviation of the first sample moves a whole replay ({', '.join(loose)} "
+            "noise floors): such runs are replayed from the start within that noise that fits "
+            "best, while predict starts from the sample as it is"
+        )
     for name, error in errors.items():
         if error.after == inf:
             yield f"a whole replay of {name} diverges with the revised model"
