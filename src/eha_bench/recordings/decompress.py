@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import bz2
-import zlib
 from typing import Any
 
 import lz4.frame
 import numpy as np
 import zstandard
 
+from eha_bench.recordings.checksum import crc32
 from eha_bench.recordings.payloads import Bytes
 
 LARGEST = 2 << 30
@@ -40,7 +40,7 @@ def decompress(data: memoryview, compression: str, size: int, crc: int = 0) -> B
         raise DamagedChunk(f"it cannot be decompressed ({error})") from error
     if len(raw) != size:
         raise DamagedChunk(f"it holds {len(raw)} bytes where {size} are declared")
-    if crc and zlib.crc32(raw) != crc:
+    if crc and crc32(raw) != crc:
         raise DamagedChunk("its checksum is wrong")
     return np.frombuffer(raw, dtype=np.uint8)
 

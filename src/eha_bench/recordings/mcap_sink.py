@@ -6,7 +6,6 @@ Format: https://mcap.dev/spec. Small records are written by the mcap library.
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Final
 
@@ -29,6 +28,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from eha_bench.recordings.checksum import crc32
 from eha_bench.recordings.mcap_file import MAGIC
 
 LIBRARY: Final = "eha-bench"
@@ -61,7 +61,7 @@ def compressed(records: Any, level: int) -> Compressed:
     """Return whole message records, any contiguous buffer, as a chunk compressed with zstd."""
     raw = memoryview(records).cast("B")
     data = zstandard.ZstdCompressor(level=level).compress(raw)
-    return Compressed(data, "zstd", len(raw), zlib.crc32(raw))
+    return Compressed(data, "zstd", len(raw), crc32(raw))
 
 
 class McapSink:
@@ -224,9 +224,7 @@ class McapSink:
         for offset in offsets:
             offset.write(builder)
         summary: bytes = builder.end()  # type: ignore[no-untyped-call]
-        crc = zlib.crc32(
-            struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start), zlib.crc32(summary)
-        )
+        crc = crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start), crc32(summary))
         self._put(summary)
         self._record(
             Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc)

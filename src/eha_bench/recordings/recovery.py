@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.checksum import crc32
 from eha_bench.recordings.chunk_reader import ChunkReader
 from eha_bench.recordings.demux import LOG_TIME, PAYLOAD, Split
 from eha_bench.recordings.mcap_file import Chunk, McapFile, add_channel, add_schema, open_mcap
@@ -168,7 +168,7 @@ def _copy(sink: McapSink, file: McapFile, split: Split, tally: _Tally) -> None:
     chunk = split.chunk
     if isinstance(chunk, Chunk) and not chunk.torn and split.whole and known.all():
         data = file.buffer.data[chunk.data_start : chunk.data_start + chunk.data_size]
-        crc = chunk.crc or zlib.crc32(split.buffer.data)
+        crc = chunk.crc or crc32(split.buffer.data)
         index = found.index(slice(None), 0)
         whole = Compressed(data, chunk.compression, chunk.uncompressed_size, crc)
         sink.compressed_chunk(whole, index)
