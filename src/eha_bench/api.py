@@ -9,8 +9,9 @@ from pathlib import Path
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.scoring import score_recordings
+from eha_bench.core.errors import TargetFault
 from eha_bench.core.recording import Recording
-from eha_bench.core.result import Result, TrialResult, write_text
+from eha_bench.core.result import Result, Status, TrialResult, write_text
 from eha_bench.core.trial import Trial
 from eha_bench.diagnosis.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.diagnosis import Diagnosis
@@ -57,7 +58,14 @@ def run(
     )  # fmt: skip
     trials = {trial.id: trial for trial in loaded.trials}
     by_repeat = {(item.id, item.repeat): trials[item.id] for item in result.trials}
-    write_reports(folder, result, by_repeat, folder)
+    try:
+        write_reports(folder, result, by_repeat, folder)
+    except OSError as error:
+        if result.status is not Status.FAULT:
+            raise
+        # a full disk must not hide why the rig was stopped
+        reason = next(item.reason for item in result.trials if item.status is Status.FAULT)
+        raise TargetFault(f"{reason}; the report cannot be written ({error.strerror})") from error
     return result
 
 

@@ -38,7 +38,7 @@ class DriveLimits:
     """The drive's own limits, SI.
 
     Attributes:
-        watchdog: longest time without a command, s.
+        watchdog: time without a command by which the torque is off, s.
         pressure: in either chamber, Pa.
         speed: of the motor, rad/s.
     """
@@ -98,8 +98,13 @@ class RigDrive:
         """When the drive has to be looked at again at the latest."""
         found = min(self._cycle_due, self._heartbeat_due)
         if self._words.watched:
-            found = min(found, self._last_command + self._limits.watchdog)
+            found = min(found, self._patience)
         return min(found, self._late[0][0]) if self._late else found
+
+    @property
+    def _patience(self) -> float:
+        """When the torque goes off for want of a command: a cycle early, to be off in time."""
+        return self._last_command + max(self._limits.watchdog - _PERIOD, _PERIOD)
 
     def take_out(self) -> list[Frame]:
         """Return what is to be sent now."""
@@ -232,7 +237,7 @@ class RigDrive:
 
     def _watch(self, now: float) -> None:
         """Take the torque off at the very moment at which the watchdog runs out."""
-        limit = self._last_command + self._limits.watchdog
+        limit = self._patience
         if self._words.watched and now >= limit:
             self._advance(max(limit, self._plant.now))
             self._fail("no command for too long", limit)

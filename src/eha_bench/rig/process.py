@@ -87,7 +87,7 @@ class Rig:
         drive, transport, log = self._drive, self._transport, self._log
         started = time.monotonic()
         overslept_most = 0.0
-        log.write(0.0, "start", channel=transport.name)
+        log.write(0.0, "start", channel=transport.name, monotonic=started)
         try:
             with RealTime(self._priority):
                 now = 0.0
