@@ -92,11 +92,13 @@ class MarginMetric(BandMetric):
         """Return the margin nearest to instability over all crossovers."""
         inverse = 1.0 / response.response - 1.0
         places = self.crossovers(inverse, response.relative_sd * np.abs(1.0 / response.response))
-        found = [self.margin(loop_near(response, int(place)), int(place)) for place in places]
+        every = [self.margin(loop_near(response, int(place)), int(place)) for place in places]
+        found = [margin for margin in every if self.counts(margin.value)]
         if not found:
             raise NotScored(
-                f"no {self.symbol} between {response.frequency[0]:.4g} and "
-                f"{response.frequency[-1]:.4g} Hz: the loop was not excited where it crosses over"
+                f"{self.symbol} nowhere between {response.frequency[0]:.4g} and "
+                f"{response.frequency[-1]:.4g} Hz{''.join(map(self.other, every))}: "
+                "the loop was not excited where it crosses over"
             )
         least = min(found, key=lambda margin: self.distance(margin.value))
         many = f", the least of {len(found)} crossovers" if len(found) > 1 else ""
@@ -118,6 +120,14 @@ class MarginMetric(BandMetric):
     @abstractmethod
     def distance(self, value: float) -> float:
         """Return what is least for the least margin."""
+
+    def counts(self, value: float) -> bool:
+        """Whether a crossover of this margin is one to report."""
+        return math.isfinite(value)
+
+    def other(self, margin: Margin) -> str:
+        """Return what to say of a crossover that does not count."""
+        return f" ({margin.value:.3g} at {margin.frequency:.4g} Hz)"
 
 
 class PhaseMargin(MarginMetric):
@@ -148,10 +158,14 @@ class PhaseMargin(MarginMetric):
 
 
 class GainMargin(MarginMetric):
-    """What the gain of the loop may be multiplied by until it oscillates, a ratio."""
+    """What the gain of the loop may be multiplied by until it oscillates, a ratio above 1.
+
+    A loop with two integrations lags by 180 degrees at low frequency as well, where its gain is
+    large: there less gain would be unstable. Such a crossover is no margin for more.
+    """
 
     spec = MetricSpec("gain_margin", "inverse of the gain of the loop at -180 degrees")
-    symbol = "L lags by 180 deg"
+    symbol = "|L| < 1 with a lag of 180 deg"
 
     def crossovers(self, inverse: NDArray[np.complex128], sd: FloatArray) -> NDArray[np.intp]:
         """Return where 1 / L crosses the negative real axis."""
@@ -167,8 +181,16 @@ class GainMargin(MarginMetric):
         return _margin(loop, x, abs(value), (1.0, -shift))
 
     def distance(self, value: float) -> float:
-        """Return how far the margin is from 1, as a ratio."""
-        return abs(math.log(max(value, 1e-300)))
+        """Return the margin itself."""
+        return value
+
+    def counts(self, value: float) -> bool:
+        """Whether more gain would be unstable, and not less."""
+        return math.isfinite(value) and value > 1.0
+
+    def other(self, margin: Margin) -> str:
+        """Return that the gain may be lowered, and by what."""
+        return f" (at {margin.frequency:.4g} Hz |L| is {1.0 / max(margin.value, 1e-300):.3g})"
 
 
 def loop_near(response: FrequencyResponse, first: int) -> InverseLoop:
