@@ -70,21 +70,29 @@ class Outcome:
         return self.verdict == "effect" and set(self.named) == set(self.truth)
 
 
-def diagnose_case(dataset: Path, out: Path) -> None:
-    """Run the diagnosis on one data set; what it took, or how it failed, is written beside it."""
+def diagnose_case(dataset: Path, out: Path, threads: int | None = None) -> None:
+    """Run the diagnosis on one data set; what it took, or how it failed, is written beside it.
+
+    `threads` that simulate: one where several cases run at once (default: as many as cores).
+    """
     done = out / "took.json"
     if done.exists():
         return
     import eha_bench
+    from eha_bench.diagnosis import problem
+
+    if threads is not None:
+        problem.WORKERS = threads
 
     out.mkdir(parents=True, exist_ok=True)
-    began = time.perf_counter()
+    began, cpu = time.perf_counter(), time.process_time()
     failure = ""
     try:
         eha_bench.diagnose(dataset, out=out)
     except Exception:  # a crash is a result here, and is counted
         failure = traceback.format_exc()
-    took = {"seconds": time.perf_counter() - began, "failure": failure}
+    seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
+    took = {"seconds": seconds, "cpu_seconds": cpu, "failure": failure}
     part = out / "took.part"
     part.write_text(json.dumps(took))
     part.rename(done)
@@ -307,7 +315,8 @@ def main() -> None:
         sys.exit(f"no cases in {data}: ask for --cases, --two, --none or --foreign, or give --data")
     verdicts = args.out / "verdicts"
     began = time.perf_counter()
-    work = (delayed(diagnose_case)(c / "dataset.yaml", verdicts / c.name) for c in cases)
+    threads = 1 if args.jobs > 1 else None
+    work = (delayed(diagnose_case)(c / "dataset.yaml", verdicts / c.name, threads) for c in cases)
     running = Parallel(n_jobs=args.jobs, return_as="generator_unordered")(work)
     for count, _ in enumerate(running, start=1):
         pace = (time.perf_counter() - began) / count
