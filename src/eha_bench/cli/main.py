@@ -6,7 +6,7 @@ import gc
 
 import typer
 
-from eha_bench.cli import closing, files, layout, recording_files, rig, running
+from eha_bench.cli import closing, comparing, exporting, files, layout, recording_files, rig, running
 from eha_bench.cli.console import errors_as_sentences, say_what_the_product_logs
 
 app = typer.Typer(
@@ -37,6 +37,8 @@ running.register(app)
 files.register(app)
 recording_files.register(app)
 closing.register(app)
+comparing.register(app)
+exporting.register(app)
 layout.register(app)
 rig.register(app)
 

@@ -107,6 +107,16 @@ def base_unit(unit: str) -> str:
     return f"{base:~C}".replace("**", "^")
 
 
+def base_exponents(unit: str) -> dict[str, int]:
+    """Return the exponents of the base units (meter, kilogram, ..., radian) that an SI unit is of.
+
+    Raises:
+        UnitError: the unit is unknown.
+    """
+    base = _registry().get_base_units(_parsed(unit, ""))[1]
+    return {name: int(power) for name, power in base._units.items()}
+
+
 def _expected(si_unit: str) -> str:
     return f"expected a unit of the dimension of {si_unit}" if si_unit else "expected a pure number"
 
@@ -142,15 +152,19 @@ def parse_difference(text: str | float, si_unit: str) -> float:
         UnitError: as `parse`.
     """
     value = parse(text, si_unit)
-    match = _NUMBER.match(text) if isinstance(text, str) else None
-    unit = match[2].strip() if match else ""
+    unit = unit_in(text)
     return value - factor_and_offset(unit, si_unit)[1] if unit else value
+
+
+def unit_in(text: str | float) -> str:
+    """Return the unit that a quantity's text names, or nothing."""
+    match = _NUMBER.match(text) if isinstance(text, str) else None
+    return match[2].strip() if match else ""
 
 
 def has_unit(text: str | float) -> bool:
     """Whether a quantity's text names a unit."""
-    match = _NUMBER.match(text) if isinstance(text, str) else None
-    return match is not None and bool(match[2].strip())
+    return bool(unit_in(text))
 
 
 @dataclass(frozen=True)

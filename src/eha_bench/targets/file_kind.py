@@ -18,9 +18,11 @@ def _schema() -> dict[str, Any]:
     from pydantic import TypeAdapter
 
     from eha_bench.targets.can.target_file import CanTargetFile
+    from eha_bench.targets.fmu.target_file import FmuFile
     from eha_bench.targets.simulator import SimulatorFile
 
-    return TypeAdapter(SimulatorFile | CanTargetFile).json_schema()
+    kinds: TypeAdapter[Any] = TypeAdapter(SimulatorFile | CanTargetFile | FmuFile)
+    return kinds.json_schema()
 
 
 KIND = FileKind("target", frozenset({"target"}), 3, _check, _schema)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import zlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,17 +14,16 @@ from eha_bench.control.controller import Context
 from eha_bench.control.controller_file import ControllerSet, load_controllers
 from eha_bench.core import yaml_file
 from eha_bench.core.errors import InputError, Place, UnitError
-from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.linkage import Linkage
-from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.eha_knee.plant import EhaKnee, Session
 from eha_bench.plants.model import Model, load_model
-from eha_bench.targets.sensors import RIG_SENSORS, Sensor, SensorNoise
-from eha_bench.targets.target import Ending, Identity, Outcome, Stopping, Target, never
+from eha_bench.targets.closed_loop import ClosedLoop
+from eha_bench.targets.sensors import RIG_SENSORS, Sensor
+from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
 
 FloatArray = NDArray[np.float64]
 
@@ -95,67 +93,28 @@ class Simulator(Target):
 
     def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
         """Run one repeat; the same trial, repeat and files give the same recording."""
-        clock = trial.clock()
-        controller = self._controllers.make(trial.mode, self._context(trial))
-        reference = trial.reference(clock)
+        loop = ClosedLoop(
+            trial,
+            repeat,
+            (*self._plant.outputs, "joint_angle"),
+            self._controllers.make(trial.mode, self._context(trial)),
+            self._sensors,
+            self._constants(),
+        )
         session = self._plant.session(
             self._model.vector(),
-            clock,
+            trial.clock(),
             self._initial(trial),
             locked=trial.setup.piston is Piston.LOCKED,
             bypass_open=trial.setup.bypass is Bypass.OPEN,
             step=self._step,
         )
-        channels = (*self._plant.outputs, "joint_angle")
-        seed = [trial.seed + repeat, zlib.crc32(trial.id.encode())]
-        noise = SensorNoise(self._sensors, channels, clock.size, seed)
-        measured = np.full((clock.size, len(channels)), np.nan)
-        commands = np.full(clock.size, np.nan)
-        ending, reason, done = Ending.COMPLETE, "", clock.size
-        try:
-            for tick in range(clock.size):
-                if tick > 0 and stopping():
-                    ending, reason, done = Ending.INTERRUPTED, "interrupted", tick
-                    break
-                measured[tick] = noise.read(tick, self._truth(session))
-                reading = dict(zip(channels, measured[tick].tolist(), strict=True))
-                reading["pressure_difference"] = reading["pressure_a"] - reading["pressure_b"]
-                reason = _violation(trial.safety, reading)
-                if reason:
-                    ending, done = Ending.SAFETY_STOP, tick + 1
-                    commands[tick] = 0.0
-                    break
-                command = controller.step(float(reference[tick]), reading)
-                if not math.isfinite(command):
-                    ending, done = Ending.FAULT, tick + 1
-                    reason = f"the controller asked for {command} A at {clock[tick]:.4f} s"
-                    commands[tick] = 0.0
-                    break
-                commands[tick] = command
-                if tick + 1 < clock.size:
-                    session.advance(command)
-        except KeyboardInterrupt:
-            ending, reason = Ending.INTERRUPTED, "interrupted"
-            done = int(np.count_nonzero(np.isfinite(commands)))
-        values = {name: measured[:done, column] for column, name in enumerate(channels)}
-        values = {"reference": reference[:done], "current_command": commands[:done], **values}
-        recording = Recording(
-            time=clock[:done] - clock[0],
-            values=values,
-            units={"reference": _REFERENCE_UNIT[trial.mode]},
-            metadata={"signal_start": repr(float(abs(clock[0]))), **self._constants()},
-        )
-        return Outcome(recording, ending, reason)
+        return loop.run(_Knee(session, self._linkage), stopping)
 
     def _constants(self) -> dict[str, str]:
         """Return the plant's parameters, SI, as metadata: identification needs some of them."""
         names = (parameter.name for parameter in self._plant.layout.parameters)
         return {f"model.{name}": repr(self._model.value(name)) for name in names}
-
-    def _truth(self, session: Session) -> FloatArray:
-        reading = session.reading
-        angle = self._linkage.angle_at(float(reading[4]))
-        return np.append(reading, angle)
 
     def _context(self, trial: Trial) -> Context:
         limit = self._model.value("current_limit")
@@ -182,22 +141,20 @@ class Simulator(Target):
         return initial
 
 
-_REFERENCE_UNIT = {
-    ControlMode.CURRENT: "A",
-    ControlMode.PRESSURE: "Pa",
-    ControlMode.JOINT_ANGLE: "rad",
-    ControlMode.MOTOR_SPEED: "rad/s",
-    ControlMode.PISTON_POSITION: "m",
-}
+@dataclass(frozen=True)
+class _Knee:
+    """A session of the plant with the encoder at the joint."""
 
+    session: Session
+    linkage: Linkage
 
-def _violation(limits: tuple[SafetyLimit, ...], reading: dict[str, float]) -> str:
-    """Return what broke a safety limit now, or an empty text; a missing value breaks it."""
-    for limit in limits:
-        value = reading.get(limit.channel, math.nan)
-        if not limit.bounds.holds(value):
-            return f"safety limit {limit.channel} {limit.text}: {value:.6g}"
-    return ""
+    @property
+    def truth(self) -> FloatArray:
+        reading = self.session.reading
+        return np.append(reading, self.linkage.angle_at(float(reading[4])))
+
+    def advance(self, command: float) -> None:
+        self.session.advance(command)
 
 
 def simulator_from_file(path: Path) -> Simulator:

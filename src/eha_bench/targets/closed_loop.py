@@ -1,0 +1,118 @@
+"""A trial's loop around anything simulated: read the sensors, ask the controller, go on a tick."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.control.controller import Controller
+from eha_bench.core.errors import TargetFault
+from eha_bench.core.limit import SafetyLimit
+from eha_bench.core.recording import Recording
+from eha_bench.core.trial import Trial
+from eha_bench.targets.sensors import Sensor, SensorNoise
+from eha_bench.targets.target import Ending, Outcome, Stopping
+
+FloatArray = NDArray[np.float64]
+
+
+class Simulated(Protocol):
+    """A simulation in progress: what its sensors would read now, and one command a tick."""
+
+    @property
+    def truth(self) -> FloatArray:
+        """What the sensors read now without noise, (channels,), SI."""
+
+    def advance(self, command: float) -> None:
+        """Hold a current command (A) until the next tick.
+
+        Raises:
+            TargetFault: the simulation failed.
+        """
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """What is the same at every tick of a run.
+
+    Attributes:
+        trial, repeat: what is run; together they seed the noise.
+        channels: names of what `Simulated.truth` holds.
+        controller: fresh, at rest.
+        sensors: noise and resolution by channel.
+        constants: what is known of the plant, as metadata of the recording.
+        units: SI units of channels that are not on the list of known ones.
+    """
+
+    trial: Trial
+    repeat: int
+    channels: tuple[str, ...]
+    controller: Controller
+    sensors: dict[str, Sensor]
+    constants: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def run(self, plant: Simulated, stopping: Stopping) -> Outcome:
+        """Run to the end, or until a fault, a safety limit, or somebody asks to stop."""
+        trial, channels = self.trial, self.channels
+        clock = trial.clock()
+        reference = trial.reference(clock)
+        seed = [trial.seed + self.repeat, zlib.crc32(trial.id.encode())]
+        noise = SensorNoise(self.sensors, channels, clock.size, seed)
+        measured = np.full((clock.size, len(channels)), np.nan)
+        commands = np.full(clock.size, np.nan)
+        both = "pressure_a" in channels and "pressure_b" in channels
+        ending, reason, done = Ending.COMPLETE, "", clock.size
+        try:
+            for tick in range(clock.size):
+                if tick > 0 and stopping():
+                    ending, reason, done = Ending.INTERRUPTED, "interrupted", tick
+                    break
+                measured[tick] = noise.read(tick, plant.truth)
+                reading = dict(zip(channels, measured[tick].tolist(), strict=True))
+                if both:
+                    reading["pressure_difference"] = reading["pressure_a"] - reading["pressure_b"]
+                reason = _violation(trial.safety, reading)
+                if reason:
+                    ending, done = Ending.SAFETY_STOP, tick + 1
+                    commands[tick] = 0.0
+                    break
+                command = self.controller.step(float(reference[tick]), reading)
+                if not math.isfinite(command):
+                    ending, done = Ending.FAULT, tick + 1
+                    reason = f"the controller asked for {command} A at {clock[tick]:.4f} s"
+                    commands[tick] = 0.0
+                    break
+                commands[tick] = command
+                if tick + 1 < clock.size:
+                    plant.advance(command)
+        except KeyboardInterrupt:
+            ending, reason = Ending.INTERRUPTED, "interrupted"
+            done = int(np.count_nonzero(np.isfinite(commands)))
+        except TargetFault as fault:
+            ending, reason = Ending.FAULT, str(fault)
+            done = int(np.count_nonzero(np.isfinite(commands)))
+        values = {name: measured[:done, column] for column, name in enumerate(channels)}
+        values = {"reference": reference[:done], "current_command": commands[:done], **values}
+        recording = Recording(
+            time=clock[:done] - clock[0],
+            values=values,
+            units={"reference": trial.mode.unit, **self.units},
+            metadata={"signal_start": repr(float(abs(clock[0]))), **self.constants},
+        )
+        return Outcome(recording, ending, reason)
+
+
+def _violation(limits: tuple[SafetyLimit, ...], reading: Mapping[str, float]) -> str:
+    """Return what broke a safety limit now, or an empty text; a missing value breaks it."""
+    for limit in limits:
+        value = reading.get(limit.channel, math.nan)
+        if not limit.bounds.holds(value):
+            return f"safety limit {limit.channel} {limit.text}: {value:.6g}"
+    return ""

@@ -1,0 +1,1 @@
+"""The target `fmu`: other people's plants, from Simulink, Modelica or any tool that exports FMI."""

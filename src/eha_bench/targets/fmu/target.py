@@ -1,0 +1,334 @@
+"""The target `fmu`: trials on a co-simulation FMU, under the same controllers and scores."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import shutil
+import tempfile
+import weakref
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.control.controller import Context
+from eha_bench.control.controller_file import load_controllers
+from eha_bench.core import yaml_file
+from eha_bench.core.channels import CHANNELS, unit_of
+from eha_bench.core.errors import InputError, Place, TargetFault, UnitError
+from eha_bench.core.linkage import Linkage
+from eha_bench.core.recording import Recording
+from eha_bench.core.shipped import shipped
+from eha_bench.core.trial import Bypass, ControlMode, Piston, Setup, Trial
+from eha_bench.core.units import base_unit
+from eha_bench.plants.model import Model, load_model
+from eha_bench.targets.closed_loop import ClosedLoop
+from eha_bench.targets.fmu.description import Description, Places, Variable
+from eha_bench.targets.fmu.process import Process
+from eha_bench.targets.fmu.session import Session
+from eha_bench.targets.fmu.target_file import FmuFile, VariableFile
+from eha_bench.targets.target import Ending, Identity, Outcome, Stopping, Target, never
+
+FloatArray = NDArray[np.float64]
+COMMAND = "current_command"
+
+
+class FmuTarget(Target):
+    """Runs trials on a plant in an FMU (FMI 2 or 3, co-simulation)."""
+
+    def __init__(self, path: Path, content: Any) -> None:
+        """Read target.yaml, the FMU's model description, and what else the file names.
+
+        Raises:
+            InputError: with file, line and key.
+        """
+        self._path, self._content = path, content
+        self._process: Process | None = None
+        file = self._file = yaml_file.validate(FmuFile, content, str(path))
+        folder = path.resolve().parent
+        self._description = Description(folder / file.fmu, self._place("fmu"))
+        self._outputs = {
+            channel: self._description.output(
+                entry.variable,
+                entry.unit,
+                self._si_unit(channel, entry),
+                self._at("outputs", channel),
+            )
+            for channel, entry in file.outputs.items()
+        }
+        self._command = self._command_variable()
+        self._parameters = dict(
+            self._description.value(name, given, self._at_value("parameters", name))
+            for name, given in file.parameters.items()
+        )
+        self._initial = {
+            channel: self._description.start(
+                entry.variable, entry.unit, unit_of(channel), self._at("initial", channel)
+            )
+            for channel, entry in file.initial.items()
+        }
+        self._piston = self._setup_variable("piston")
+        self._bypass = self._setup_variable("bypass")
+        self._check_sensors()
+        self._model: Model | None = load_model(folder / file.model) if file.model else None
+        self._linkage = _linkage(self._model)
+        controller = folder / file.controller if file.controller else None
+        self._controllers = load_controllers(controller or shipped("controllers/paper.yaml"))
+
+    # --- target.yaml ----------------------------------------------------------
+
+    def _place(self, *keys: str) -> Place:
+        line = yaml_file.line_of(self._content, keys)
+        return Place(file=str(self._path), line=line, key=".".join(keys))
+
+    def _at(self, *keys: str) -> Places:
+        return lambda *more: self._place(*keys, *more)
+
+    def _at_value(self, *keys: str) -> Places:
+        return lambda *_: self._place(*keys)
+
+    def _si_unit(self, channel: str, entry: VariableFile) -> str:
+        """Return the SI unit of a channel; one that is not on the list has that of its variable."""
+        if channel in CHANNELS:
+            return unit_of(channel)
+        try:
+            return base_unit(entry.unit or self._description.unit_of(entry.variable))
+        except UnitError as error:
+            where = self._place("outputs", channel)
+            raise InputError(error.what, where=where, hint="give the variable's `unit`") from error
+
+    def _output(self, channel: str, entry: VariableFile) -> Variable:
+        unit = self._si_unit(channel, entry)
+        places = self._at("outputs", channel)
+        return self._description.output(entry.variable, entry.unit, unit, places)
+
+    def _command_variable(self) -> Variable:
+        for channel in self._file.inputs:
+            if channel != COMMAND:
+                raise InputError(
+                    f"'{channel}' is not commanded by the bench",
+                    where=self._place("inputs", channel),
+                    hint=f"only {COMMAND} is; give anything else its value under `parameters`",
+                )
+        if COMMAND not in self._file.inputs:
+            raise InputError(
+                f"the FMU needs an input for {COMMAND}",
+                where=self._place("inputs"),
+                hint=f"{COMMAND}: {{variable: ..., unit: A}}",
+            )
+        entry = self._file.inputs[COMMAND]
+        return self._description.input(
+            entry.variable, entry.unit, unit_of(COMMAND), self._at("inputs", COMMAND)
+        )
+
+    def _setup_variable(self, what: str) -> Variable | None:
+        entry = getattr(self._file.setup, what)
+        if entry is None:
+            return None
+        return self._description.start(entry.variable, None, None, self._at("setup", what))
+
+    def _check_sensors(self) -> None:
+        for channel, sensor in self._file.sensors.items():
+            try:
+                sensor.in_si(channel)
+            except UnitError as error:
+                where = self._place("sensors", channel)
+                raise InputError(error.what, where=where, hint=error.hint) from error
+
+    # --- what it is -------------------------------------------------------------
+
+    @property
+    def identity(self) -> Identity:
+        """Digests of FMU and target.yaml, of model and controller; the small ones as files."""
+        files = {
+            "target.yaml": self._path.read_bytes(),
+            "controller.yaml": self._controllers.text.encode(),
+        }
+        digests = {
+            "target_sha256": hashlib.sha256(files["target.yaml"]).hexdigest(),
+            "fmu_sha256": self._fmu_sha256,
+            "controller_sha256": self._controllers.sha256,
+        }
+        if self._model is not None:
+            files["model.yaml"] = self._model.to_yaml().encode()
+            digests["model_sha256"] = self._model.sha256
+        return Identity(f"fmu:{self._path.stem}", digests, files)
+
+    @cached_property
+    def _fmu_sha256(self) -> str:
+        return hashlib.sha256(self._description.path.read_bytes()).hexdigest()
+
+    @property
+    def _channels(self) -> tuple[str, ...]:
+        """What is recorded: the mapped outputs, and the joint's angle where it follows of them."""
+        derived = self._linkage is not None and "piston_position" in self._outputs
+        joint = ("joint_angle",) if derived and "joint_angle" not in self._outputs else ()
+        return (*self._outputs, *joint)
+
+    def _constants(self) -> dict[str, str]:
+        """Return what the model says of the plant, SI, as metadata: some metrics need it."""
+        if self._model is None:
+            return {}
+        names = (parameter.name for parameter in self._model.plant.layout.parameters)
+        return {f"model.{name}": repr(self._model.value(name)) for name in names}
+
+    # --- before anything runs -----------------------------------------------------
+
+    def check(self, trial: Trial) -> None:
+        """Raise an InputError if the FMU cannot be set up so, or the controller lacks a channel."""
+        self._start_values(trial.setup, trial)
+        period = 1.0 / trial.sample_rate
+        fixed = self._description.fixed_step
+        if (
+            fixed is not None
+            and abs(period / fixed - round(period / fixed)) > 1e-6 * period / fixed
+        ):
+            raise InputError(
+                f"trial '{trial.id}' ticks every {period * 1e3:g} ms, and the FMU steps by "
+                f"{fixed * 1e3:g} ms only",
+                where=self._place("fmu"),
+                hint="choose a sample_rate whose period is a multiple of the FMU's step",
+            )
+        reading = dict.fromkeys((*self._channels, *_derived(self._channels)), 0.0)
+        for limit in trial.safety:
+            if limit.channel not in reading:
+                raise InputError(
+                    f"trial '{trial.id}' has a safety limit on {limit.channel}, which the FMU does "
+                    "not give",
+                    where=self._place("outputs"),
+                )
+        if self._linkage is not None and "joint_angle" in reading:
+            reading["joint_angle"] = self._linkage.angle_at(0.0)
+        controller = self._controllers.make(trial.mode, self._context(trial))
+        try:
+            controller.step(float(trial.reference(np.zeros(1))[0]), reading)
+        except KeyError as error:
+            raise InputError(
+                f"trial '{trial.id}': its controller reads {error}, which the FMU does not give",
+                where=self._place("outputs"),
+                hint=f"map a variable to that channel; there are: {', '.join(reading)}",
+            ) from error
+
+    def _context(self, trial: Trial) -> Context:
+        limit = self._model.value("current_limit") if self._model is not None else math.inf
+        return Context(1.0 / trial.sample_rate, limit, self._linkage)
+
+    def _start_values(self, setup: Setup, trial: Trial) -> dict[Variable, float]:
+        """Return raw start values: the file's parameters, the trial's setup and first values."""
+        values = dict(self._parameters)
+        if self._piston is not None and self._file.setup.piston is not None:
+            entry = self._file.setup.piston
+            values[self._piston] = entry.locked if setup.piston is Piston.LOCKED else entry.free
+        elif setup.piston is Piston.LOCKED:
+            raise self._cannot(trial, "locks the piston", "setup.piston")
+        if self._bypass is not None and self._file.setup.bypass is not None:
+            valve = self._file.setup.bypass
+            values[self._bypass] = valve.open if setup.bypass is Bypass.OPEN else valve.closed
+        elif setup.bypass is Bypass.OPEN:
+            raise self._cannot(trial, "opens the bypass", "setup.bypass")
+        for channel, value in self._first_values(setup, trial).items():
+            if channel not in self._initial:
+                raise self._cannot(trial, f"starts at a {channel}", f"initial.{channel}")
+            values[self._initial[channel]] = self._initial[channel].raw(value)
+        return values
+
+    def _first_values(self, setup: Setup, trial: Trial) -> dict[str, float]:
+        """Return the first values a trial asks for, or that its reference starts with."""
+        found = dict(setup.initial)
+        first = float(trial.reference(np.zeros(1))[0])
+        follows = {ControlMode.JOINT_ANGLE, ControlMode.PISTON_POSITION}
+        if not found and setup.piston is Piston.FREE and trial.mode in follows:
+            found[trial.mode.channel] = first
+        angle = found.get("joint_angle")
+        if angle is not None and "joint_angle" not in self._initial:
+            if self._linkage is None or "piston_position" not in self._initial:
+                return found
+            del found["joint_angle"]
+            found["piston_position"] = self._linkage.position_at(angle)
+        return found
+
+    def _cannot(self, trial: Trial, wants: str, key: str) -> InputError:
+        return InputError(
+            f"trial '{trial.id}' {wants}, and the target does not say how the FMU is told",
+            where=Place(file=str(self._path)),
+            hint=f"name the FMU's variable under `{key}`",
+        )
+
+    # --- the run --------------------------------------------------------------------
+
+    def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
+        """Run one repeat on a fresh instance; what the FMU reports as an error is a fault."""
+        clock = trial.clock()
+        loop = ClosedLoop(
+            trial,
+            repeat,
+            self._channels,
+            self._controllers.make(trial.mode, self._context(trial)),
+            self._file.sensors,
+            self._constants(),
+            {name: self._si_unit(name, entry) for name, entry in self._file.outputs.items()
+             if name not in CHANNELS},
+        )  # fmt: skip
+        try:
+            library = self._loaded()
+        except TargetFault as fault:
+            return _no_recording(fault)
+        try:
+            return loop.run(self._session(library, trial, clock), stopping)
+        except TargetFault as fault:  # it came to no first reading
+            return _no_recording(fault)
+        finally:
+            library.stop()
+
+    def _loaded(self) -> Process:
+        """Return the FMU's process; a new one where the last one crashed."""
+        if self._process is None or not self._process.alive:
+            self._process = Process(self._description.binary, self._folder)
+            weakref.finalize(self, self._process.close)
+        return self._process
+
+    @cached_property
+    def _folder(self) -> Path:
+        import fmpy
+
+        folder = tempfile.mkdtemp(prefix="eha-bench-fmu-")
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        fmpy.extract(str(self._description.path), folder)
+        return Path(folder)
+
+    def _session(self, library: Process, trial: Trial, clock: FloatArray) -> Session:
+        library.start(float(clock[-1] - clock[0]), self._start_values(trial.setup, trial))
+        return Session(
+            library, self._command, tuple(self._outputs.values()), tuple(self._outputs),
+            self._linkage if len(self._channels) > len(self._outputs) else None,
+            clock - clock[0], self._largest_step(),
+        )  # fmt: skip
+
+    def _largest_step(self) -> float:
+        steps = [self._file.step, self._description.fixed_step]
+        return min((step for step in steps if step is not None), default=math.inf)
+
+
+def _no_recording(fault: TargetFault) -> Outcome:
+    return Outcome(Recording(np.empty(0), {}), Ending.FAULT, str(fault))
+
+
+def _derived(channels: tuple[str, ...]) -> tuple[str, ...]:
+    both = "pressure_a" in channels and "pressure_b" in channels
+    return ("pressure_difference",) if both else ()
+
+
+def _linkage(model: Model | None) -> Linkage | None:
+    """Return the joint that a model describes, None where it has none."""
+    if model is None or "link_a" not in model.plant.layout.by_key:
+        return None
+    stroke = model.value("volume_a") / model.value("piston_area_a")
+    return Linkage(model.value("link_a"), model.value("link_b"), model.value("link_c0"), stroke)
+
+
+def from_file(path: Path, content: Any) -> FmuTarget:
+    """Entry point of `target: fmu`."""
+    return FmuTarget(path, content)

@@ -1,0 +1,78 @@
+"""target.yaml of an FMU: which of its variables is which channel, and how it is set up."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from eha_bench.core.units import Unit
+from eha_bench.core.yaml_file import StrictModel
+from eha_bench.targets.sensors import Sensor
+
+
+class VariableFile(StrictModel):
+    """A variable of the FMU and the unit of its values."""
+
+    variable: Annotated[str, Field(min_length=1, description="name in the model description")]
+    unit: Annotated[
+        str | None, Field(description="unit of its values; what the FMU declares by default, or SI")
+    ] = None
+
+
+class PistonFile(StrictModel):
+    """The variable that locks the piston, set before the run starts."""
+
+    variable: Annotated[str, Field(min_length=1)]
+    locked: float = 1.0
+    free: float = 0.0
+
+
+class BypassFile(StrictModel):
+    """The variable that opens the bypass, set before the run starts."""
+
+    variable: Annotated[str, Field(min_length=1)]
+    open: float = 1.0
+    closed: float = 0.0
+
+
+class SetupFile(StrictModel):
+    """How the FMU is told what a trial's setup says."""
+
+    piston: PistonFile | None = None
+    bypass: BypassFile | None = None
+
+
+class FmuFile(StrictModel):
+    """A target.yaml for a plant in an FMU (FMI 2 or 3, co-simulation)."""
+
+    target: Literal["fmu"]
+    fmu: Annotated[str, Field(description="the .fmu, relative to this file")]
+    inputs: Annotated[
+        dict[str, VariableFile], Field(description="current_command, and what else is commanded")
+    ]
+    outputs: Annotated[
+        dict[str, VariableFile], Field(min_length=1, description="measured channels")
+    ]
+    parameters: Annotated[
+        dict[str, float | bool | str],
+        Field(description="start values by variable: a number as the FMU takes it, or with a unit"),
+    ] = Field(default_factory=dict)
+    initial: Annotated[
+        dict[str, VariableFile],
+        Field(description="start variables of channels that a trial may give a start value"),
+    ] = Field(default_factory=dict)
+    setup: SetupFile = Field(default_factory=SetupFile)
+    step: Annotated[
+        float | None,
+        Unit("s"),
+        Field(gt=0, description="largest communication step; a tick by default"),
+    ] = None
+    model: Annotated[
+        str,
+        Field(description="model.yaml with what is known of the plant: geometry, current limit"),
+    ] = ""
+    controller: Annotated[str, Field(description="controller.yaml, relative to this file")] = ""
+    sensors: Annotated[
+        dict[str, Sensor], Field(description="noise and resolution by channel; none by default")
+    ] = Field(default_factory=dict)

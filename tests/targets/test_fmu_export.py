@@ -1,0 +1,90 @@
+"""Our plant as an FMU: run by our own FMU target, it is the simulator."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eha_bench
+from eha_bench.core.errors import InputError
+from eha_bench.core.shipped import shipped
+from eha_bench.targets.fmu.export import export_fmu
+
+pytest.importorskip("fmpy")
+
+MODEL = """\
+model: eha_knee
+parameters: {leakage: 4e-15, rotor_inertia: 0.002}
+effects:
+  - {effect: command_delay, delay: 3.3 ms}
+  - {effect: entrained_air, air_fraction: 0.02}
+"""
+OUTPUTS = (
+    "current", "motor_speed", "pressure_a", "pressure_b", "piston_position", "piston_velocity",
+    "joint_angle",
+)  # fmt: skip
+MAPPED = "\n".join(f"  {name}: {{variable: {name}}}" for name in OUTPUTS)
+TARGET = f"""\
+target: fmu
+fmu: knee.fmu
+model: model.yaml
+inputs: {{current_command: {{variable: current_command}}}}
+outputs:
+{MAPPED}
+setup:
+  piston: {{variable: piston_locked}}
+  bypass: {{variable: bypass_open}}
+initial: {{piston_position: {{variable: start_piston_position}}}}
+"""
+SIMULATOR = "target: simulator\nmodel: model.yaml\nsensors: {}\n"
+SUITE = """\
+name: knee
+trials:
+  - id: locked
+    mode: pressure
+    setup: {piston: locked, initial: {piston_position: 3 mm}}
+    signal: {kind: step, initial: 0 MPa, final: 8 MPa, at: 10 ms}
+    duration: 0.1 s
+  - id: bypassed
+    mode: current
+    setup: {piston: locked, bypass: open}
+    signal: {kind: ramp, final: 8 A, over: 80 ms}
+    duration: 0.1 s
+  - id: free
+    mode: joint_angle
+    signal: {kind: sine, offset: 50 deg, amplitude: 2 deg, frequency: 4 Hz}
+    duration: 0.3 s
+"""
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_exported_plant_is_the_simulator(version: int, tmp_path: Path) -> None:
+    from fmpy.validation import validate_fmu
+
+    (tmp_path / "model.yaml").write_text(MODEL)
+    (tmp_path / "fmu.yaml").write_text(TARGET)
+    (tmp_path / "simulator.yaml").write_text(SIMULATOR)
+    (tmp_path / "suite.yaml").write_text(SUITE)
+    path = export_fmu(tmp_path / "model.yaml", tmp_path / "knee.fmu", version)
+    assert validate_fmu(str(path)) == []
+    results = {
+        name: eha_bench.run(tmp_path / "suite.yaml", tmp_path / f"{name}.yaml", tmp_path / name)
+        for name in ("fmu", "simulator")
+    }
+    for mine, theirs in zip(results["fmu"].trials, results["simulator"].trials, strict=True):
+        assert mine.status.value == "passed"
+        one = eha_bench.read(tmp_path / "fmu" / mine.recording)
+        other = eha_bench.read(tmp_path / "simulator" / theirs.recording)
+        assert dict(one.metadata)["model.leakage"] == "4e-15"
+        for name in ("reference", "current_command", *OUTPUTS):
+            scale = np.abs(other[name]).max() + 1e-12
+            np.testing.assert_allclose(one[name], other[name], rtol=1e-7, atol=1e-9 * scale)
+
+
+def test_only_the_knee_is_exported(tmp_path: Path) -> None:
+    (tmp_path / "model.yaml").write_text("model: linear_drive\n")
+    with pytest.raises(InputError, match="only eha_knee is exported"):
+        export_fmu(tmp_path / "model.yaml", tmp_path / "x.fmu")
+    with pytest.raises(InputError, match=r"end it in \.fmu"):
+        export_fmu(shipped("models/paper.yaml"), tmp_path / "x.zip")
+    assert [path.name for path in tmp_path.iterdir()] == ["model.yaml"]
