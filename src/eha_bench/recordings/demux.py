@@ -27,6 +27,8 @@ _MESSAGE = struct.Struct("<BQH")
 _LONGEST_PERIOD = 256
 _FEWEST_CYCLES = 4
 _PATIENCE = 128
+_CHECKED = 4096
+"""Records that are compared at one go: few enough to stay in the processor's cache."""
 
 Cycle = tuple[tuple[int, int], ...]
 """(length, channel) of records that follow each other again and again."""
@@ -224,14 +226,14 @@ def _take(found: Split, buffer: Bytes, cycle: Cycle, start: int, stop: int) -> i
     step = sum(length + RECORD_HEAD for length, _ in cycle)
     most = (stop - start) // step
     count = 0
-    block = 16
+    block, larger = 16, max(_CHECKED // len(cycle), 16)
     while count < most:
         tried = min(block, most - count)
         same = _same(buffer, start + count * step, step, cycle, tried)
         count += same
         if same < tried:
             break
-        block = most
+        block = larger
     if not count:
         return 0
     offset = start + PAYLOAD

@@ -14,6 +14,7 @@ from eha_bench.recordings.track import Column, Stamps, Track
 GAP = 1.5
 """An interval longer than this many median intervals is reported as a gap."""
 _BLOCK = 1 << 16
+_SAMPLED = 1 << 14
 BRIDGED = 3.0
 """Values are interpolated across intervals of up to this many median intervals."""
 
@@ -136,9 +137,9 @@ def irregularity(stamps: Stamps) -> float:
 
 def _some_steps(stamps: Stamps) -> Stamps:
     count = stamps.size - 1
-    if count <= _BLOCK:
+    if count <= _SAMPLED:
         return np.diff(stamps)
-    places = np.linspace(0, count - 1, _BLOCK).astype(np.intp)
+    places = np.linspace(0, count - 1, _SAMPLED).astype(np.intp)
     return stamps[places + 1] - stamps[places]
 
 
