@@ -17,7 +17,7 @@ PIP  := $(BIN)/python -m pip --disable-pip-version-check --no-input
 .DELETE_ON_ERROR:
 $(V).SILENT:
 
-.PHONY: help setup bench test test-slow lint types imports check benchmarks schemas lock clean distclean
+.PHONY: help setup bench test test-slow lint types imports check benchmarks schemas lock docs clean distclean
 
 help: ## show this list
 	awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -65,8 +65,15 @@ lock: $(BIN)/python ## compile the lock files anew (UPGRADE=--upgrade takes newe
 	$(COMPILE) $(UPGRADE) --all-extras --output-file $(LOCK)
 	$(COMPILE) --extra can --constraints $(LOCK) --no-annotate --output-file requirements/lock.txt
 
+# Reports and figures are made by the product, so they show what it does today.
+docs: setup ## build the documentation into build/site, links checked
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/tools/gallery.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	$(BIN)/python docs/tools/check_site.py build/site
+	echo build/site/index.html
+
 clean: ## remove caches and built files
-	rm -rf build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf build dist docs/gallery docs/figures .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find src tests benchmarks fixtures -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 
 distclean: clean ## remove .venv too
