@@ -144,7 +144,7 @@ def _of_topic(topic: Topic, stamps: Stamps, start: int) -> TopicInformation:
     if not stamps.size:
         return described
     steps = np.diff(stamps)
-    ordered = np.unique(stamps)
+    ordered = stamps if (steps > 0).all() else np.unique(stamps)
     found = gaps(ordered)
     step = typical_step(ordered) / 1e9
     return replace(

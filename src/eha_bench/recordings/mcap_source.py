@@ -198,14 +198,23 @@ class McapSource(Source):
             raise self.refuse(topic, error) from error
 
     def _expected(self, ids: Mapping[int, str]) -> dict[str, int]:
-        """Count messages by topic as the chunks' indexes have it, to take memory once."""
+        """Count messages by topic as the chunks' indexes have it, to take memory once.
+
+        Where the last chunk is torn and has none, there is room for another one like the largest.
+        """
         expected: dict[str, int] = {}
+        largest: dict[str, int] = {}
+        unknown = False
         for part in self._file.parts:
-            if isinstance(part, Chunk):
-                for channel, count in (part.channels or {}).items():
-                    if channel in ids:
-                        expected[ids[channel]] = expected.get(ids[channel], 0) + count
-        return expected
+            if not isinstance(part, Chunk):
+                continue
+            unknown |= part.channels is None
+            for channel, count in (part.channels or {}).items():
+                if channel in ids:
+                    topic = ids[channel]
+                    expected[topic] = expected.get(topic, 0) + count
+                    largest[topic] = max(largest.get(topic, 0), count)
+        return {topic: count + unknown * largest[topic] for topic, count in expected.items()}
 
     def _collect_channels(self) -> None:
         """Open every chunk for its schemas and channels, where no summary repeats them."""

@@ -55,6 +55,10 @@ class Arena:
         return self._block[start : start + count]
 
 
+_ENOUGH = 0.9
+"""A column of an arena that is so full is not copied to give the rest back."""
+
+
 class Growing:
     """An array that grows; what was not needed is given back at the end."""
 
@@ -81,6 +85,8 @@ class Growing:
 
     def finish(self) -> NDArray[Any]:
         """Return the array at its final length."""
+        if self._array.base is not None and self._count > _ENOUGH * self._array.size:
+            return self._array[: self._count]
         if self._count != self._array.size:
             self._resize(self._count)
         return self._array
