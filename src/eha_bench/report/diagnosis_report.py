@@ -25,6 +25,7 @@ from eha_bench.report.diagnosis_text import (
     probability,
     share,
     times,
+    unknown_text,
     where,
     words_of,
 )
@@ -114,7 +115,7 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
         "causes": _causes(found),
         "unknown": None if found.unknown is None else UnknownView(
             where(found.unknown.equation),
-            found.unknown.description,
+            unknown_text(found.unknown),
             ", ".join(words_of(item) for item in found.unknown.variables) or "nothing measured",
             times(found.unknown.when),
             curve_view(curve, key="learned", title="The learned curve") if curve else None,

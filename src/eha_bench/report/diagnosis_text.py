@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, Verdict
+from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, Unknown, Verdict
 from eha_bench.diagnosis.errors_by_channel import ChannelError
 from eha_bench.diagnosis.uncertainty import Estimate
 from eha_bench.report.engineering import (
@@ -19,6 +19,8 @@ from eha_bench.report.engineering import (
 )
 
 _NOTHING = "\N{EN DASH}"
+_SHORT_GAP = 0.02
+_TIMES = 12
 _WHERE = {
     "torque": "the torque balance of the shaft",
     "flow": "the flow balances of the chambers",
@@ -134,7 +136,7 @@ def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
                 _shown(item.before, unit),
                 _shown(item.after, unit),
                 _shown(item.noise_floor, unit),
-                f"{number(ratio, 2)} ×" if math.isfinite(ratio) else _NOTHING,
+                f"{number(ratio, 2 if ratio < 100.0 else 0)} ×" if math.isfinite(ratio) else _NOTHING,
                 amount(item.after_windows, item.unit) if apart else "",
                 item.after > 1.05 * item.before,
             )
@@ -198,8 +200,29 @@ def probability(value: float) -> str:
 
 
 def times(when: Iterable[tuple[float, float]]) -> str:
-    """Write stretches of time in s."""
-    return ", ".join(f"{number(start, 3)} … {number(stop, 3)} s" for start, stop in when)
+    """Write stretches of time in s; those less than a gap apart are one, and many are counted."""
+    merged: list[list[float]] = []
+    for start, stop in when:
+        if merged and start - merged[-1][1] < _SHORT_GAP:
+            merged[-1][1] = stop
+        else:
+            merged.append([start, stop])
+    told = [f"{number(start, 3)} … {number(stop, 3)} s" for start, stop in merged[:_TIMES]]
+    more = len(merged) - len(told)
+    return ", ".join(told) + (f" and {more} more stretches" if more else "")
+
+
+def unknown_text(found: Unknown) -> str:
+    """Say how much a learned curve explains, and whether it comes again."""
+    told = []
+    if math.isfinite(found.share) and found.share > 0.0:
+        told.append(f"A learned curve explains {share(found.share)} of what noise does not.")
+    elif found.description:
+        told.append(f"{found.description[:1].upper()}{found.description[1:]}.")
+    if found.period > 0.0:
+        unit = {"time": "s", "shaft_angle": "rad"}.get(next(iter(found.variables), ""), "")
+        told.append(f"It comes again every {quantity(found.period, unit)}.")
+    return " ".join(told)
 
 
 def _listed(words: list[str]) -> str:

@@ -1,0 +1,164 @@
+"""The page of a diagnosis: what it says, names are never markup, and a browser takes it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chromium import Page
+from sample_diagnosis import (
+    DECLARED,
+    effect_found,
+    interrupted,
+    nothing_found,
+    sample_replay,
+    unknown_found,
+)
+from sample_run import NASTY
+from test_accessibility import serious
+from test_browser import quiet
+
+from eha_bench.diagnosis.dataset import Use
+from eha_bench.plants.model import DeclaredEffect
+from eha_bench.report.curve_figure import learned_curve
+from eha_bench.report.diagnosis_report import write_diagnosis_report
+from eha_bench.report.diagnosis_scene import diagnosis_scene
+from eha_bench.report.diagnosis_text import headline, share, times
+
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("diagnosis")
+    return write_diagnosis_report(folder, effect_found(), f"{NASTY}/dataset.yaml", DECLARED)
+
+
+@pytest.fixture(scope="module")
+def unknown_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("unknown")
+    return write_diagnosis_report(folder, unknown_found(), "dataset.yaml", DECLARED)
+
+
+@pytest.mark.parametrize(
+    ("found", "status", "says"),
+    [
+        (effect_found(), "warned", "lacks entrained air"),
+        (nothing_found(), "passed", "Nothing is missing"),
+        (unknown_found(), "undecided", "unknown acts in the actuation and depends on time"),
+        (interrupted(), "incomplete", "remains open"),
+    ],
+)
+def test_the_verdict_is_one_sentence(found, status, says) -> None:
+    told, verdict, sentence = headline(found)
+    assert told == status
+    assert says in verdict
+    assert sentence.endswith(".")
+
+
+def test_the_sentence_gives_the_error_on_held_out_runs_beside_the_noise() -> None:
+    _, _, sentence = headline(effect_found())
+    plain = sentence.replace("\N{NO-BREAK SPACE}", " ")
+    assert "pressure A on runs that were never fitted falls from 0.5000 MPa to 31.00" in plain
+    assert "noise there is 30.00 kPa" in plain
+
+
+def test_names_are_text(page: Path) -> None:
+    text = page.read_text()
+    assert NASTY not in text
+    assert text.count("&lt;script&gt;alert(1)&lt;/script&gt;") > 4
+
+
+def test_the_page_tells_all_parts(page: Path) -> None:
+    text = page.read_text()
+    for part in (
+        "Where it acts", "Errors before and after", "cannot tell apart", "why the others lost",
+        "not determined by these data", "squeeze it at several pressures", "runs away", "10 more",
+        "leakage is not determined", "0.02490 … 0.02510",
+    ):  # fmt: skip
+        assert part in text, part
+
+
+def test_an_interrupted_diagnosis_has_a_page(tmp_path: Path) -> None:
+    text = write_diagnosis_report(tmp_path, interrupted(), "x", DECLARED).read_text()
+    assert "Interrupted" in text
+    assert "Errors before and after" not in text
+
+
+def test_short_gaps_between_times_are_closed() -> None:
+    assert times(((0.5, 0.9), (0.905, 1.0), (1.5, 2.0))) == "0.500 … 1.000 s, 1.500 … 2.000 s"
+
+
+def test_a_share_is_never_more_than_all() -> None:
+    assert share(1.5) == "100.0 %"
+    assert share(-0.1) == "nothing"
+
+
+def test_a_run_that_runs_away_does_not_flatten_what_was_measured() -> None:
+    replay = sample_replay("a", Use.TRAIN, 0)
+    replay.simulated[2]["pressure_a"][1000:] = 1e12
+    replay.simulated[2]["pressure_a"][1500:] = np.inf
+    scene = diagnosis_scene(replay, {"pressure_a": 3e4})
+    drawn = scene.recording["pressure_a: revised"]
+    assert np.nanmax(drawn) < 1e8
+    assert np.isnan(drawn[1000:]).all()
+
+
+def test_the_learned_curve_closes_its_period() -> None:
+    curve = learned_curve(unknown_found().revised)
+    assert curve is not None
+    assert curve.at[-1] == 1.0
+    assert curve.values[-1] == curve.values[0]
+    assert curve.amount == ("Added to the command", "A")
+
+
+@pytest.mark.parametrize(
+    ("equation", "form", "place", "variable"),
+    [
+        ("torque", "friction", "motor", "motor_speed"),
+        ("flow", "gain", "a_to_b", "pressure_difference"),
+        ("measurement", "additive", "pressure_a", "pressure_sum"),
+        ("force", "additive", "motor", "piston_position"),
+    ],
+)
+def test_any_learned_curve_is_drawn(tmp_path, equation, form, place, variable) -> None:
+    values = {
+        "equation": equation, "form": form, "variable": variable, "place": place, "period": 0.0,
+        "low": 0.0, "high": 1.0, "values": [float(k) for k in range(24)],
+    }  # fmt: skip
+    revised = DECLARED.with_effect(DeclaredEffect("learned", values))
+    found = replace(unknown_found(), revised=revised, replays=())
+    assert "<svg" in write_diagnosis_report(tmp_path, found, "x", DECLARED).read_text()
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_browser_draws_it_quietly(tab: Page, page: Path, width: int) -> None:
+    tab.emulate(width)
+    tab.open(page)
+    tab.run("document.querySelector('.with-charts').scrollIntoView()")
+    tab.wait("document.querySelectorAll('.canvas[data-drawn]').length >= 2")
+    assert tab.run("document.documentElement.scrollWidth") <= width
+    quiet(tab, page)
+
+
+def test_a_run_opens_where_it_is_asked_for(tab: Page, page: Path) -> None:
+    tab.open(page, "#trial=locked_steps")
+    tab.wait("document.querySelector('details.run').open")
+
+
+@pytest.mark.parametrize(
+    ("width", "scheme"),
+    [
+        (1280, "dark"),
+        pytest.param(1280, "light", marks=pytest.mark.slow),
+        pytest.param(390, "light", marks=pytest.mark.slow),
+    ],
+)
+def test_no_serious_finding(tab: Page, unknown_page: Path, width: int, scheme: str) -> None:
+    tab.emulate(width, scheme=scheme)
+    tab.open(unknown_page)
+    tab.run("document.querySelector('.with-charts').scrollIntoView()")
+    tab.wait("document.querySelector('.canvas[data-drawn]')")
+    assert serious(tab) == []
