@@ -27,9 +27,9 @@ import zstandard
 
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import LiveWriter, read, write
-from eha_bench.recordings.demux import MESSAGE, MESSAGE_HEAD
-from eha_bench.recordings.mcap_file import Chunk, open_mcap
-from eha_bench.recordings.mcap_sink import McapSink
+from eha_bench.recordings.mcap.demux import MESSAGE, MESSAGE_HEAD
+from eha_bench.recordings.mcap.file import Chunk, open_mcap
+from eha_bench.recordings.mcap.sink import McapSink
 
 EPOCH = 1_760_000_000_000_000_000
 CHANNELS = 12

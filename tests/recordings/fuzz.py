@@ -29,7 +29,7 @@ import numpy as np
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.recordings import info, read, recover, write
 from eha_bench.recordings.decompress import LARGEST
-from eha_bench.recordings.mcap_file import MAGIC, Chunk, open_mcap
+from eha_bench.recordings.mcap.file import MAGIC, Chunk, open_mcap
 
 SECONDS = 10
 LIBRARIES = 16 << 20

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from eha_bench.core.errors import InputError
 from eha_bench.recordings import load_channel_map
-from eha_bench.recordings.field_path import Attribute, Element, FieldPath, NamedElement
+from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, NamedElement
 
 
 def load(tmp_path: Path, text: str) -> Any:

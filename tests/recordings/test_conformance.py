@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from eha_bench.recordings.mcap_records import records
+from eha_bench.recordings.mcap.records import records
 
 SHARED = os.environ.get("EHA_BENCH_SHARED")
 FOLDER = (

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eha_bench.recordings.demux import Split, Splitter
+from eha_bench.recordings.mcap.demux import Split, Splitter
 
 Record = tuple[int, int, bytes]
 

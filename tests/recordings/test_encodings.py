@@ -13,11 +13,11 @@ from mcap.writer import CompressionType, Writer
 
 from eha_bench import recordings
 from eha_bench.core.errors import RecordingError
-from eha_bench.recordings.decoder import Encoded, UnreadableTopic
-from eha_bench.recordings.decoders import make_decoder
-from eha_bench.recordings.definitions import DefinitionError, parse_idl, parse_msg
-from eha_bench.recordings.field_path import FieldPath
-from eha_bench.recordings.payloads import Payloads
+from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
+from eha_bench.recordings.encodings.decoders import make_decoder
+from eha_bench.recordings.encodings.definitions import DefinitionError, parse_idl, parse_msg
+from eha_bench.recordings.encodings.field_path import FieldPath
+from eha_bench.recordings.encodings.payloads import Payloads
 
 
 def one(topic: str, field: str, **options: Any) -> dict[str, Any]:
@@ -269,7 +269,7 @@ def test_idl_and_msg_say_the_same() -> None:
 def test_numbers_are_equal_to_those_of_rosbags_for_all_standard_types() -> None:
     from rosbags.typesys import Stores, get_typestore
 
-    from eha_bench.recordings.definitions import standard
+    from eha_bench.recordings.encodings.definitions import standard
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     kind = store.types["sensor_msgs/msg/Imu"]

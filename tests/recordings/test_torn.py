@@ -15,7 +15,7 @@ from eha_bench import recordings
 from eha_bench.core.errors import RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import LiveWriter, info, recover
-from eha_bench.recordings.mcap_file import Chunk, open_mcap
+from eha_bench.recordings.mcap.file import Chunk, open_mcap
 
 TICKS = 5000
 

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 from eha_bench.core.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from eha_bench.recordings.bags.rosbag2_metadata import write_rosbag2_metadata
     from eha_bench.recordings.channel_map import ChannelMap, ChannelMapFile, load_channel_map
     from eha_bench.recordings.information import RecordingInformation, TopicInformation, info
     from eha_bench.recordings.live import LiveWriter
     from eha_bench.recordings.reader import read
     from eha_bench.recordings.recovery import RecoveryReport, recover
-    from eha_bench.recordings.rosbag2_metadata import write_rosbag2_metadata
     from eha_bench.recordings.writer import write
 
 __all__ = [
@@ -43,6 +43,6 @@ __getattr__ = lazy_names(
         "read": "eha_bench.recordings.reader",
         "recover": "eha_bench.recordings.recovery",
         "write": "eha_bench.recordings.writer",
-        "write_rosbag2_metadata": "eha_bench.recordings.rosbag2_metadata",
+        "write_rosbag2_metadata": "eha_bench.recordings.bags.rosbag2_metadata",
     },
 )

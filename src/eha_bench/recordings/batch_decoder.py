@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decoder import Decoder, Encoded, UnreadableTopic
-from eha_bench.recordings.decoders import make_decoder
-from eha_bench.recordings.field_path import FieldPath
-from eha_bench.recordings.payloads import Payloads
+from eha_bench.recordings.encodings.decoder import Decoder, Encoded, UnreadableTopic
+from eha_bench.recordings.encodings.decoders import make_decoder
+from eha_bench.recordings.encodings.field_path import FieldPath
+from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.source import Wanted
 from eha_bench.recordings.track import Column, Stamps
 

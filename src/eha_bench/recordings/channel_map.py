@@ -13,7 +13,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import UnitError
 from eha_bench.core.units import Unit, base_unit, factor_and_offset
 from eha_bench.core.yaml_file import StrictModel, load_model
-from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.encodings.field_path import FieldPath
 
 
 class Clock(StrEnum):

@@ -10,7 +10,7 @@ import numpy as np
 import zstandard
 
 from eha_bench.recordings.checksum import crc32
-from eha_bench.recordings.payloads import Bytes
+from eha_bench.recordings.encodings.payloads import Bytes
 
 LARGEST = 2 << 30
 """No chunk may be larger than this when uncompressed, in bytes."""

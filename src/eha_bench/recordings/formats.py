@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.mcap_file import MAGIC
+from eha_bench.recordings.mcap.file import MAGIC
 from eha_bench.recordings.source import Source
 
 _READ = "MCAP, ROS 1 bag, rosbag2 folder, CSV, Parquet and MAT v5"
@@ -19,28 +19,28 @@ def open_file(path: Path, head: bytes) -> Source:
     """
     # imported here: each format brings its own library
     if head.startswith(MAGIC):
-        from eha_bench.recordings.mcap_source import McapSource
+        from eha_bench.recordings.mcap.source import McapSource
 
         return McapSource(path)
     if head.startswith(b"#ROSBAG V"):
-        from eha_bench.recordings.bag1 import Bag1Source
+        from eha_bench.recordings.bags.bag1 import Bag1Source
 
         return Bag1Source(path)
     if head.startswith(b"SQLite format 3\0"):
-        from eha_bench.recordings.sqlite_source import SqliteSource
+        from eha_bench.recordings.bags.sqlite_source import SqliteSource
 
         return SqliteSource(path)
     if head.startswith(b"PAR1"):
-        from eha_bench.recordings.parquet import ParquetSource
+        from eha_bench.recordings.tables.parquet import ParquetSource
 
         return ParquetSource(path)
     if head.startswith(b"MATLAB 5.0") or _is_mat5(head):
-        from eha_bench.recordings.mat import MatSource
+        from eha_bench.recordings.tables.mat import MatSource
 
         return MatSource(path)
     raise_for_relatives(path, head)
     if b"\0" not in head or head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        from eha_bench.recordings.csv_source import CsvSource
+        from eha_bench.recordings.tables.csv_source import CsvSource
 
         return CsvSource(path)
     raise RecordingError(

@@ -12,11 +12,11 @@ import numpy as np
 from eha_bench.core.errors import RecordingError
 from eha_bench.recordings import sample
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decoder import READ_ENCODINGS
+from eha_bench.recordings.encodings.decoder import READ_ENCODINGS
 from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.series import gaps, irregularity, typical_step
 from eha_bench.recordings.source import Topic, Wanted
-from eha_bench.recordings.table import TableSource
+from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.track import Stamps
 
 SCHEMA_VERSION = 1

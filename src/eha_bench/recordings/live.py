@@ -17,7 +17,7 @@ import numpy as np
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings import sample
-from eha_bench.recordings.mcap_sink import McapSink
+from eha_bench.recordings.mcap.sink import McapSink
 from eha_bench.recordings.sample import NANOSECONDS, Sample
 from eha_bench.recordings.writer import begin, media_type
 

@@ -12,12 +12,12 @@ from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
 from eha_bench.recordings.align import align
 from eha_bench.recordings.channel_map import ChannelMap, Clock
-from eha_bench.recordings.decoder import READ_ENCODINGS
-from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.encodings.decoder import READ_ENCODINGS
+from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.naming import among, shown
 from eha_bench.recordings.series import nan_note, seconds, seconds_in_place, unwrapped
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
-from eha_bench.recordings.table import TableSource
+from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.track import Column, Stamps, Track, freeze
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.bags.rosbag2 import Rosbag2Source
 from eha_bench.recordings.formats import open_file
-from eha_bench.recordings.rosbag2 import Rosbag2Source
 from eha_bench.recordings.source import Source
 
 _HEAD = 4096

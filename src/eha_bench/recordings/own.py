@@ -9,7 +9,7 @@ import numpy as np
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
-from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.series import nan_note
 from eha_bench.recordings.source import Source, Span, Wanted
 from eha_bench.recordings.track import freeze

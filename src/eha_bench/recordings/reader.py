@@ -14,7 +14,7 @@ from eha_bench.recordings.mapped import read_mapped, unmapped
 from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.own import read_own
 from eha_bench.recordings.source import Span
-from eha_bench.recordings.table import TableSource
+from eha_bench.recordings.tables.table import TableSource
 
 
 def read(

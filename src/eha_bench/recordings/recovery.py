@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.checksum import crc32
-from eha_bench.recordings.chunk_reader import ChunkReader
-from eha_bench.recordings.demux import LOG_TIME, PAYLOAD, Split
-from eha_bench.recordings.mcap_file import Chunk, McapFile, add_channel, add_schema, open_mcap
-from eha_bench.recordings.mcap_sink import Compressed, Index, McapSink
-from eha_bench.recordings.mcap_source import damage
+from eha_bench.recordings.mcap.chunk_reader import ChunkReader
+from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, Split
+from eha_bench.recordings.mcap.file import Chunk, McapFile, add_channel, add_schema, open_mcap
+from eha_bench.recordings.mcap.sink import Compressed, Index, McapSink
+from eha_bench.recordings.mcap.source import damage
 from eha_bench.recordings.writer import CHUNK_SIZE, replacing
 
 _SCHEMA, _CHANNEL = 3, 4

@@ -15,7 +15,7 @@ import numpy as np
 
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import RecordingError
-from eha_bench.recordings.demux import MESSAGE, MESSAGE_HEAD
+from eha_bench.recordings.mcap.demux import MESSAGE, MESSAGE_HEAD
 
 VERSION: Final = "1"
 TOPIC: Final = "/eha_bench/sample"

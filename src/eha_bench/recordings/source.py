@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decoder import Encoded, UnreadableTopic
-from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
+from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.naming import shown
 from eha_bench.recordings.track import Track
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from eha_bench.recordings.batch_decoder import BatchDecoder, Part
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decoder import Encoded, UnreadableTopic
+from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.source import Source, Wanted
 from eha_bench.recordings.track import Arena, Growing, StampColumn, Track
 

@@ -16,7 +16,7 @@ import numpy as np
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
-from eha_bench.recordings.mcap_sink import Compressed, McapSink, compressed
+from eha_bench.recordings.mcap.sink import Compressed, McapSink, compressed
 from eha_bench.recordings.sample import Sample
 
 _WORKERS = 2

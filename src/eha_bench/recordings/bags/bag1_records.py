@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eha_bench.recordings.blobs import Batch, Connection
-from eha_bench.recordings.decoder import Encoded
-from eha_bench.recordings.payloads import Bytes
+from eha_bench.recordings.bags.blobs import Batch, Connection
+from eha_bench.recordings.encodings.decoder import Encoded
+from eha_bench.recordings.encodings.payloads import Bytes
 
 MESSAGE, CHUNK, CHUNK_INFO, CONNECTION = 2, 5, 6, 7
 _LENGTH = struct.Struct("<I")

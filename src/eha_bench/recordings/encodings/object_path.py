@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from eha_bench.recordings.field_path import Attribute, Element, FieldPath, NamedElement
+from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, NamedElement
 
 
 class Objects(ABC):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from eha_bench.recordings.definitions import Definitions
-from eha_bench.recordings.field_path import FieldPath
-from eha_bench.recordings.ros_walker import Leaf, PayloadError, Walker
+from eha_bench.recordings.encodings.definitions import Definitions
+from eha_bench.recordings.encodings.field_path import FieldPath
+from eha_bench.recordings.encodings.ros_walker import Leaf, PayloadError, Walker
 
 _WIDE = (2, 4, 1)
 """Bytes that a wide string takes by count: by the book, as Fast CDR 1 has it, counted in bytes."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from eha_bench.recordings.decoder import READ_ENCODINGS, Decoder, Encoded, UnreadableTopic
-from eha_bench.recordings.field_path import FieldPath
-from eha_bench.recordings.json_decoder import JsonDecoder
-from eha_bench.recordings.ros_decoder import RosDecoder
+from eha_bench.recordings.encodings.decoder import READ_ENCODINGS, Decoder, Encoded, UnreadableTopic
+from eha_bench.recordings.encodings.field_path import FieldPath
+from eha_bench.recordings.encodings.json_decoder import JsonDecoder
+from eha_bench.recordings.encodings.ros_decoder import RosDecoder
 
 
 def make_decoder(encoded: Encoded, paths: tuple[FieldPath, ...]) -> Decoder:
@@ -22,7 +22,7 @@ def make_decoder(encoded: Encoded, paths: tuple[FieldPath, ...]) -> Decoder:
             return JsonDecoder(paths)
         case "protobuf":
             # imported here, since it brings a library of its own
-            from eha_bench.recordings.protobuf_decoder import ProtobufDecoder
+            from eha_bench.recordings.encodings.protobuf_decoder import ProtobufDecoder
 
             return ProtobufDecoder(encoded, paths)
         case other:

@@ -8,18 +8,18 @@ from pathlib import Path
 
 from eha_bench.recordings.batch_decoder import Part, in_order
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.chunk_reader import ChunkReader
-from eha_bench.recordings.decoder import Encoded, UnreadableTopic
-from eha_bench.recordings.demux import LOG_TIME, PUBLISH_TIME, Split
-from eha_bench.recordings.mcap_file import (
+from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
+from eha_bench.recordings.encodings.payloads import Payloads
+from eha_bench.recordings.mcap.chunk_reader import ChunkReader
+from eha_bench.recordings.mcap.demux import LOG_TIME, PUBLISH_TIME, Split
+from eha_bench.recordings.mcap.file import (
     Chunk,
     McapFile,
     add_channel,
     add_schema,
     open_mcap,
 )
-from eha_bench.recordings.parallel import ParallelReader
-from eha_bench.recordings.payloads import Payloads
+from eha_bench.recordings.mcap.parallel import ParallelReader
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.topic_reader import TopicReader, finished
 from eha_bench.recordings.track import Arena, StampColumn, Track

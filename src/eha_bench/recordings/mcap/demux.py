@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.recordings.payloads import Bytes, Payloads
+from eha_bench.recordings.encodings.payloads import Bytes, Payloads
 
 MESSAGE = 5
 RECORD_HEAD = 9

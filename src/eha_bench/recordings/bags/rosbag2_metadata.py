@@ -10,8 +10,8 @@ from io import StringIO
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.demux import LOG_TIME
-from eha_bench.recordings.mcap_source import McapSource
+from eha_bench.recordings.mcap.demux import LOG_TIME
+from eha_bench.recordings.mcap.source import McapSource
 from eha_bench.recordings.writer import replacing
 
 _VERSION = 5

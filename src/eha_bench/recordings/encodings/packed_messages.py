@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.recordings.decompress import decompress_blob
-from eha_bench.recordings.payloads import Payloads
+from eha_bench.recordings.encodings.payloads import Payloads
 
 _MAGIC = 0xFD2FB528
 

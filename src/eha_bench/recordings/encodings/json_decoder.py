@@ -6,11 +6,11 @@ import json
 from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import Any
 
-from eha_bench.recordings.decoder import Column, Decoder, UnreadableTopic, number
-from eha_bench.recordings.field_path import ALIASES, Attribute, FieldPath, lists_names
+from eha_bench.recordings.encodings.decoder import Column, Decoder, UnreadableTopic, number
+from eha_bench.recordings.encodings.field_path import ALIASES, Attribute, FieldPath, lists_names
+from eha_bench.recordings.encodings.object_path import Objects
+from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.naming import among
-from eha_bench.recordings.object_path import Objects
-from eha_bench.recordings.payloads import Payloads
 
 
 class JsonDecoder(Decoder):

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.csv_layout import MISSING, CsvLayout, NoTable
-from eha_bench.recordings.table import TableSource
+from eha_bench.recordings.tables.csv_layout import MISSING, CsvLayout, NoTable
+from eha_bench.recordings.tables.table import TableSource
 
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 

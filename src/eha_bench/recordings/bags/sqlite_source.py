@@ -8,9 +8,9 @@ from contextlib import closing
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.blobs import Batch, Connection, collect, joined
+from eha_bench.recordings.bags.blobs import Batch, Connection, collect, joined
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decoder import Encoded
+from eha_bench.recordings.encodings.decoder import Encoded
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Track
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from eha_bench.recordings.batch_decoder import BatchDecoder, Part, in_order
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.decompress import DamagedChunk
-from eha_bench.recordings.demux import LOG_TIME, PAYLOAD, PUBLISH_TIME, Split, Splitter
-from eha_bench.recordings.mcap_file import Chunk
-from eha_bench.recordings.payloads import Payloads
+from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
+from eha_bench.recordings.encodings.payloads import Payloads
+from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, PUBLISH_TIME, Split, Splitter
+from eha_bench.recordings.mcap.file import Chunk
 from eha_bench.recordings.source import Wanted
 from eha_bench.recordings.track import Arena, Column, Stamps, Track
 

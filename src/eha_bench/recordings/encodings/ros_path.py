@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eha_bench.recordings.definitions import (
+from eha_bench.recordings.encodings.definitions import (
     Array,
     DefinitionError,
     Definitions,
@@ -14,7 +14,7 @@ from eha_bench.recordings.definitions import (
     Type,
     resolve,
 )
-from eha_bench.recordings.field_path import (
+from eha_bench.recordings.encodings.field_path import (
     ALIASES,
     Attribute,
     Element,

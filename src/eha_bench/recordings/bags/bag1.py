@@ -7,7 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.bag1_records import (
+from eha_bench.recordings.bags.bag1_records import (
     CHUNK,
     CHUNK_INFO,
     CONNECTION,
@@ -20,11 +20,11 @@ from eha_bench.recordings.bag1_records import (
     u32,
     walk,
 )
-from eha_bench.recordings.blobs import Batch, Connection, collect
+from eha_bench.recordings.bags.blobs import Batch, Connection, collect
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
-from eha_bench.recordings.mcap_file import map_file
-from eha_bench.recordings.payloads import Bytes
+from eha_bench.recordings.encodings.payloads import Bytes
+from eha_bench.recordings.file_bytes import map_file
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Track
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.field_path import Element, FieldPath
-from eha_bench.recordings.mat_check import check_sizes
-from eha_bench.recordings.mcap_file import map_file
+from eha_bench.recordings.encodings.field_path import Element, FieldPath
+from eha_bench.recordings.file_bytes import map_file
 from eha_bench.recordings.naming import among
-from eha_bench.recordings.table import TableSource
+from eha_bench.recordings.tables.mat_check import check_sizes
+from eha_bench.recordings.tables.table import TableSource
 
 _DEEPEST = 8
 _MOST = 10_000

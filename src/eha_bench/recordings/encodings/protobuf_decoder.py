@@ -10,11 +10,11 @@ from google.protobuf.descriptor_pool import DescriptorPool  # type: ignore[impor
 from google.protobuf.message import DecodeError, Message  # type: ignore[import-untyped]
 from google.protobuf.message_factory import GetMessageClass  # type: ignore[import-untyped]
 
-from eha_bench.recordings.decoder import Column, Decoder, Encoded, UnreadableTopic, number
-from eha_bench.recordings.field_path import Attribute, Element, FieldPath, lists_names
+from eha_bench.recordings.encodings.decoder import Column, Decoder, Encoded, UnreadableTopic, number
+from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, lists_names
+from eha_bench.recordings.encodings.object_path import Objects
+from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.naming import among
-from eha_bench.recordings.object_path import Objects
-from eha_bench.recordings.payloads import Payloads
 
 
 class ProtobufDecoder(Decoder):

@@ -8,8 +8,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.field_path import Attribute, Element, FieldPath
-from eha_bench.recordings.table import TableSource
+from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath
+from eha_bench.recordings.tables.table import TableSource
 
 
 class ParquetSource(TableSource):

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.recordings.field_path import FieldPath
+from eha_bench.recordings.encodings.field_path import FieldPath
+from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.naming import shown
-from eha_bench.recordings.payloads import Payloads
 
 Column = NDArray[np.float64]
 

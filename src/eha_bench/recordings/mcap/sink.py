@@ -29,7 +29,7 @@ from mcap.records import (
 )
 
 from eha_bench.recordings.checksum import crc32
-from eha_bench.recordings.mcap_file import MAGIC
+from eha_bench.recordings.mcap.file import MAGIC
 
 LIBRARY: Final = "eha-bench"
 _CHUNK_HEAD = struct.Struct("<BQQQQII")

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.recordings.batch_decoder import Part
-from eha_bench.recordings.decoder import Encoded, UnreadableTopic
-from eha_bench.recordings.payloads import Bytes, Payloads
+from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
+from eha_bench.recordings.encodings.payloads import Bytes, Payloads
 from eha_bench.recordings.source import Source, Wanted
 from eha_bench.recordings.topic_reader import TopicReader, finished
 from eha_bench.recordings.track import Track

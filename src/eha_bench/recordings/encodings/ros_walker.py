@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 
-from eha_bench.recordings.definitions import (
+from eha_bench.recordings.encodings.definitions import (
     Array,
     Definitions,
     Nested,
@@ -21,7 +21,7 @@ from eha_bench.recordings.definitions import (
     Type,
     resolve,
 )
-from eha_bench.recordings.field_path import (
+from eha_bench.recordings.encodings.field_path import (
     ALIASES,
     Attribute,
     Element,

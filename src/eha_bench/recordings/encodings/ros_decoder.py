@@ -7,22 +7,22 @@ from collections.abc import Mapping, Set
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.recordings.decoder import Column, Decoder, Encoded, UnreadableTopic
 from eha_bench.recordings.decompress import DamagedChunk
-from eha_bench.recordings.definitions import (
+from eha_bench.recordings.encodings.decoder import Column, Decoder, Encoded, UnreadableTopic
+from eha_bench.recordings.encodings.definitions import (
     DefinitionError,
     Definitions,
     parse_idl,
     parse_msg,
     short_name,
 )
-from eha_bench.recordings.field_path import FieldPath, NamedElement
+from eha_bench.recordings.encodings.field_path import FieldPath, NamedElement
+from eha_bench.recordings.encodings.packed_messages import are_packed, unpacked
+from eha_bench.recordings.encodings.payloads import Payloads
+from eha_bench.recordings.encodings.ros_layout import Layout, layout_of
+from eha_bench.recordings.encodings.ros_path import check_path
+from eha_bench.recordings.encodings.ros_walker import PayloadError
 from eha_bench.recordings.naming import shown
-from eha_bench.recordings.packed_messages import are_packed, unpacked
-from eha_bench.recordings.payloads import Payloads
-from eha_bench.recordings.ros_layout import Layout, layout_of
-from eha_bench.recordings.ros_path import check_path
-from eha_bench.recordings.ros_walker import PayloadError
 
 _MOST_LAYOUTS = 8
 

@@ -25,9 +25,9 @@ from mcap.records import (
 )
 
 from eha_bench.recordings.decompress import DamagedChunk, decompress
-from eha_bench.recordings.demux import MESSAGE_HEAD, RECORD_HEAD, Splitter
-from eha_bench.recordings.mcap_file import Chunk, McapFile, open_mcap, parse_record
-from eha_bench.recordings.payloads import Bytes, Payloads
+from eha_bench.recordings.encodings.payloads import Bytes, Payloads
+from eha_bench.recordings.mcap.demux import MESSAGE_HEAD, RECORD_HEAD, Splitter
+from eha_bench.recordings.mcap.file import Chunk, McapFile, open_mcap, parse_record
 
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: Header,

@@ -6,7 +6,6 @@ the mcap library. The index at the end is not trusted and not needed: a torn fil
 
 from __future__ import annotations
 
-import mmap
 import struct
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -20,8 +19,9 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.demux import RECORD_HEAD
-from eha_bench.recordings.payloads import Bytes
+from eha_bench.recordings.encodings.payloads import Bytes
+from eha_bench.recordings.file_bytes import map_file
+from eha_bench.recordings.mcap.demux import RECORD_HEAD
 
 MAGIC = b"\x89MCAP0\r\n"
 _FRAME = struct.Struct("<BQ")
@@ -138,14 +138,6 @@ def open_mcap(path: Path) -> McapFile:
     file = McapFile(path, buffer)
     _scan(file)
     return file
-
-
-def map_file(path: Path) -> Bytes:
-    """Return a file's bytes without reading them."""
-    with path.open("rb") as stream:
-        if not path.stat().st_size:
-            return np.empty(0, dtype=np.uint8)
-        return np.frombuffer(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
 
 
 def _scan(file: McapFile) -> None:

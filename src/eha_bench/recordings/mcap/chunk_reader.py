@@ -7,8 +7,8 @@ from functools import partial
 from itertools import pairwise
 
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
-from eha_bench.recordings.demux import Split, Splitter
-from eha_bench.recordings.mcap_file import Chunk, McapFile, Stretch, message_index
+from eha_bench.recordings.mcap.demux import Split, Splitter
+from eha_bench.recordings.mcap.file import Chunk, McapFile, Stretch, message_index
 from eha_bench.recordings.source import Span
 
 Part = Chunk | Stretch

@@ -1,0 +1,1 @@
+"""From the bytes of messages to columns of numbers: CDR, ROS 1, JSON, Protobuf."""

@@ -1,0 +1,1 @@
+"""MCAP files: scanned, read chunk by chunk, written."""
