@@ -59,7 +59,7 @@ def test_the_reference_takes_any_unit(tmp_path: Path, unit: str, si: str) -> Non
         ("channels:\n  current: {topic: /a, feld: d, unit: A}", "unknown key|feld", 2),
         ("channels:\n  probe: {topic: /a, field: d}", "needs a unit", 1),
         ("channels:\n  reference: {topic: /a, field: d}", "needs a unit", 1),
-        ("channels: {}", "at least 1", 1),
+        ("channels: {}", "at least one", 1),
         ("clock: log", "missing", 0),
         ("base: x\nchannels: {current: {topic: /a, field: d, unit: A}}", "base", 0),
         ("time: {column: t, unit: bar}\nchannels: {current: {column: c, unit: A}}", "dimension", 1),
@@ -121,3 +121,19 @@ def test_a_path_is_read_as_it_is_written(steps: list[Any]) -> None:
 def test_what_is_no_path(text: str) -> None:
     with pytest.raises(ValueError, match="not a field path"):
         FieldPath.parse(text)
+
+
+def test_misspelt_keys_and_channels_are_guessed() -> None:
+    entry = {"topic": "/a", "field": "data"}
+    with pytest.raises(InputError, match="unknown key 'feld'; did you mean 'field'"):
+        load_channel_map({"channels": {"current": {"topic": "/a", "feld": "data", "unit": "A"}}})
+    with pytest.raises(InputError, match=r"needs a unit.*did you mean 'current'"):
+        load_channel_map({"channels": {"curent": entry}})
+    with pytest.raises(InputError, match="there is no channel"):
+        load_channel_map({"channels": {}})
+    mapping = load_channel_map(
+        {"channels": {name: {**entry, "unit": "bar"} for name in ("presure_a", "pressure_b", "p")}}
+    )
+    assert mapping.strangers() == [
+        "channel 'presure_a' is not one that eha-bench knows; did you mean 'pressure_a'?"
+    ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from io import StringIO
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, get_args
+from typing import Any, TypeAlias, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -228,8 +228,13 @@ def _way_out(model: type[BaseModel], kind: str, location: Sequence[int | str]) -
     if kind != "extra_forbidden":
         return ""
     known: type[BaseModel] | None = model
+    named = False
     for key in location[:-1]:
-        known = _model_within(known, key) if known is not None else None
+        if named:  # any name may stand here, and the same model behind each
+            named = False
+        elif known is not None:
+            named = _is_mapping(known, key)
+            known = _model_within(known, key)
     if known is None:
         return ""
     return suggest(str(location[-1]), [f.alias or name for name, f in known.model_fields.items()])
@@ -243,6 +248,12 @@ def _model_within(model: type[BaseModel], key: int | str) -> type[BaseModel] | N
             found = _models_in(field.annotation)
             return found[0] if len(found) == 1 else None
     return None
+
+
+def _is_mapping(model: type[BaseModel], key: int | str) -> bool:
+    """Whether a key holds models by name."""
+    field = model.model_fields.get(str(key))
+    return field is not None and get_origin(field.annotation) is dict
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:

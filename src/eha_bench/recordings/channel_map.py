@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import UnitError
+from eha_bench.core.near_miss import suggest
 from eha_bench.core.units import Unit, base_unit, factor_and_offset
 from eha_bench.core.yaml_file import StrictModel, load_model
 from eha_bench.recordings.encodings.field_path import FieldPath
@@ -133,7 +134,7 @@ class ChannelMapFile(StrictModel):
         default=None, description="of a table without a time column"
     )
     repair: Repair = Repair()
-    channels: dict[str, ChannelEntry] = Field(min_length=1)
+    channels: dict[str, ChannelEntry] = Field(json_schema_extra={"minProperties": 1})
 
     @field_validator("sample_rate")
     @classmethod
@@ -145,6 +146,8 @@ class ChannelMapFile(StrictModel):
     @field_validator("channels")
     @classmethod
     def _units(cls, channels: dict[str, ChannelEntry]) -> dict[str, ChannelEntry]:
+        if not channels:
+            raise ValueError("there is no channel: map at least one")
         for name, entry in channels.items():
             if name == "time" or not name.isprintable() or not name.strip():
                 raise ValueError(f"'{name}' cannot be the name of a channel")
@@ -168,6 +171,16 @@ class ChannelMapFile(StrictModel):
     def is_table(self) -> bool:
         """Whether the channels are columns of a table."""
         return any(entry.column is not None for entry in self.channels.values())
+
+    def strangers(self) -> list[str]:
+        """Say which channels may be meant to be called otherwise."""
+        free = [name for name in CHANNELS if name not in self.channels]
+        notes = []
+        for name in self.channels:
+            hint = "" if name in CHANNELS else suggest(name, free)
+            if hint.startswith("did you mean"):
+                notes.append(f"channel '{name}' is not one that eha-bench knows; {hint}")
+        return notes
 
     def method(self, name: str) -> Method:
         """How a channel is carried onto the common clock."""
@@ -198,7 +211,10 @@ def _check_channel_unit(name: str, entry: ChannelEntry) -> None:
     known = CHANNELS.get(name)
     if entry.unit is None:
         if known is None:
-            raise ValueError("a channel that eha-bench does not know needs a unit ('' for none)")
+            raise ValueError(
+                "a channel that eha-bench does not know needs a unit ('' for none); "
+                f"{suggest(name, CHANNELS)}"
+            )
         if not known.unit:
             raise ValueError(f"'{name}' needs a unit, since it has that of the control mode")
         return

@@ -43,7 +43,7 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
     if isinstance(source, TableSource) and epoch < 0:
         epoch = 0  # a table's time that starts below zero has its zero at an event: keep it
     time = _time(aligned.stamps, epoch)
-    notes = [*source.notes, *source.skipped(), *aligned.notes]
+    notes = [*source.notes, *source.skipped(), *mapping.strangers(), *aligned.notes]
     values: dict[str, Column] = {}
     for name, entry in mapping.channels.items():
         topic, column = keys[name]
