@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +9,6 @@ from hypothesis import strategies as st
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
 from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.metrics import judge, judge_repeats
-from eha_bench.metrics.acceptance import median
 
 PASSED, FAILED, WARNED = ScoreStatus.PASSED, ScoreStatus.FAILED, ScoreStatus.WARNED
 UNDECIDED, NOT_SCORED = ScoreStatus.UNDECIDED, ScoreStatus.NOT_SCORED
@@ -137,12 +135,3 @@ def test_a_single_repeat_keeps_its_own_verdict():
     kept = limit(repeats=Repeats.MEDIAN)
     scores = repeats([60], kept)
     assert judge_repeats(scores, (kept,)) == scores
-
-
-def test_the_bootstrap_covers_the_median():
-    rng = np.random.default_rng(3)
-    inside = 0
-    for _ in range(200):
-        found = median([Measure(value) for value in rng.normal(5.0, 1.0, 25)])
-        inside += found.low <= 5.0 <= found.high
-    assert inside >= 178

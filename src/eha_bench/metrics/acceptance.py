@@ -6,12 +6,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
 from eha_bench.core.score import Measure, Score, ScoreStatus
+from eha_bench.metrics.repeats import median
 
-_RESAMPLED = 2000
 _SEPARATOR = "; judged by "
 
 
@@ -91,20 +89,6 @@ def combined(measures: Sequence[Measure], limit: AcceptanceLimit) -> Measure:
         return replace(worst, reason=_said("worst", worst, len(measures)))
     found = median(measures)
     return replace(found, reason=_said("median", found, len(measures)))
-
-
-def median(measures: Sequence[Measure]) -> Measure:
-    """Return the median of the repeats with its 95 % interval by the bootstrap (percentiles).
-
-    What repeats scatter by is more than the noise within one: a warm motor, another stick.
-    """
-    values = np.array([measure.value for measure in measures])
-    if values.size == 1:
-        return measures[0]
-    rng = np.random.default_rng(0)  # the same repeats have the same verdict
-    drawn = np.median(rng.choice(values, (_RESAMPLED, values.size)), axis=1)
-    low, high = np.percentile(drawn, (2.5, 97.5))
-    return Measure(float(np.median(values)), float(low), float(high))
 
 
 def _margin(measure: Measure, limit: AcceptanceLimit) -> float:

@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 
 _GROWTH = 1.3
 _LARGEST = 4000
-_UNDERSMOOTHED = 0.8
+_UNDERSMOOTHED = 0.6
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from eha_bench.core.score import Measure
 from eha_bench.metrics.local import Crossing, interpolated, refined, smooth
 from eha_bench.metrics.metric import NotScored, spec_of
+from eha_bench.metrics.settling_model import settled_by_model
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, said, since_edge
 from eha_bench.metrics.step_response import StepResponse
 
@@ -26,7 +27,8 @@ class SettlingTime(StepMetric):
     """Time in s after which the response stays within 2 % of the step around the final level.
 
     Noise would carry a settled response out of the band again and again. It is smoothed until a
-    fifth of the band is left of it; where even that is not possible, nothing is scored.
+    fifth of the band is left of it; where even that is not possible, two decaying modes are fitted
+    to the tail, and where they do not explain it, nothing is scored.
     """
 
     spec = spec_of("settling_time")
@@ -36,9 +38,7 @@ class SettlingTime(StepMetric):
         track = smooth(step.rise, step.noise, BAND / 15.0, max(2, step.transit))
         spread = math.sqrt(track.sd**2 + step.final_variance)
         if spread > BAND / 5.0:
-            raise NotScored(
-                f"the noise floor of {100 * spread:.2g} % of the step hides the 2 % band"
-            )
+            return self._by_model(step, spread)
         distance = track.values - 1.0
         distance[: step.origin] = 1.0  # before the edge nothing has settled
         last = _last_exit(distance, 1.5 * track.sd)
@@ -55,6 +55,21 @@ class SettlingTime(StepMetric):
         low, high = self._interval(step, distance, place, spread)
         convention = f"2 % of the step for good, {LEVELS}"
         return since_edge(step, Measure(place.time, low, high, said(step, convention)))
+
+    @staticmethod
+    def _by_model(step: StepResponse, spread: float) -> Measure:
+        floor = f"the noise floor of {100 * spread:.2g} % of the step hides the 2 % band"
+        if not step.noise.known:
+            raise NotScored(floor)
+        latest = (1.0 - HOLD_SHARE) * float(step.time[-1])
+        try:
+            value, low, high = settled_by_model(step, BAND, latest)
+        except NotScored as error:
+            raise NotScored(f"{floor}; {error.reason}") from error
+        convention = (
+            f"2 % of the step for good, {LEVELS}; two modes fitted to the tail, since {floor}"
+        )
+        return since_edge(step, Measure(value, low, high, said(step, convention)))
 
     @staticmethod
     def _interval(

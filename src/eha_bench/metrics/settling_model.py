@@ -1,0 +1,181 @@
+"""Settling time of a response whose noise hides the band: by a decaying pair of modes.
+
+Where averaging over as long as the response itself takes still leaves too much noise, nothing but
+a model of the tail can tell when it settles. The simplest one is taken, two poles and a level,
+
+    y(t) - 1 = c + exp(-s t) (a C(t) + b S(t)),    C = cos(w t), S = sin(w t) / w,
+
+fitted to the whole hold from 90 % of the step on (cosh and sinh for two real poles; variable
+projection: G. Golub, V. Pereyra, Inverse Problems 19, 2003, doi:10.1088/0266-5611/19/2/201). It
+counts only where it leaves no more than the noise; its interval is that of its parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.signal import fftconvolve, savgol_coeffs, savgol_filter
+
+from eha_bench.metrics.metric import NotScored
+from eha_bench.metrics.noise import Noise
+from eha_bench.metrics.step_response import StepResponse
+
+FloatArray = NDArray[np.float64]
+
+_DRAWN = 500
+_GRID = 600
+_FEWEST = 40  # samples of the tail
+_MISFIT = 5.0  # standard deviations of chi^2 that the smoothed rest may lie above the noise
+_DAMPINGS = (0.15, 0.3, 0.5, 0.7, 0.9, 1.3)
+_SPEEDS = (0.4, 0.6, 0.9, 1.3, 2.0)  # natural frequency times the transit
+
+
+@dataclass(frozen=True)
+class Tail:
+    """The two modes.
+
+    Attributes:
+        start: s since the edge.
+        parameters: log of s (1/s), w^2 (1/s^2, negative for two real poles), a, b, c.
+        covariance: (5, 5).
+    """
+
+    start: float
+    parameters: FloatArray
+    covariance: FloatArray
+
+
+def settled_by_model(step: StepResponse, band: float, latest: float) -> tuple[float, float, float]:
+    """Return settling time in s since the edge, and its 95 % interval.
+
+    Args:
+        step: with known noise.
+        band: half-width around the final level, as a share of the step.
+        latest: s since the edge after which it does not count as settled.
+
+    Raises:
+        NotScored: the tail is no decaying pair of modes, or not settled.
+    """
+    tail = _fit(step)
+    end = float(step.time[-1])
+    grid = np.linspace(0.0, end - tail.start, _GRID)
+    value = tail.start + _settled(tail.parameters[None, :], grid, band)[0]
+    if not value < latest:
+        raise NotScored(f"not settled: by a decaying pair of modes {value:.4g} s after the edge")
+    rng = np.random.default_rng(0)  # the same recording has the same interval
+    scale = np.sqrt(np.maximum(np.diag(tail.covariance), 1e-300))
+    normed = tail.covariance / np.outer(scale, scale)
+    root = np.linalg.cholesky(normed + 1e-9 * np.eye(5))
+    # Student's distribution, as the noise is estimated
+    heavy = np.sqrt(step.noise.freedom / rng.chisquare(step.noise.freedom, _DRAWN))
+    drawn = tail.parameters + scale * (rng.normal(size=(_DRAWN, 5)) @ root.T) * heavy[:, None]
+    times = tail.start + _settled(drawn, grid, band)
+    low, high = (float(end) for end in np.percentile(times, (2.5, 97.5)))
+    return value, min(low, value), max(high, value)
+
+
+def _modes(
+    logs: FloatArray, squares: FloatArray, time: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return exp(-s t) C(t) and exp(-s t) S(t), each (k, n), for k pairs of poles."""
+    decay = np.exp(np.clip(logs, -50.0, 50.0))[:, None]
+    safe = np.maximum(np.sqrt(np.abs(squares)), 1e-9)[:, None]
+    fall = np.minimum(decay * time[None, :], 300.0)
+    angle = safe * time[None, :]
+    c, s = np.empty_like(angle), np.empty_like(angle)
+    two = squares > 0.0
+    envelope = np.exp(-fall[two])
+    c[two], s[two] = envelope * np.cos(angle[two]), envelope * np.sin(angle[two])
+    # two real poles: no faster growth than decay
+    real = np.minimum(angle[~two], fall[~two])
+    up, down = np.exp(real - fall[~two]), np.exp(-real - fall[~two])
+    c[~two], s[~two] = 0.5 * (up + down), 0.5 * (up - down)
+    return c, s / safe
+
+
+def _settled(parameters: FloatArray, grid: FloatArray, band: float) -> FloatArray:
+    """Return when each of (k, 5) parameter sets is last outside of the band, s since the start."""
+    c, s = _modes(parameters[:, 0], parameters[:, 1], grid)
+    away = np.abs(parameters[:, 2:3] * c + parameters[:, 3:4] * s)
+    outside = away > band
+    last = np.where(outside.any(axis=1), grid.size - 1 - np.argmax(outside[:, ::-1], axis=1), 0)
+    after = np.minimum(last + 1, grid.size - 1)
+    rows = np.arange(last.size)
+    here, there = away[rows, last], away[rows, after]
+    gap = np.where(here > there, here - there, 1.0)
+    share = np.clip(np.where(here > band, (here - band) / gap, 0.0), 0.0, 1.0)
+    found: FloatArray = grid[last] + share * (grid[after] - grid[last])
+    return found
+
+
+def _fit(step: StepResponse) -> Tail:
+    start = step.crossing(0.9).time
+    chosen = step.time >= start
+    time, values = step.time[chosen] - start, step.rise[chosen] - 1.0
+    if time.size < _FEWEST:
+        raise NotScored(f"{time.size} samples after 90 % of the step")
+    width = step.transit * float(step.time[-1] - step.time[0]) / (step.time.size - 1)
+
+    def design(logs: float, square: float) -> FloatArray:
+        c, s = _modes(np.array([logs]), np.array([square]), time)
+        matrix: FloatArray = np.column_stack([c[0], s[0] / width, np.ones(time.size)])
+        return matrix
+
+    def rest(x: FloatArray) -> FloatArray:
+        matrix = design(x[0] - math.log(width), x[1] / width**2)
+        found: FloatArray = matrix @ np.linalg.lstsq(matrix, values, rcond=1e-10)[0] - values
+        return found
+
+    starts = [
+        np.array([math.log(damping * speed), speed**2 * (1.0 - damping**2)])
+        for damping in _DAMPINGS
+        for speed in _SPEEDS
+    ]
+    costs = [float(np.sum(rest(x) ** 2)) for x in starts]
+    best = least_squares(rest, starts[int(np.argmin(costs))], x_scale=[0.2, 0.5], max_nfev=60)
+    logs, square = float(best.x[0]) - math.log(width), float(best.x[1]) / width**2
+    matrix = design(logs, square)
+    linear = np.linalg.lstsq(matrix, values, rcond=1e-10)[0]
+    _require_explained(values - matrix @ linear, step)
+    parameters = np.array([logs, square, linear[0], linear[1] / width, linear[2]])
+    return Tail(start, parameters, _covariance(parameters, time, step.noise))
+
+
+def _require_explained(rest: FloatArray, step: StepResponse) -> None:
+    """Raise NotScored if more is left, over the length of the transit, than the noise leaves."""
+    half = max(2, min(step.transit, (rest.size - 1) // 4))
+    weights = savgol_coeffs(2 * half + 1, 2)
+    expected = step.noise.variance(weights)
+    found = float(np.mean(savgol_filter(rest, 2 * half + 1, 2) ** 2))
+    independent = max(rest.size / (2 * half + 1), 2.0)
+    if found > expected * (1.0 + _MISFIT * math.sqrt(2.0 / independent)):
+        raise NotScored("its tail is not that of two decaying modes")
+
+
+def _covariance(parameters: FloatArray, time: FloatArray, noise: Noise) -> FloatArray:
+    """Return the covariance of the parameters under correlated noise, (5, 5)."""
+
+    def curve(x: FloatArray) -> FloatArray:
+        c, s = _modes(x[:1], x[1:2], time)
+        found: FloatArray = x[2] * c[0] + x[3] * s[0] + x[4]
+        return found
+
+    sizes = np.array(
+        [1.0, max(abs(parameters[1]), 1.0), 1.0, 1.0 / max(float(time[-1]), 1e-9), 1.0]
+    )
+    columns = []
+    for k, size in enumerate(sizes):
+        shift = np.zeros(5)
+        shift[k] = 1e-5 * size
+        columns.append((curve(parameters + shift) - curve(parameters - shift)) / (2.0 * shift[k]))
+    operator = np.linalg.pinv(np.column_stack(columns), rcond=1e-12)
+    lags = noise.autocovariance[: time.size]
+    kernel = np.concatenate([lags[:0:-1], lags])
+    spread = fftconvolve(operator, kernel[None, :], axes=1)
+    spread = spread[:, lags.size - 1 : lags.size - 1 + time.size]
+    found: FloatArray = operator @ spread.T
+    return (found + found.T) / 2.0
