@@ -29,6 +29,8 @@ from eha_bench.targets.can.drive import Command, Drive, Frame, decode
 _PERIOD: Final = 1e-3
 _IDLE: Final = 5e-3
 _HEARTBEAT: Final = 0.05
+_UNASKED: Final = 0.1
+"""Without a Sync for so long, s, the status goes out with the heartbeat."""
 _CATCH_UP: Final = 1.3
 _MOST_CURRENT: Final = 1.2
 
@@ -84,6 +86,7 @@ class RigDrive:
         self._cycle_due = 0.0
         self._heartbeat_due = 0.0
         self._alive = 0
+        self._synced_at = -math.inf
         self._fault_code = 0
         self._late: deque[tuple[float, Frame]] = deque()
         self._out: list[Frame] = []
@@ -132,6 +135,7 @@ class RigDrive:
         signals = decode(self._drive.sync, frame.data)
         sync = self._drive.file.sync
         self._look(now)
+        self._synced_at = now
         self._send_status(int(signals[sync.counter]) if sync and sync.counter else 0, now)
 
     def _send_status(self, counter: int, now: float) -> None:
@@ -210,6 +214,7 @@ class RigDrive:
         if abs(position) < self._plant.linkage.half_stroke:
             self._plant.set_up({"piston_position": position}, locked=locked, bypass_open=bypass)
             self._status.fixture_done = request
+            self._sampled_at = -math.inf
             self._heartbeat_due = -math.inf
 
     # --- time -----------------------------------------------------------------
@@ -232,6 +237,9 @@ class RigDrive:
             self._control(now)
         if now >= self._heartbeat_due:
             self._heartbeat_due = now + _HEARTBEAT
+            if self._drive.sync is not None and now - self._synced_at > _UNASKED:
+                self._look(now)  # for whoever only listens
+                self._send_status(0, now)
             for frame in self._status.by_itself(now, self._fault_code):
                 self._send(frame)
 

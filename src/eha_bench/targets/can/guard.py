@@ -15,6 +15,10 @@ from eha_bench.targets.can.drive import Drive
 from eha_bench.targets.can.target_file import FollowingFile, LimitFile
 
 
+_STALE = 0.012
+"""Oldest value that is used where the target says nothing, s: well within a 20 ms watchdog."""
+
+
 @dataclass(frozen=True)
 class ChannelLimit:
     """What a channel has to keep, SI; infinite where it need not."""
@@ -49,7 +53,7 @@ def channel_limit(channel: str, file: LimitFile, where: Place) -> ChannelLimit:
             -math.inf if file.low is None else parse(file.low, unit),
             math.inf if file.high is None else parse(file.high, unit),
             math.inf if file.rate is None else parse(file.rate, f"{unit}/s"),
-            math.inf if file.stale is None else file.stale,
+            _STALE if file.stale is None else file.stale,
             math.inf if file.frozen is None else file.frozen,
         )
     except UnitError as error:
@@ -88,8 +92,10 @@ class Limits:
             return Place(file=str(drive.path), key=".".join(keys))
 
         file = drive.file
+        # a channel without limits of its own is still not to be believed for ever
+        limits = {name: file.limits.get(name, LimitFile()) for name in drive.channels}
         return Limits(
-            tuple(channel_limit(k, v, where("limits", k)) for k, v in file.limits.items()),
+            tuple(channel_limit(k, v, where("limits", k)) for k, v in limits.items()),
             tuple(following(k, v, where("following", k)) for k, v in file.following.items()),
             math.inf if file.joint_agrees is None else file.joint_agrees,
         )

@@ -117,6 +117,8 @@ class CanTarget(Target):
             raise InputError(f"the drive has no command for mode '{mode.value}'", where=where)
         limit = self._current_limit()
         controller = None
+        if not host:
+            self._check_range(trial)
         if host:
             context = Context(1.0 / trial.sample_rate, limit, self._linkage)
             controller = self._controllers.make(trial.mode, context)
@@ -124,6 +126,18 @@ class CanTarget(Target):
             trial, mode, controller, limit, self._position(trial), self._linkage, self._limits,
             self._constants(),
         )  # fmt: skip
+
+    def _check_range(self, trial: Trial) -> None:
+        """Refuse a reference that the drive's command cannot hold."""
+        values = trial.reference(trial.clock())
+        coding = self._drive.commands[trial.mode].coding
+        ends = sorted(coding.to_si(end) for end in (coding.low, coding.high))
+        if not ends[0] <= values.min() <= values.max() <= ends[1]:
+            raise InputError(
+                f"trial '{trial.id}' asks for {values.min():g} .. {values.max():g} "
+                f"{trial.mode.unit}, and signal {coding.signal} holds {ends[0]:g} .. {ends[1]:g}",
+                where=Place(file=str(self._drive.dbc)),
+            )
 
     def _current_limit(self) -> float:
         """Return what may be asked for: by the model, the limits and what the signal can hold."""

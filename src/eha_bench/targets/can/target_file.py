@@ -166,7 +166,9 @@ class LimitFile(StrictModel):
     low: Quantity | None = None
     high: Quantity | None = None
     rate: Annotated[Quantity | None, Field(description="largest change a second")] = None
-    stale: Annotated[Seconds | None, Field(description="oldest value that is used")] = None
+    stale: Annotated[
+        Seconds | None, Field(description="oldest value that is used; 12 ms if not given")
+    ] = None
     frozen: Annotated[
         Seconds | None, Field(description="longest time with exactly the same value")
     ] = None
