@@ -1,5 +1,6 @@
 """What is on the disk when the process is killed, or when the disk is full."""
 
+import json
 import os
 import random
 import resource
@@ -130,6 +131,31 @@ def test_a_full_disk_leaves_no_half_written_file(tmp_path: Path) -> None:
     with room_for(100_000), pytest.raises(RecordingError, match="cannot be written"):
         recordings.write(tmp_path / "a.mcap", recording)
     assert list(tmp_path.iterdir()) == []
+
+
+SUITE = """
+name: full
+defaults:
+  setup: {piston: locked}
+trials:
+  - {id: short, mode: current, duration: 0.1 s, signal: {kind: step, final: 5 A}}
+  - {id: long, mode: current, duration: 4 s, signal: {kind: sine, amplitude: 5 A, frequency: 1 Hz}}
+"""
+
+
+def test_a_disk_that_fills_during_a_run_stops_it_and_keeps_what_is_there(tmp_path: Path) -> None:
+    import eha_bench as eb
+
+    (tmp_path / "full.yaml").write_text(SUITE)
+    out = tmp_path / "out"
+    with room_for(60_000), pytest.raises(RecordingError, match=r"long-0.*cannot be written.*room"):
+        eb.run(tmp_path / "full.yaml", target="simulator", out=out)
+    assert [file.name for file in (out / "recordings").iterdir()] == ["short-0.mcap"]
+    kept = recordings.read(out / "recordings" / "short-0.mcap")
+    assert kept.time[-1] == pytest.approx(0.1, abs=0.0015)
+    result = json.loads((out / "result.json").read_text())
+    assert result["status"] == "incomplete"
+    assert [trial["id"] for trial in result["trials"] if trial["recording"]] == ["short"]
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
