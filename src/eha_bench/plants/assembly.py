@@ -163,7 +163,9 @@ def hook_names(hooks: ModuleType) -> tuple[str, ...]:
     )
 
 
-def assemble(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType) -> ModuleType:
+def assemble(
+    layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType, entry: str = "simulate"
+) -> ModuleType:
     """Return the kernel with the layout's effects in its hooks.
 
     Args:
@@ -171,6 +173,7 @@ def assemble(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType)
         modules: the kernel's own modules, each importing only from the ones before it; the last
             one holds the entry points.
         hooks: the module of the places where effects act.
+        entry: the compiled function that is called; the log says when it has to be compiled.
 
     Raises:
         PluginError: an effect names a hook or a quantity that the plant does not have.
@@ -192,7 +195,8 @@ def assemble(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType)
     kernel = importlib.util.module_from_spec(spec)
     sys.modules[name] = kernel
     spec.loader.exec_module(kernel)
-    if not any(Path(kernel.simulate.stats.cache_path).glob(f"{name}.simulate-*.nbi")):
+    cache = Path(getattr(kernel, entry).stats.cache_path)
+    if not any(cache.glob(f"{name}.{entry}-*.nbi")):
         _LOG.info("compiling the kernel of %s (once per machine)", layout.plant)
     return kernel
 

@@ -66,6 +66,18 @@ class Plant(ABC):
             (n, len(outputs)), SI.
         """
 
+    def sweep(self, vectors: FloatArray, drive: Drive, step: float) -> FloatArray:
+        """Return what `simulate` does for many parameter sets over the same input.
+
+        Args:
+            vectors: (m, len(P)), a set a row.
+            drive, step: as in `simulate`.
+
+        Returns:
+            (m, n, len(outputs)), SI.
+        """
+        return np.stack([self.simulate(vector, drive, step) for vector in vectors])
+
 
 def effects_of(plant: str) -> tuple[Effect, ...]:
     """Return all registered effects that apply to a plant, in the order of their ids."""

@@ -39,8 +39,8 @@ class OpenSession:
         Raises:
             InputError: a channel that is no state of the plant.
         """
-        self._run = plant.compiled.simulate
-        self._vector, self._step = vector, step
+        compiled, self._vector, self._effects = plant.kernel_for(vector)
+        self._run, self._step = compiled.simulate, step
         self._locked, self._bypass = locked, bypass_open
         self._time = np.zeros(_FIRST)
         self._commands = np.zeros(_FIRST)
@@ -49,7 +49,6 @@ class OpenSession:
         self._imposed = np.zeros((_FIRST, len(IMPOSED)))
         self._is_imposed = np.zeros(len(IMPOSED), dtype=np.bool_)
         self._out = np.full((_FIRST, len(plant.outputs)), np.nan)
-        self._effects = np.zeros(plant.layout.memory)
         self._state = plant.start_state(vector, initial)
         self._tick = 0
         self._advance(0, fresh=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
 
@@ -37,6 +38,17 @@ _STATE = {
 }
 
 
+@dataclass(frozen=True)
+class Inputs:
+    """A drive's inputs as arrays: commands (n,), signals (n, 2), imposed (n, 6) and which are."""
+
+    time: FloatArray
+    commands: FloatArray
+    signals: FloatArray
+    imposed: FloatArray
+    is_imposed: NDArray[np.bool_]
+
+
 class EhaKnee(Plant):
     """The knee EHA of the paper, Eq. (1)-(10), with every registered effect built in."""
 
@@ -60,6 +72,38 @@ class EhaKnee(Plant):
         """The kernel with all effects, compiled on first use."""
         return assemble(self.layout, (equations, kernel), hooks)
 
+    @cached_property
+    def _bare(self) -> Layout:
+        """The layout without any effect; its parameters are the first of every vector."""
+        full = self.layout
+        return Layout(full.plant, full.parameters, (), full.hooks, full.signals)
+
+    @cached_property
+    def _bare_compiled(self) -> ModuleType:
+        """The kernel without effects: bit for bit what the full one computes while all are off."""
+        return assemble(self._bare, (equations, kernel), hooks)
+
+    @cached_property
+    def _lockstep(self) -> ModuleType:
+        """The kernel of sweeps, compiled on first use."""
+        from eha_bench.plants.eha_knee import lockstep
+
+        return assemble(self._bare, (equations, kernel, lockstep), hooks, "sweep")
+
+    @cached_property
+    def _strengths(self) -> tuple[NDArray[np.intp], FloatArray]:
+        """Places of all effects' strengths, and the values at which they are off."""
+        effects = self.layout.effects
+        places = [self.layout.index[f"{effect.id}.{effect.strength.name}"] for effect in effects]
+        return np.array(places, dtype=np.intp), np.array([effect.neutral for effect in effects])
+
+    def kernel_for(self, vector: FloatArray) -> tuple[ModuleType, FloatArray, FloatArray]:
+        """Return the fastest kernel for some parameters, and its own vectors `P` and `S`."""
+        places, neutral = self._strengths
+        if (vector[places] != neutral).any():
+            return self.compiled, vector, np.zeros(self.layout.memory)
+        return self._bare_compiled, vector[: self._bare.size], np.zeros(self._bare.memory)
+
     def start_state(self, vector: FloatArray, initial: Mapping[str, float]) -> FloatArray:
         """Return the state vector behind what the sensors read first; the rest is at rest.
 
@@ -76,7 +120,8 @@ class EhaKnee(Plant):
                 )
             state[_STATE[name]] = value
         read = np.array([name in initial for name in IMPOSED])
-        self.compiled.settle(read, vector, np.zeros(self.layout.memory), state)
+        compiled, parameters, memory = self.kernel_for(vector)
+        compiled.settle(read, parameters, memory, state)
         return state
 
     def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
@@ -84,6 +129,76 @@ class EhaKnee(Plant):
 
         Raises:
             InputError: an input or a first value that this plant does not have.
+        """
+        n = drive.time.size
+        inputs = self._inputs(drive)
+        out = np.full((n, len(self.outputs)), np.nan)
+        compiled, parameters, memory = self.kernel_for(vector)
+        compiled.simulate(
+            drive.first,
+            n - 1,
+            inputs.time,
+            inputs.commands,
+            inputs.signals,
+            inputs.imposed,
+            inputs.is_imposed,
+            drive.locked,
+            drive.bypass_open,
+            step,
+            True,
+            parameters,
+            memory,
+            self.start_state(vector, drive.initial),
+            out,
+        )
+        return out
+
+    def sweep(self, vectors: FloatArray, drive: Drive, step: float) -> FloatArray:
+        """Return what `simulate` does for each row of parameters: (m, n, 6), SI.
+
+        Sets without effects and without friction that creeps go through SIMD registers several at a
+        time, which differs from `simulate` by rounding only; the rest one by one.
+
+        Raises:
+            InputError: as `simulate`.
+        """
+        inputs = self._inputs(drive)
+        out = np.empty((len(vectors), drive.time.size, len(self.outputs)))
+        together = np.zeros(len(vectors), dtype=np.bool_)
+        if not inputs.is_imposed.any():
+            places, neutral = self._strengths
+            creeps = [self.layout.index[name] for name in ("rod_creep_speed", "pump_creep_speed")]
+            together = (vectors[:, places] == neutral).all(axis=1)
+            together &= (vectors[:, creeps] <= 0.0).all(axis=1)
+        for row in np.flatnonzero(~together):
+            out[row] = self.simulate(vectors[row], drive, step)
+        rows = np.flatnonzero(together)
+        lanes = self._lockstep.LANES if rows.size else 1
+        for first in range(0, rows.size, lanes):
+            block = rows[first : first + lanes]
+            out[block] = self._block(vectors[block], drive, inputs, step)
+        return out
+
+    def _block(self, vectors: FloatArray, drive: Drive, inputs: Inputs, step: float) -> FloatArray:
+        """Return (m, n, 6) for at most as many sets as there are lanes."""
+        lanes, bare = self._lockstep.LANES, self._bare
+        # lanes that are left over repeat the last set
+        spread = np.minimum(np.arange(lanes), len(vectors) - 1)
+        parameters = np.ascontiguousarray(vectors[spread, : bare.size])
+        states = np.stack([self.start_state(vectors[row], drive.initial) for row in spread])
+        out = np.full((drive.time.size, len(self.outputs), lanes), np.nan)
+        self._lockstep.sweep(
+            drive.first, inputs.time, inputs.commands,
+            np.ascontiguousarray(inputs.signals[:, equations.FORCE]),
+            drive.locked, drive.bypass_open, step, parameters, states, np.zeros(bare.memory), out,
+        )  # fmt: skip
+        return out.transpose(2, 0, 1)[: len(vectors)]
+
+    def _inputs(self, drive: Drive) -> Inputs:
+        """Return a drive's inputs as the kernels take them.
+
+        Raises:
+            InputError: an input that this plant does not have.
         """
         n = drive.time.size
         imposed = np.zeros((n, len(IMPOSED)))
@@ -103,25 +218,8 @@ class EhaKnee(Plant):
                 raise InputError(
                     f"'{name}' cannot be an input of {self.id}", hint=f"inputs may be: {known}"
                 )
-        out = np.full((n, len(self.outputs)), np.nan)
-        self.compiled.simulate(
-            drive.first,
-            n - 1,
-            np.ascontiguousarray(drive.time, dtype=np.float64),
-            commands,
-            signals,
-            imposed,
-            is_imposed,
-            drive.locked,
-            drive.bypass_open,
-            step,
-            True,
-            vector,
-            np.zeros(self.layout.memory),
-            self.start_state(vector, drive.initial),
-            out,
-        )
-        return out
+        time = np.ascontiguousarray(drive.time, dtype=np.float64)
+        return Inputs(time, commands, signals, imposed, is_imposed)
 
     def session(
         self,
@@ -158,7 +256,8 @@ class Session:
         step: float,
     ) -> None:
         n = time.size
-        self._run = plant.compiled.simulate
+        compiled, self._vector, self._effects = plant.kernel_for(vector)
+        self._run = compiled.simulate
         self._time = np.ascontiguousarray(time, dtype=np.float64)
         self._commands = np.zeros(n)
         self._signals = _signals(n)
@@ -167,8 +266,6 @@ class Session:
         self._locked = locked
         self._bypass = bypass_open
         self._step = step
-        self._vector = vector
-        self._effects = np.zeros(plant.layout.memory)
         self._state = plant.start_state(vector, initial)
         self._tick = 0
         self.outputs = np.full((n, len(plant.outputs)), np.nan)
