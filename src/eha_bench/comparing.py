@@ -15,9 +15,12 @@ from eha_bench.core.result import Result, write_text
 from eha_bench.report import append_step_summary
 from eha_bench.report.comparison_markdown import comparison_markdown
 from eha_bench.report.comparison_report import write_comparison
+from eha_bench.report.trend_site import write_site
 from eha_bench.suites import Suite
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
+from eha_bench.trends.history import History, history_of
+from eha_bench.trends.index import update
 
 
 def compare(
@@ -82,3 +85,22 @@ def run_trials(
     by_run = {(run.id, run.repeat): by_id[run.id] for run in result.trials}
     write_reports(folder, result, by_run, folder)
     return result
+
+
+def history(folder: str | Path, out: str | Path | None = None, *, rebuild: bool = False) -> History:
+    """Follow every metric over many results; write a static site, history.json and an index.
+
+    Args:
+        folder: every result.json below it is a run.
+        out: folder of the site; `<folder>/history` if None.
+        rebuild: make the index anew from the results that are there.
+
+    Raises:
+        InputError: there is no result.
+    """
+    watched = Path(folder)
+    site = Path(out) if out is not None else watched / "history"
+    found = history_of(update(site / "index.sqlite", watched, rebuild=rebuild), str(folder))
+    found.write(site / "history.json")
+    write_site(site, found, watched)
+    return found

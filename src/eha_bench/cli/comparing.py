@@ -1,4 +1,4 @@
-"""`eha-bench compare`."""
+"""`eha-bench compare` and `eha-bench history`."""
 
 from __future__ import annotations
 
@@ -52,6 +52,43 @@ def compare(
     leave(found, strict=strict)
 
 
+def history(
+    folder: Annotated[Path, typer.Argument(help="Folder of result folders.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder of the site (default: DIR/history).")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print history.json.")] = False,
+    rebuild: Annotated[
+        bool, typer.Option("--rebuild", help="Make the index anew from the results there are.")
+    ] = False,
+    only_worse: Annotated[
+        bool, typer.Option("--only-worse", help="Leave with 0 where it drifted for the better.")
+    ] = False,
+) -> None:
+    """Follow every metric over many results: changes, control limits, drift; a static site."""
+    from eha_bench.comparing import history as follow
+    from eha_bench.report.engineering import metric_name, quantity
+    from eha_bench.report.trend_site import headline
+
+    found = follow(folder, out, rebuild=rebuild)
+    for problem in found.problems:
+        say(f"note: left out: {problem}")
+    for trend in found.drifted:
+        worse = {True: ", for the worse", False: ", for the better", None: ""}[trend.worse]
+        now = quantity(float(trend.values[-1]), trend.unit, metric=trend.metric)
+        was = quantity(float(trend.values[-1]) - trend.shift, trend.unit, metric=trend.metric)
+        say(
+            f"{trend.trial}: {metric_name(trend.metric)} {trend.state.value}: {was} -> {now}{worse}"
+        )
+    say(headline(found))
+    if json:
+        typer.echo(found.to_json(), nl=False)
+    else:
+        typer.echo(str((out or folder / "history") / "index.html"))
+    if found.exit_status(only_worse=only_worse):
+        raise typer.Exit(1)
+
+
 def say_verdicts(found: Comparison) -> None:
     """Print caveats, what is not the same, and the verdict."""
     from eha_bench.comparison.verdict import Verdict
@@ -84,3 +121,4 @@ def leave(found: Comparison, *, strict: bool) -> None:
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command()(compare)
+    app.command()(history)

@@ -1,0 +1,263 @@
+"""The static site of a history: an index of all metrics, a page a trend, links to each report."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from markupsafe import Markup
+
+from eha_bench.report.engineering import (
+    channel_name,
+    decimals_for,
+    metric_name,
+    number,
+)
+from eha_bench.report.page import Fact, write_page
+from eha_bench.report.run_report import moment
+from eha_bench.report.trend_plot import sparkline, trend_svg, unit_of
+from eha_bench.trends.history import History
+from eha_bench.trends.index import Night
+from eha_bench.trends.terms import Kind
+from eha_bench.trends.trend import State, Trend
+
+INDEX_NAME: Final = "index.html"
+_LOOKS: Final = {
+    State.OUT_OF_LIMITS: ("failed", "✕"),
+    State.STEPPED: ("failed", "⤒"),
+    State.DRIFTING: ("warned", "↗"),
+    State.NOT_SCORED: ("not_scored", "–"),
+    State.STEADY: ("passed", "✓"),
+    State.TOO_FEW: ("undecided", "?"),
+}
+
+
+@dataclass(frozen=True)
+class ChangeView:
+    """A change as a table shows it."""
+
+    when: str
+    kind: str
+    size: str
+    before: str
+    after: str
+    rig: str
+    href: str
+
+
+@dataclass(frozen=True)
+class TrendView:
+    """A trend as the index and its own page show it."""
+
+    page: str
+    trial: str
+    metric: str
+    channel: str
+    group: str
+    newest: str
+    unit: str
+    level: str
+    limits: str
+    shift: str
+    look: str
+    sign: str
+    state: str
+    direction: str
+    nights: int
+    missed: int
+    changes: tuple[ChangeView, ...]
+    last: str
+    spark: Markup
+
+
+def write_site(out: Path, history: History, folder: Path) -> Path:
+    """Write index.html and trends/*.html into a folder; return the index's path.
+
+    Args:
+        out: where the site goes; must exist.
+        history: what to show.
+        folder: that the nights' paths are relative to.
+    """
+    pages = out / "trends"
+    pages.mkdir(exist_ok=True)
+    several = len({(trend.suite, trend.target) for trend in history.trends}) > 1
+    reports = {night.id: _report(night, folder) for night in history.nights}
+    names = {night.id: _called(night) for night in history.nights}
+    from_site, from_pages = (_links(reports, where) for where in (out, pages))
+    views = []
+    for trend in history.trends:
+        view = _view(trend, names, from_pages, several=several)
+        views.append(view)
+        _write_trend(pages, view, trend, names, from_pages)
+    for stale in set(pages.glob("*.html")) - {pages / view.page for view in views}:
+        stale.unlink()
+    drifted = history.drifted
+    content = {
+        "history": history,
+        "look": "failed" if drifted else "passed",
+        "word": "The newest run drifted" if drifted else "Steady",
+        "headline": headline(history),
+        "notable": [view for view, trend in zip(views, history.trends, strict=True)
+                    if trend.state.drifted or trend.state is State.NOT_SCORED],
+        "trends": views,
+        "nights": [
+            (names[night.id], night, from_site[night.id]) for night in reversed(history.nights)
+        ][:100],
+    }  # fmt: skip
+    return write_page(out / INDEX_NAME, "history.html.j2", content, title="History")
+
+
+def headline(history: History) -> str:
+    """Return what was found, as a sentence."""
+    drifted = history.drifted
+    total = len(history.trends)
+    runs = f"{len(history.nights)} runs, {total} metric{'' if total == 1 else 's'}"
+    if not drifted:
+        return f"{runs}: none drifted in the newest run."
+    worse = sum(trend.worse is True for trend in drifted)
+    better = sum(trend.worse is False for trend in drifted)
+    parts = [
+        f"{worse} for the worse" if worse else "",
+        f"{better} for the better" if better else "",
+    ]
+    listed = ", ".join(part for part in parts if part)
+    return f"{runs}: {len(drifted)} drifted{f' ({listed})' if listed else ''}."
+
+
+def _report(night: Night, folder: Path) -> Path | None:
+    report = (folder / night.path).with_name("report.html")
+    return report.resolve() if report.is_file() else None
+
+
+def _links(reports: dict[int, Path | None], where: Path) -> dict[int, str]:
+    base = where.resolve()
+    return {
+        key: quote(Path(os.path.relpath(path, base)).as_posix(), safe="/") if path else ""
+        for key, path in reports.items()
+    }
+
+
+def _called(night: Night) -> str:
+    parts = [moment(night.started) or night.path, night.revision[:12]]
+    return ", ".join(part for part in parts if part)
+
+
+def _view(
+    trend: Trend, names: dict[int, str], links: dict[int, str], *, several: bool
+) -> TrendView:
+    unit = unit_of(trend)
+    newest = float(trend.values[-1])
+    places = decimals_for(unit.shown(newest), unit.difference(trend.course.sigma))
+
+    def shown(value: float) -> str:
+        return number(unit.shown(value), places) if math.isfinite(value) else number(math.nan)
+
+    def moved(value: float) -> str:
+        share = value / abs(trend.level) if trend.level else math.nan
+        text = number(round(unit.difference(value), places), places, sign=True)
+        text += unit.suffix
+        if math.isfinite(share) and unit.symbol != "%":
+            text += f" ({number(round(100.0 * share, 1), 1, sign=True)}\N{NO-BREAK SPACE}%)"
+        return text
+
+    changes = tuple(
+        ChangeView(
+            when=names[trend.nights[change.start].id],
+            kind="Step"
+            if change.kind is Kind.STEP
+            else trend.course.kink_word(change).capitalize(),
+            size=moved(change.size) + ("" if change.kind is Kind.STEP else " a night"),
+            before=trend.nights[change.start - 1].revision[:12],
+            after=trend.nights[change.start].revision[:12],
+            rig=_rig(trend.nights[change.start - 1], trend.nights[change.start]),
+            href=links[trend.nights[change.start].id],
+        )
+        for change in trend.course.changes
+    )
+    look, sign = _LOOKS[trend.state]
+    if trend.state.drifted and trend.worse is False:
+        look = "warned"
+    low, high = trend.limits
+    worse = {True: "for the worse", False: "for the better", None: ""}[trend.worse]
+    return TrendView(
+        page=_slug(trend),
+        trial=trend.trial,
+        metric=metric_name(trend.metric),
+        channel=channel_name(trend.channel) if trend.channel else "",
+        group=f"{trend.suite} on {trend.target}" if several else "",
+        newest=shown(newest),
+        unit=unit.symbol,
+        level=shown(trend.level),
+        limits=f"{shown(low)} … {shown(high)}" if math.isfinite(low + high) else "",
+        shift=moved(trend.shift) if trend.state.drifted else "",
+        look=look,
+        sign=sign,
+        state=trend.state.value,
+        direction=worse if trend.state.drifted else "",
+        nights=len(trend.nights),
+        missed=trend.missed,
+        changes=changes,
+        last=names[trend.nights[-1].id],
+        spark=sparkline(trend),
+    )
+
+
+def _rig(before: Night, after: Night) -> str:
+    """Return the rig at a change, and what else changed with it."""
+    rig = f"{after.target}, {after.host}" if after.host else after.target
+    parts = [rig]
+    if before.host and after.host and before.host != after.host:
+        parts.append(f"before: {before.host}")
+    for key, word in (
+        ("suite_sha256", "suite"),
+        ("model_sha256", "model"),
+        ("controller_sha256", "controller"),
+        ("version", "eha-bench"),
+    ):
+        if getattr(before, key) != getattr(after, key):
+            parts.append(f"another {word}" if key != "version" else "another eha-bench")
+    return "; ".join(parts)
+
+
+def _write_trend(
+    folder: Path,
+    view: TrendView,
+    trend: Trend,
+    names: dict[int, str],
+    links: dict[int, str],
+) -> None:
+    title = f"{view.metric} of {view.trial}"
+    called = [names[night.id] for night in trend.nights]
+    own = [links[night.id] for night in trend.nights]
+    facts: Sequence[Fact] = (
+        Fact("Suite", trend.suite),
+        Fact("Target", trend.target),
+        Fact("Trial", trend.trial),
+        Fact("Metric", trend.metric, code=True),
+        Fact("Channel", trend.channel, code=True),
+        Fact("Nights", f"{view.nights}, and {view.missed} without a value"),
+    )
+    content = {
+        "view": view,
+        "plot": trend_svg(trend, called, own, title=f"{title} over {view.nights} nights"),
+        "facts": facts,
+        "margin": number(unit_of(trend).difference(trend.margin)) + unit_of(trend).suffix,
+        "sigma": number(unit_of(trend).difference(trend.course.sigma)) + unit_of(trend).suffix,
+        "correlated": trend.course.widening > 1.0,
+    }
+    write_page(folder / view.page, "trend.html.j2", content, title=title)
+
+
+def _slug(trend: Trend) -> str:
+    """Return a file name of a trend, unique also where names differ in odd letters only."""
+    key = (trend.suite, trend.target, trend.trial, trend.metric, trend.channel, trend.unit)
+    digest = hashlib.sha256("\0".join(key).encode()).hexdigest()[:8]
+    readable = re.sub(r"[^A-Za-z0-9_.-]+", "_", f"{trend.trial}-{trend.metric}")[:80]
+    return f"{readable}-{digest}.html"

@@ -1,0 +1,1 @@
+"""Watching the nights: trends over many results, where they changed, whether the newest drifted."""

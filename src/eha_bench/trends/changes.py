@@ -1,0 +1,258 @@
+"""Where a series changed: steps and drifts, found together and each tested.
+
+Forward selection over steps, kinks (where a drift begins or ends) and episodes (a step up and
+down again, which neither edge explains alone), every term's place then searched anew with the
+others held, and terms removed that are not significant. The level of a test is shared between
+all places at which one was looked for (Bonferroni), so that a flat history has a false change
+with a probability of at most `alpha`.
+
+Looked at first: ruptures (Truong, Oudre and Vayatis 2020, doi:10.1016/j.sigpro.2019.107299). Its
+compiled costs find steps only, its cost for joined slopes takes seconds a series in Python, and
+its penalties are not error rates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from eha_bench.trends.noise import noise_of, without_outliers
+from eha_bench.trends.tails import chance
+from eha_bench.trends.terms import Kind, Term, design, gains
+
+FloatArray = NDArray[np.float64]
+
+FEWEST: Final = 8
+"""Nights below which nothing is said about changes."""
+
+_MOST_TERMS: Final = 16
+_ROUNDS: Final = 4
+_LONG: Final = 60
+_EPISODES: Final = (3, 5, 8, 13, 21, 34, 55, 89, 144)
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of a series.
+
+    Attributes:
+        start: index of the first night of the new regime.
+        kind: whether level or slope changed.
+        size: of the step in the series' unit, or of the slope in its unit a night.
+        p_value: corrected for all places looked at.
+    """
+
+    start: int
+    kind: Kind
+    size: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a series did: its changes, and the piecewise straight line through it.
+
+    Attributes:
+        changes: in order.
+        line: (n,) the level of every night.
+        slope: of the last stretch, per night.
+        sigma: standard deviation of a night about the line.
+        widening: by how much correlation between nights widens that of a mean.
+    """
+
+    changes: tuple[Change, ...]
+    line: FloatArray
+    slope: float
+    sigma: float
+    widening: float
+
+    def kink_word(self, change: Change) -> str:
+        """Return what happens to the drift at a change of slope."""
+        after = float(self.line[change.start + 1] - self.line[change.start])
+        before = after - change.size
+        if abs(before) <= 1e-6 * abs(change.size):
+            return "drift begins"
+        return "drift ends" if abs(after) <= 0.1 * abs(before) else "drift changes"
+
+
+def course_of(values: FloatArray, *, alpha: float) -> Course:
+    """Return the changes of a series of finite values, shape (n,).
+
+    Args:
+        values: one a night, in order.
+        alpha: probability of a false change in a series that has none.
+    """
+    if values.size < FEWEST:
+        middle = float(np.median(values)) if values.size else float("nan")
+        sigma = float(values.std(ddof=1)) if values.size > 1 else float("nan")
+        return Course((), np.full(values.size, middle), 0.0, sigma, 1.0)
+    found = noise_of(values)
+    # in units of its noise, about 0: no rounding, and no underflow
+    middle = float(np.median(values))
+    scaled = (values - middle) / found.sigma
+    clipped = without_outliers(scaled, 1.0)
+    search = _Search(clipped, scaled, alpha, found.widening)
+    terms = search.run()
+    matrix = design(terms, values.size)
+    sizes = np.linalg.lstsq(matrix, clipped, rcond=None)[0]
+    line = matrix @ sizes
+    p_values = search.p_values(terms)
+    changes = tuple(
+        Change(term.start, term.kind, float(size) * found.sigma, p)
+        for term, size, p in sorted(
+            zip(terms, sizes[1:], p_values, strict=True), key=lambda entry: entry[0]
+        )
+    )
+    slope = float(line[-1] - line[-2]) if terms and _slopes(terms) else 0.0
+    return Course(
+        changes,
+        middle + found.sigma * line,
+        slope * found.sigma,
+        search.sigma(terms) * found.sigma,
+        found.widening,
+    )
+
+
+def _slopes(terms: list[Term]) -> bool:
+    return any(term.kind is Kind.KINK for term in terms)
+
+
+class _Search:
+    """The search for the terms of one series (in units of its noise)."""
+
+    def __init__(self, values: FloatArray, raw: FloatArray, alpha: float, widening: float) -> None:
+        self._values = values
+        self._raw = raw
+        self._alpha = alpha
+        self._widening = widening
+        self._looks = 2 * values.size
+
+    def run(self) -> list[Term]:
+        """Return the significant terms."""
+        terms: list[Term] = []
+        while len(terms) < _MOST_TERMS:
+            grown = self._grown(terms)
+            if grown is None:
+                break
+            terms = grown
+        return self._pruned(terms)
+
+    def _squares(self, terms: list[Term]) -> float:
+        matrix = design(terms, self._values.size)
+        sizes = np.linalg.lstsq(matrix, self._values, rcond=None)[0]
+        return float(np.sum((self._values - matrix @ sizes) ** 2))
+
+    def sigma(self, terms: list[Term]) -> float:
+        """Return the standard deviation about the model."""
+        degrees = max(1, self._values.size - 1 - len(terms))
+        return float(np.sqrt(self._squares(terms) / degrees))
+
+    def _p_value(self, squares: float, gain: float, degrees: int) -> float:
+        """Return the corrected p-value of a term that lowers `squares` by `gain`."""
+        if degrees < 1:
+            return 1.0
+        # a night scatters by at least what its neighbours say, in units of which all this is
+        floor = 0.5 * degrees
+        error = self._widening**2 * max(squares - gain, floor) / degrees
+        p = 2.0 * float(stats.t.sf(np.sqrt(gain / error), degrees))
+        return min(1.0, self._looks * p)
+
+    def _grown(self, terms: list[Term]) -> list[Term] | None:
+        """Return the terms with the best further one, if it may be significant."""
+        squares = self._squares(terms)
+        degrees = self._values.size - 2 - len(terms)
+        best: tuple[float, list[Term]] | None = None
+        for kind in Kind:
+            found = gains(self._values, terms, kind)
+            start = int(np.argmax(found))
+            p = self._p_value(squares, float(found[start]), degrees)
+            if p <= self._alpha and (best is None or found[start] > best[0]):
+                best = float(found[start]), [*terms, Term(start, kind)]
+        if best is not None:
+            return self._settled(best[1])
+        episode = self._episode(terms)
+        if episode is None:
+            return None
+        grown = self._settled([*terms, *episode])
+        gain = squares - self._squares(grown)
+        # two terms at once: each place is one of about n * lengths, tested as one of two degrees
+        degrees -= 1
+        error = self._widening**2 * max(squares - gain, 0.5 * degrees) / max(1, degrees)
+        p = float(stats.f.sf(gain / 2.0 / error, 2, degrees)) if degrees > 0 else 1.0
+        looks = self._values.size * len(_EPISODES)
+        return grown if looks * p <= self._alpha else None
+
+    def _episode(self, terms: list[Term]) -> list[Term] | None:
+        """Return the two edges of the best passing change of level."""
+        basis, _ = np.linalg.qr(design(terms, self._values.size))
+        residual = self._values - basis @ (basis.T @ self._values)
+        total = np.concatenate(([0.0], np.cumsum(residual)))
+        inside = np.concatenate((np.zeros((1, basis.shape[1])), np.cumsum(basis, axis=0)))
+        best, edges = 0.0, None
+        for length in _EPISODES:
+            if length > self._values.size - 6:
+                break
+            onto = total[length:] - total[:-length]
+            within = inside[length:] - inside[:-length]
+            own = length - np.sum(within**2, axis=1)
+            found = np.where(own > 1e-6 * length, onto**2 / np.maximum(own, 1e-300), 0.0)
+            found[:3] = found[-3:] = 0.0
+            start = int(np.argmax(found))
+            if found[start] > best:
+                best = float(found[start])
+                edges = [Term(start, Kind.STEP), Term(start + length, Kind.STEP)]
+        return edges
+
+    def _settled(self, terms: list[Term]) -> list[Term]:
+        """Return the terms, each at its best place and of its best kind given the others."""
+        for _ in range(_ROUNDS):
+            before = list(terms)
+            for place in range(len(terms)):
+                others = [term for i, term in enumerate(terms) if i != place]
+                options = [(gains(self._values, others, kind), kind) for kind in Kind]
+                found, kind = max(options, key=lambda option: float(option[0].max()))
+                if found.max() > 0.0:
+                    terms[place] = Term(int(np.argmax(found)), kind)
+            if terms == before:
+                break
+        return terms
+
+    def p_values(self, terms: list[Term]) -> list[float]:
+        """Return the corrected p-value of each term given the others."""
+        matrix = design(terms, self._values.size)
+        sizes = np.linalg.lstsq(matrix, self._values, rcond=None)[0]
+        residuals = self._raw - matrix @ sizes
+        whole = float(np.sum((self._values - matrix @ sizes) ** 2))
+        degrees = self._values.size - 1 - len(terms)
+        found = []
+        for term, size in zip(terms, sizes[1:], strict=True):
+            without = self._squares([other for other in terms if other is not term])
+            p = self._p_value(without, without - whole, degrees)
+            found.append(max(p, self._by_tails(term, terms, float(size), residuals)))
+        return found
+
+    def _by_tails(self, term: Term, terms: list[Term], size: float, residuals: FloatArray) -> float:
+        """Return the corrected p-value of a short stretch beside a step, 0 where it is long."""
+        if term.kind is not Kind.STEP:
+            return 0.0
+        ends = sorted({0, self._values.size, *(other.start for other in terms)})
+        place = ends.index(term.start)
+        shorter = min(ends[place + 1] - term.start, term.start - ends[place - 1])
+        if shorter >= _LONG:
+            return 0.0
+        return min(1.0, self._looks * chance(residuals, shorter, size))
+
+    def _pruned(self, terms: list[Term]) -> list[Term]:
+        """Return the terms without those that the others made superfluous."""
+        terms = list(dict.fromkeys(terms))
+        while terms:
+            p_values = self.p_values(terms)
+            worst = int(np.argmax(p_values))
+            if p_values[worst] <= self._alpha:
+                break
+            terms = self._settled([term for i, term in enumerate(terms) if i != worst])
+        return sorted(terms)

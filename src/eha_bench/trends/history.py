@@ -1,0 +1,221 @@
+"""A history: the trends of every metric over many results, and its versioned JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from eha_bench.core.errors import EhaBenchError, InputError, Place
+from eha_bench.core.margin import parse_margin
+from eha_bench.core.metric import Better, metric_spec
+from eha_bench.core.result import write_text
+from eha_bench.trends.index import Entry, Index, Night
+from eha_bench.trends.terms import Kind
+from eha_bench.trends.trend import State, Trend, judge
+
+SCHEMA_VERSION: Final = 1
+DEFAULT_SHARE: Final = 0.005
+"""Of the level: the smallest change that matters where the suite does not say."""
+
+_SIGNS: Final = {Better.LOWER: -1, Better.HIGHER: 1}
+_AIMS: Final = {Better.NEARER_ZERO: 0.0, Better.NEARER_ONE: 1.0}
+_GRAVITY: Final = list(State)
+
+Key = tuple[str, str, str, str, str, str]
+
+
+@dataclass(frozen=True)
+class History:
+    """Trends of all metrics, the gravest first.
+
+    Attributes:
+        folder: what was watched.
+        nights: all runs, in order.
+        trends: of every metric of every trial, suite and target.
+        problems: results that could not be read, a sentence each.
+    """
+
+    folder: str
+    nights: tuple[Night, ...]
+    trends: tuple[Trend, ...]
+    problems: tuple[str, ...] = ()
+
+    @property
+    def drifted(self) -> tuple[Trend, ...]:
+        """Metrics in which the newest run is not what was."""
+        return tuple(trend for trend in self.trends if trend.state.drifted)
+
+    def exit_status(self, *, only_worse: bool = False) -> int:
+        """1 where the newest run drifted (`only_worse`: not for the better), else 0."""
+        found = [trend for trend in self.drifted if not only_worse or trend.worse is not False]
+        return int(bool(found))
+
+    def to_json(self) -> str:
+        """Return the history as JSON; NaN becomes null."""
+        places = {night.id: place for place, night in enumerate(self.nights)}
+        content = {
+            "schema_version": SCHEMA_VERSION,
+            "folder": self.folder,
+            "status": "drifted" if self.drifted else "steady",
+            "problems": list(self.problems),
+            "nights": [_night(night) for night in self.nights],
+            "trends": [_trend(trend, places) for trend in self.trends],
+        }
+        return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def write(self, path: Path) -> None:
+        """Write the JSON whole or not at all."""
+        write_text(path, self.to_json())
+
+
+def history_of(index: Index, folder: str) -> History:
+    """Return the trends of an index.
+
+    Raises:
+        InputError: there is no run in it.
+    """
+    if not index.nights:
+        raise InputError(
+            "holds no result"
+            + (f" that can be read ({index.problems[0]})" if index.problems else ""),
+            where=Place(file=folder),
+            hint="give a folder of result folders, e.g. the one that `run --out` writes into",
+        )
+    trends = sorted(
+        _trends(index),
+        key=lambda t: (_GRAVITY.index(t.state), -abs(_share(t)), t.suite, t.trial, t.metric),
+    )
+    return History(folder, index.nights, tuple(trends), index.problems)
+
+
+def _share(trend: Trend) -> float:
+    share = trend.shift / trend.margin if trend.margin > 0.0 and trend.state.drifted else 0.0
+    return share if math.isfinite(share) else 0.0
+
+
+def _trends(index: Index) -> Iterator[Trend]:
+    nights = {night.id: night for night in index.nights}
+    order = {night.id: place for place, night in enumerate(index.nights)}
+    by_group: dict[tuple[str, str], list[Night]] = {}
+    for night in index.nights:
+        by_group.setdefault((night.suite, night.target), []).append(night)
+    grouped: dict[Key, list[Entry]] = {}
+    for entry in index.entries:
+        night = nights[entry.run]
+        key = (night.suite, night.target, entry.trial, entry.metric, entry.channel, entry.unit)
+        grouped.setdefault(key, []).append(entry)
+    known = {
+        key: [e for e in entries if math.isfinite(e.value)] for key, entries in grouped.items()
+    }
+    family = sum(bool(entries) for entries in known.values()) or 1
+    for key, entries in known.items():
+        if not entries:
+            continue  # never scored: there is nothing to watch
+        entries.sort(key=lambda entry: order[entry.run])
+        all_nights = by_group[key[:2]]
+        seen = [nights[entry.run] for entry in entries]
+        since = [night for night in all_nights if order[night.id] >= order[seen[0].id]]
+        yield _judged(key, entries, tuple(seen), all_nights[-1], len(since) - len(seen), family)
+
+
+def _judged(
+    key: Key,
+    entries: list[Entry],
+    nights: tuple[Night, ...],
+    newest: Night,
+    missed: int,
+    family: int,
+) -> Trend:
+    values = np.array([entry.value for entry in entries])
+    better, aim = _direction(key[3])
+    margin = _margin(entries[-1], float(np.median(values)))
+    course, limits, drift, state = judge(
+        values, family=family, margin=margin, scored=nights[-1] is newest
+    )
+    return Trend(*key, better, aim, nights, values, course, limits, drift, margin, state, missed)
+
+
+def _direction(metric: str) -> tuple[int, float]:
+    try:
+        better = metric_spec(metric).better
+    except EhaBenchError:
+        return 0, math.nan
+    return _SIGNS.get(better, 0), _AIMS.get(better, math.nan)
+
+
+def _margin(entry: Entry, level: float) -> float:
+    if entry.matters:
+        try:
+            return parse_margin(entry.matters, entry.unit).about(level)
+        except EhaBenchError:
+            pass  # written for the metric on another channel
+    return DEFAULT_SHARE * abs(level)
+
+
+def _night(night: Night) -> dict[str, Any]:
+    return {
+        "path": night.path,
+        "started": night.started,
+        "suite": night.suite,
+        "target": night.target,
+        "host": night.host,
+        "revision": night.revision,
+        "version": night.version,
+        "status": night.status,
+    }
+
+
+def _trend(trend: Trend, places: dict[int, int]) -> dict[str, Any]:
+    return {
+        "suite": trend.suite,
+        "target": trend.target,
+        "trial": trend.trial,
+        "metric": trend.metric,
+        "channel": trend.channel,
+        "unit": trend.unit,
+        "state": trend.state.value,
+        "worse": trend.worse if trend.state.drifted else None,
+        "count": len(trend.nights),
+        "missed": trend.missed,
+        "newest": _number(float(trend.values[-1])),
+        "level": _number(trend.level),
+        "limits": [_number(limit) for limit in trend.limits],
+        "sigma": _number(trend.course.sigma),
+        "drift_since_change": _number(trend.drift),
+        "slope_per_night": _number(trend.course.slope),
+        "matters": _number(trend.margin),
+        "changes": [
+            {
+                "night": change.start,
+                "kind": "step" if change.kind is Kind.STEP else trend.course.kink_word(change),
+                "size": _number(change.size),
+                "p_value": _number(change.p_value),
+                "before": _place(trend.nights[change.start - 1]),
+                "at": _place(trend.nights[change.start]),
+            }
+            for change in trend.course.changes
+        ],
+        "values": [_number(float(value)) for value in trend.values],
+        "at": [places[night.id] for night in trend.nights],
+    }
+
+
+def _place(night: Night) -> dict[str, str]:
+    return {
+        "result": night.path,
+        "started": night.started,
+        "revision": night.revision,
+        "rig": night.target,
+        "host": night.host,
+        "suite_sha256": night.suite_sha256,
+    }
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

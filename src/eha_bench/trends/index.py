@@ -1,0 +1,208 @@
+"""The index of a history: one row a run and one a score, in SQLite, appended to.
+
+It is made from the result files and can be made anew from them at any time. Runs that are in it
+stay in it when their folder is deleted, so that a history outlives its recordings.
+"""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+import statistics
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from eha_bench.core.errors import EhaBenchError, InputError, Place
+from eha_bench.core.result import Result, Status
+
+VERSION: Final = 1
+RESULT_NAME: Final = "result.json"
+
+_TABLES: Final = f"""
+PRAGMA user_version = {VERSION};
+CREATE TABLE runs (
+  id INTEGER PRIMARY KEY, path TEXT NOT NULL UNIQUE, bytes INTEGER NOT NULL,
+  changed INTEGER NOT NULL, started TEXT NOT NULL, suite TEXT NOT NULL, target TEXT NOT NULL,
+  status TEXT NOT NULL, revision TEXT NOT NULL, host TEXT NOT NULL, version TEXT NOT NULL,
+  suite_sha256 TEXT NOT NULL, model_sha256 TEXT NOT NULL, controller_sha256 TEXT NOT NULL
+);
+CREATE TABLE scores (
+  run INTEGER NOT NULL REFERENCES runs (id), trial TEXT NOT NULL, metric TEXT NOT NULL,
+  channel TEXT NOT NULL, unit TEXT NOT NULL, value REAL, repeats INTEGER NOT NULL,
+  bound TEXT NOT NULL, matters TEXT NOT NULL
+);
+"""
+
+
+@dataclass(frozen=True)
+class Night:
+    """One run: where its result is (relative to the folder that is watched), and what was run."""
+
+    id: int
+    path: str
+    started: str
+    suite: str
+    target: str
+    status: str
+    revision: str
+    host: str
+    version: str
+    suite_sha256: str
+    model_sha256: str
+    controller_sha256: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The median of one metric over the repeats of one run, SI; NaN if it was not scored."""
+
+    run: int
+    trial: str
+    metric: str
+    channel: str
+    unit: str
+    value: float
+    repeats: int
+    bound: str
+    matters: str
+
+
+@dataclass(frozen=True)
+class Index:
+    """What an index holds, and what could not be read on the way."""
+
+    nights: tuple[Night, ...]
+    entries: tuple[Entry, ...]
+    problems: tuple[str, ...]
+
+
+def update(file: Path, folder: Path, *, rebuild: bool = False) -> Index:
+    """Bring an index up to date with the results below a folder, and return it.
+
+    Args:
+        file: the index; made where there is none.
+        folder: watched folder; every result.json below it is a run.
+        rebuild: make it anew from what is there.
+
+    Raises:
+        InputError: the folder is not there, or the file is not an index.
+    """
+    if not folder.is_dir():
+        raise InputError("no such folder", where=Place(file=str(folder)))
+    if rebuild:
+        file.unlink(missing_ok=True)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with closing(sqlite3.connect(file)) as database, database:
+            _prepare(database, file)
+            problems = _append(database, folder)
+            return Index(tuple(_nights(database)), tuple(_entries(database)), tuple(problems))
+    except sqlite3.DatabaseError as error:
+        raise InputError(
+            f"not an index of a history ({error})",
+            where=Place(file=str(file)),
+            hint="make it anew with --rebuild",
+        ) from error
+
+
+def _prepare(database: sqlite3.Connection, file: Path) -> None:
+    version = database.execute("PRAGMA user_version").fetchone()[0]
+    if version == 0 and not database.execute("SELECT name FROM sqlite_master").fetchall():
+        database.executescript(_TABLES)
+    elif version != VERSION:
+        raise InputError(
+            f"an index of version {version}, not {VERSION}",
+            where=Place(file=str(file)),
+            hint="make it anew with --rebuild",
+        )
+
+
+def _append(database: sqlite3.Connection, folder: Path) -> list[str]:
+    known = {
+        path: (size, changed, key)
+        for key, path, size, changed in database.execute(
+            "SELECT id, path, bytes, changed FROM runs"
+        )
+    }
+    problems = []
+    for path in sorted(folder.rglob(RESULT_NAME)):
+        name = path.relative_to(folder).as_posix()
+        about = path.stat()
+        stamp = (about.st_size, about.st_mtime_ns)
+        if name in known and known[name][:2] == stamp:
+            continue
+        try:
+            result = Result.read(path)
+        except EhaBenchError as error:
+            problems.append(str(error))
+            continue
+        if name in known:  # the folder was used again: the run that was in it is no more
+            database.execute("DELETE FROM scores WHERE run = ?", (known[name][2],))
+            database.execute("DELETE FROM runs WHERE id = ?", (known[name][2],))
+        _add(database, name, stamp, result)
+    return problems
+
+
+def _add(database: sqlite3.Connection, name: str, stamp: tuple[int, int], result: Result) -> None:
+    said = result.provenance
+    keys = ("revision", "host", "version", "suite_sha256", "model_sha256", "controller_sha256")
+    started = said.get("started") or datetime.fromtimestamp(stamp[1] / 1e9, UTC).isoformat()
+    row = (
+        name, *stamp, started, result.suite, result.target, result.status.value,
+        *(said.get(key, "") for key in keys),
+    )  # fmt: skip
+    key = database.execute(
+        f"INSERT INTO runs VALUES (NULL, {', '.join('?' * len(row))})", row
+    ).lastrowid
+    database.executemany(
+        "INSERT INTO scores VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        [(key, *entry) for entry in _scores(result)],
+    )
+
+
+def _scores(
+    result: Result,
+) -> Iterator[tuple[str, str, str, str, float | None, int, str, str]]:
+    grouped: dict[tuple[str, str, str, str], list[float]] = {}
+    about: dict[tuple[str, str, str, str], tuple[str, str]] = {}
+    for trial in result.trials:
+        if trial.status not in (Status.PASSED, Status.FAILED):
+            continue
+        for score in trial.scores:
+            key = (trial.id, score.metric, score.channel, score.unit)
+            values = grouped.setdefault(key, [])
+            about.setdefault(key, (score.limit, score.matters))
+            if math.isfinite(score.value):
+                values.append(score.value)
+    for key, values in grouped.items():
+        yield (*key, statistics.median(values) if values else None, len(values), *about[key])
+
+
+def _nights(database: sqlite3.Connection) -> Iterator[Night]:
+    rows = database.execute(
+        "SELECT id, path, started, suite, target, status, revision, host, version, suite_sha256,"
+        " model_sha256, controller_sha256 FROM runs"
+    )
+    # by the instant: time zones differ
+    yield from sorted((Night(*row) for row in rows), key=lambda n: (_instant(n.started), n.path))
+
+
+def _instant(text: str) -> float:
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return 0.0
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def _entries(database: sqlite3.Connection) -> Iterator[Entry]:
+    rows = database.execute(
+        "SELECT run, trial, metric, channel, unit, value, repeats, bound, matters FROM scores"
+    )
+    for run, trial, metric, channel, unit, value, *rest in rows:
+        number = math.nan if value is None else value
+        yield Entry(run, trial, metric, channel, unit, number, *rest)
