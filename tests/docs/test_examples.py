@@ -1,0 +1,52 @@
+"""The examples run, and print what they promise."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pages import ROOT
+
+EXAMPLES = ROOT / "examples"
+SKIPPED = 77
+
+pytestmark = pytest.mark.slow
+
+
+def run(script: str, folder: Path) -> str:
+    """Run an example into a folder and return what it printed."""
+    command = [sys.executable, str(EXAMPLES / script), str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=500)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_the_paper_is_reproduced(tmp_path: Path) -> None:
+    printed = run("paper_reproduced.py", tmp_path)
+    rows = [line for line in printed.splitlines() if " % " in line or line.endswith("%")]
+    assert len(rows) == 8
+    assert printed.count("passed") == 2
+    assert (tmp_path / "physical" / "report.html").is_file()
+
+
+def test_controllers_are_compared(tmp_path: Path) -> None:
+    printed = run("compare_controllers/compare_controllers.py", tmp_path)
+    assert "steady_state_error: worse" in printed
+    assert (tmp_path / "comparison" / "comparison.html").is_file()
+
+
+def test_the_loop_is_closed_on_measured_data(tmp_path: Path, shared_data: Path) -> None:
+    assert shared_data.is_dir()
+    printed = run("close_the_loop_on_emps.py", tmp_path)
+    assert "verdict: effect" in printed
+    assert "coulomb_friction in the force equation" in printed
+
+
+def test_without_the_measurements_it_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("EHA_BENCH_SHARED", str(tmp_path))
+    command = [sys.executable, str(EXAMPLES / "close_the_loop_on_emps.py"), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == SKIPPED
+    assert "skipped: no measurements at" in done.stderr
