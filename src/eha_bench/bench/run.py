@@ -12,6 +12,7 @@ import numpy as np
 
 from eha_bench.bench.budget import Budget
 from eha_bench.bench.folder import ResultFolder
+from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
 from eha_bench.bench.scoring import judge, judge_together
@@ -197,7 +198,11 @@ def _run_one(
     if ending is not Ending.COMPLETE:
         digest = file_sha256(path) if relative else ""
         status, reason = _STATUS[ending], f"{ending.value}: {reason}"
-        return TrialResult(trial.id, repeat, status, relative, digest, reason=reason), ending
+        notes = tuple(filter(None, (loop_note(metadata),)))
+        stopped = TrialResult(
+            trial.id, repeat, status, relative, digest, reason=reason, notes=notes
+        )
+        return stopped, ending
     judged = judge(outcome.recording, trial, repeat)
     return replace(judged, recording=relative, sha256=file_sha256(path)), ending
 

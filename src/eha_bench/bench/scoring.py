@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
 from eha_bench.core.errors import InputError, Place
@@ -27,6 +28,7 @@ def judge(recording: Recording, trial: Trial, repeat: int) -> TrialResult:
     scores = score(recording, trial)
     unhealthy = recording.metadata.get("loop_unhealthy", "")
     reason = f"not scored: loop: {unhealthy}" if unhealthy else ""
+    loop = loop_note(recording.metadata)
     if unhealthy:
         scores = tuple(_withheld(item, reason) for item in scores)
     return TrialResult(
@@ -37,7 +39,7 @@ def judge(recording: Recording, trial: Trial, repeat: int) -> TrialResult:
         sha256="",
         scores=scores,
         reason=reason,
-        notes=recording.notes,
+        notes=(*recording.notes, *([loop] if loop else [])),
         definition=definition_of(trial.source),
     )
 
@@ -111,6 +113,7 @@ def score_recordings(
                 scores=judged.scores,
                 reason=recording.metadata.get("ending_reason", "") or judged.reason,
                 notes=judged.notes,
+                definition=judged.definition,
             )
         )
     for name, limits in {key[0]: one.limits for key, one in used.items()}.items():

@@ -41,6 +41,9 @@ def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) 
         f"{result.status.value}",
         as_text(headline(result)),
     ]
+    told = _of_the_run(result.provenance)
+    if told:
+        parts.append(as_text(told))
     stopped = [run for run in result.trials if run.reason]
     if stopped:
         parts.append(
@@ -75,6 +78,20 @@ def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) 
         )
     )
     return "\n\n".join(parts) + "\n"
+
+
+def _of_the_run(provenance: Mapping[str, str]) -> str:
+    """Return when a run was, what was run again and what stopped it, as far as that is known."""
+    started, finished = provenance.get("started", ""), provenance.get("finished", "")
+    when = f"started {started}" + (f", finished {finished}" if finished else "")
+    retries, stopped_by = provenance.get("retries", ""), provenance.get("stopped_by", "")
+    parts = [
+        when if started else "",
+        f"on {provenance['host']}" if provenance.get("host") else "",
+        f"{retries} run again for their infrastructure" if retries else "",
+        f"stopped by: {stopped_by}" if stopped_by else "",
+    ]
+    return "; ".join(part for part in parts if part)
 
 
 def append_step_summary(text: str, environment: Mapping[str, str] | None = None) -> bool:
