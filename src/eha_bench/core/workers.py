@@ -1,0 +1,310 @@
+"""Where many of the same run: here, in local processes, on a Dask or a Ray cluster, by joblib.
+
+Everything that is done many times (trials on a simulator, candidates, blind cases, sweeps) goes
+through `Workers.outcomes`: the same functions on the same items give the same results wherever they
+run. A worker that dies is replaced, and what it was doing is tried again; an item that takes its
+worker down again and again is reported as an error of its own, and all others are finished.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import traceback
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+from eha_bench.core.errors import EhaBenchError, InputError
+
+Item = TypeVar("Item")
+Value = TypeVar("Value")
+
+TRIES = 3
+"""How often an item is tried that takes its worker down."""
+
+
+class WorkError(EhaBenchError):
+    """An item could not be done."""
+
+    def __init__(self, what: str, *, trace: str = "", status: int = 2) -> None:
+        super().__init__(what)
+        self.trace = trace
+        self.exit_status = status  # type: ignore[misc]  # that of the error it stands for
+
+
+@dataclass(frozen=True)
+class Outcome(Generic[Value]):
+    """What became of an item: its value, or the error that it ended with.
+
+    Attributes:
+        index: place of the item.
+        value: what the function returned; None after an error.
+        error: one sentence; the trace of an error that is none of ours in `error.trace`.
+    """
+
+    index: int
+    value: Value | None = None
+    error: WorkError | None = None
+
+    def get(self) -> Value:
+        """Return the value.
+
+        Raises:
+            WorkError: there is none.
+        """
+        if self.error is not None:
+            raise self.error
+        value: Value = self.value  # type: ignore[assignment]  # no error: the function's own None
+        return value
+
+
+class Workers(ABC):
+    """Somewhere to run a function on many items."""
+
+    @abstractmethod
+    def _backend(self) -> AbstractContextManager[object]:
+        """Enter joblib's backend."""
+
+    @property
+    @abstractmethod
+    def count(self) -> int:
+        """How many items run at a time."""
+
+    _returns_one_by_one: ClassVar[bool] = True
+
+    def outcomes(
+        self, function: Callable[[Item], Value], items: Sequence[Item]
+    ) -> Iterator[Outcome[Value]]:
+        """Yield the outcome of each item as it comes, in any order; every item comes once.
+
+        Args:
+            function: of one item; what it needs is pickled with it, so name a module's function.
+            items: what to do, each picklable.
+        """
+        waiting = dict(enumerate(items))
+        tries = dict.fromkeys(waiting, 0)
+        lost = 0
+        while waiting:
+            # one at a time once a worker has died twice: then it is known which item did it
+            alone = lost >= TRIES - 1
+            chosen = list(waiting)[: 2 * self.count if alone else None]
+            for group in [[index] for index in chosen] if alone else [chosen]:
+                try:
+                    for outcome in self._each(function, [(n, waiting[n]) for n in group]):
+                        del waiting[outcome.index]
+                        yield outcome
+                except Exception as error:
+                    if not _is_lost_worker(error):
+                        raise
+                    lost += 1
+                    if alone:
+                        tries[group[0]] += 1
+                    if tries[group[0]] >= TRIES:
+                        del waiting[group[0]]
+                        told = f"its worker died each of {TRIES} times ({type(error).__name__})"
+                        yield Outcome(group[0], error=WorkError(told, status=3))
+            if alone and not set(chosen) & set(waiting):
+                lost = 0
+
+    def ordered(
+        self, function: Callable[[Item], Value], items: Sequence[Item]
+    ) -> Iterator[Outcome[Value]]:
+        """Yield the outcomes in the order of the items, each as soon as all before it are there."""
+        early: dict[int, Outcome[Value]] = {}
+        expected = 0
+        for outcome in self.outcomes(function, items):
+            early[outcome.index] = outcome
+            while expected in early:
+                yield early.pop(expected)
+                expected += 1
+
+    def map(self, function: Callable[[Item], Value], items: Sequence[Item]) -> list[Value]:
+        """Return the values in the order of the items.
+
+        Raises:
+            WorkError: an item could not be done; all others were.
+        """
+        return [outcome.get() for outcome in list(self.ordered(function, items))]
+
+    def _each(
+        self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
+    ) -> Iterator[Outcome[Value]]:
+        from joblib import Parallel, delayed
+
+        calls = (delayed(_done)(function, index, item) for index, item in numbered)
+        with self._backend():
+            if not self._returns_one_by_one:
+                yield from Parallel()(calls)
+                return
+            # one item a batch, and few ahead: what dies takes little with it
+            yield from Parallel(
+                return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
+            )(calls)
+
+
+def _done(function: Callable[[Item], Value], index: int, item: Item) -> Outcome[Value]:
+    """Return an item's outcome; errors travel as text, as not all of them can be pickled."""
+    try:
+        return Outcome(index, function(item))
+    except EhaBenchError as error:
+        return Outcome(index, error=WorkError(str(error), status=error.exit_status))
+    except Exception as error:
+        told = f"{type(error).__name__}: {error}"
+        return Outcome(index, error=WorkError(told, trace=traceback.format_exc(), status=3))
+
+
+def _is_lost_worker(error: Exception) -> bool:
+    names = {"TerminatedWorkerError", "BrokenProcessPool", "KilledWorker", "WorkerCrashedError"}
+    return any(kind.__name__ in names for kind in type(error).__mro__)
+
+
+@dataclass(frozen=True)
+class Here(Workers):
+    """This process, one item after the other."""
+
+    @property
+    def count(self) -> int:
+        """One."""
+        return 1
+
+    def _backend(self) -> AbstractContextManager[object]:
+        return nullcontext()
+
+    def _each(
+        self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
+    ) -> Iterator[Outcome[Value]]:
+        for index, item in numbered:
+            yield _done(function, index, item)
+
+
+@dataclass(frozen=True)
+class Processes(Workers):
+    """Processes on this machine."""
+
+    processes: int
+
+    @property
+    def count(self) -> int:
+        """The processes."""
+        return self.processes
+
+    def _backend(self) -> AbstractContextManager[object]:
+        from joblib import parallel_config
+
+        # never one: joblib would run it in this process, which a bad item could take down
+        context: AbstractContextManager[object] = parallel_config(
+            backend="loky", n_jobs=max(2, self.processes), inner_max_num_threads=1
+        )
+        return context
+
+
+_CLIENTS: dict[str, Any] = {}
+_PATIENCE = 10.0
+"""Time for a scheduler to answer, s."""
+
+
+@dataclass(frozen=True)
+class DaskCluster(Workers):
+    """Workers of a Dask cluster; its scheduler tries what a dead worker did on another one."""
+
+    address: str
+
+    @property
+    def count(self) -> int:
+        """Threads of all workers that are there now."""
+        threads: dict[str, int] = self._client().nthreads()
+        return max(1, sum(threads.values()))
+
+    def _client(self) -> Any:
+        try:
+            import distributed
+        except ImportError as error:
+            raise InputError(
+                "--workers dask://... needs Dask", hint="pip install 'eha-bench[dask]'"
+            ) from error
+        client = _CLIENTS.get(self.address)
+        if client is not None and client.status == "running":
+            return client
+        connect: Any = distributed.Client
+        try:
+            _CLIENTS[self.address] = connect(self.address, timeout=_PATIENCE, set_as_default=False)
+        except OSError as error:
+            raise InputError(
+                f"no Dask scheduler answers at {self.address}",
+                hint="start one with `dask scheduler`, and workers with `dask worker`",
+            ) from error
+        return _CLIENTS[self.address]
+
+    def _backend(self) -> AbstractContextManager[object]:
+        from joblib import parallel_config
+
+        context: AbstractContextManager[object] = parallel_config(
+            backend="dask", client=self._client(), n_jobs=-1
+        )
+        return context
+
+
+@dataclass(frozen=True)
+class RayCluster(Workers):
+    """Workers of a Ray cluster."""
+
+    address: str
+    _returns_one_by_one: ClassVar[bool] = False
+
+    @property
+    def count(self) -> int:
+        """Processors of the cluster."""
+        self._connect()
+        import ray
+
+        return max(1, int(ray.cluster_resources().get("CPU", 1)))
+
+    def _connect(self) -> None:
+        try:
+            import ray
+            from ray.util.joblib import register_ray
+        except ImportError as error:
+            raise InputError("--workers ray://... needs Ray", hint="pip install ray") from error
+        if not ray.is_initialized():
+            try:
+                ray.init(address=self.address, log_to_driver=False)
+            except Exception as error:  # Ray raises errors of many kinds
+                raise InputError(f"no Ray cluster answers at {self.address} ({error})") from error
+        register_ray()
+
+    def _backend(self) -> AbstractContextManager[object]:
+        self._connect()
+        from joblib import parallel_config
+
+        context: AbstractContextManager[object] = parallel_config(backend="ray", n_jobs=-1)
+        return context
+
+
+_CLUSTER = re.compile(r"(dask|ray)://([^/\s]+:\d+)/?")
+
+
+def workers_from(text: str | int | None) -> Workers:
+    """Return the workers that `--workers` names.
+
+    Args:
+        text: a number of processes (0: one a processor), `dask://host:port`, `ray://host:port`;
+            nothing: this process.
+
+    Raises:
+        InputError: none of these.
+    """
+    if text is None or text == "":
+        return Here()
+    if str(text).isdecimal():
+        count = int(text) or os.cpu_count() or 1
+        return Processes(count) if count > 1 else Here()
+    match = _CLUSTER.fullmatch(str(text))
+    if match is None:
+        raise InputError(
+            f"--workers '{text}' is not understood",
+            hint="give a number of processes, dask://host:port or ray://host:port",
+        )
+    return DaskCluster(f"tcp://{match[2]}") if match[1] == "dask" else RayCluster(str(text))

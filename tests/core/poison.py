@@ -1,0 +1,36 @@
+"""Work for the tests of workers: it must be importable where it runs."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+
+def square(x: float) -> float:
+    return x * x
+
+
+def fails_on_three(x: int) -> int:
+    if x == 3:
+        raise ValueError("three is no good")
+    return x
+
+
+def kills_on_three(x: int) -> int:
+    if x == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.01)
+    return 10 * x
+
+
+def kills_once(task: tuple[int, str]) -> int:
+    x, flag = task
+    if x == 3 and not Path(flag).exists():
+        Path(flag).write_text("done")
+        os.kill(os.getpid(), signal.SIGKILL)
+    return 10 * x
+
+
+def slow_square(x: float) -> tuple[float, int]:
+    time.sleep(0.25)
+    return x * x, os.getpid()

@@ -1,0 +1,144 @@
+"""Many of the same: the same results wherever they run, and nobody's death costs the others."""
+
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from poison import fails_on_three, kills_on_three, kills_once, slow_square, square
+
+from eha_bench.core.errors import InputError
+from eha_bench.core.workers import (
+    DaskCluster,
+    Here,
+    Processes,
+    RayCluster,
+    WorkError,
+    Workers,
+    workers_from,
+)
+
+ITEMS = [0.1 * k for k in range(20)]
+
+
+@pytest.mark.parametrize("workers", [Here(), Processes(2)], ids=["here", "processes"])
+def test_the_results_are_those_of_one_process_in_order(workers: Workers) -> None:
+    assert workers.map(square, ITEMS) == [x * x for x in ITEMS]
+    assert workers.map(square, []) == []
+
+
+@pytest.mark.parametrize("workers", [Here(), Processes(2)], ids=["here", "processes"])
+def test_an_error_costs_its_own_item_only(workers: Workers) -> None:
+    found = list(workers.ordered(fails_on_three, range(6)))
+    assert [outcome.value for outcome in found] == [0, 1, 2, None, 4, 5]
+    assert str(found[3].error) == "ValueError: three is no good"
+    assert found[3].error is not None
+    assert "fails_on_three" in found[3].error.trace
+    with pytest.raises(WorkError, match="three is no good"):
+        workers.map(fails_on_three, range(6))
+
+
+def test_what_a_dead_worker_was_doing_is_done_again(tmp_path: Path) -> None:
+    tasks = [(k, str(tmp_path / "died")) for k in range(8)]
+    assert Processes(2).map(kills_once, tasks) == [10 * k for k in range(8)]
+    assert (tmp_path / "died").exists()
+
+
+@pytest.mark.slow
+def test_what_kills_every_worker_is_told_and_the_rest_is_done() -> None:
+    found = list(Processes(2).ordered(kills_on_three, range(12)))
+    assert [outcome.value for outcome in found] == [None if k == 3 else 10 * k for k in range(12)]
+    assert "its worker died each of 3 times" in str(found[3].error)
+
+
+def test_workers_by_name() -> None:
+    assert workers_from(None) == workers_from("") == workers_from("1") == Here()
+    assert workers_from("3") == workers_from(3) == Processes(3)
+    assert workers_from("0").count == (os.cpu_count() or 1)
+    assert workers_from("dask://10.0.0.1:8786") == DaskCluster("tcp://10.0.0.1:8786")
+    assert workers_from("ray://head:10001") == RayCluster("ray://head:10001")
+    for wrong in ("many", "-2", "dask://nowhere", "http://a:1", "2.5"):
+        with pytest.raises(InputError, match=r"dask://host:port"):
+            workers_from(wrong)
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_does_not_answer_is_told() -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
+        DaskCluster("tcp://127.0.0.1:1").map(square, ITEMS)
+
+
+class Cluster:
+    """A scheduler and workers as processes on this machine, as `dask scheduler` starts them."""
+
+    def __init__(self, folder: Path, workers: int) -> None:
+        self.file = folder / "scheduler.json"
+        self.environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
+        self.folder = folder
+        self.processes = [self.start("scheduler", "--no-dashboard", "--host", "127.0.0.1",
+                                     "--port", "0")]  # fmt: skip
+        self.workers = [
+            self.start("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard")
+            for _ in range(workers)
+        ]
+        self.processes += self.workers
+
+    def start(self, what: str, *options: str) -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(
+            [sys.executable, "-m", "dask", what, "--scheduler-file", str(self.file), *options],
+            cwd=self.folder, env=self.environment, stderr=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+
+    @property
+    def name(self) -> str:
+        import json
+
+        deadline = time.monotonic() + 60.0
+        while not self.file.exists():
+            assert time.monotonic() < deadline, "the scheduler does not start"
+            time.sleep(0.1)
+        return str(json.loads(self.file.read_text())["address"]).replace("tcp://", "dask://")
+
+    def stop(self) -> None:
+        for process in self.processes:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    distributed = pytest.importorskip("distributed")
+    started = Cluster(tmp_path, 2)
+    client = distributed.Client(
+        started.name.replace("dask://", "tcp://"), timeout=60, set_as_default=False
+    )
+    try:
+        client.wait_for_workers(2, timeout=60)
+        yield started
+    finally:
+        client.close()
+        started.stop()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+def test_a_dask_cluster_gives_the_same_though_a_worker_is_killed(cluster: Cluster) -> None:
+    workers = workers_from(cluster.name)
+    assert workers.count == 2
+    found, places = [], set()
+    for outcome in workers.ordered(slow_square, ITEMS):
+        value, place = outcome.get()
+        found.append(value)
+        places.add(place)
+        if len(found) == 4:
+            cluster.workers[0].kill()
+    assert found == [x * x for x in ITEMS]
+    assert cluster.workers[1].pid in places
+    assert len(places) == 2
+    assert workers.map(math.sqrt, ITEMS) == [math.sqrt(x) for x in ITEMS]
