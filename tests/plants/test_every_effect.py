@@ -41,6 +41,7 @@ def _starts(effect: Effect) -> list[dict[str, float]]:
 CASES = [
     pytest.param(effect.id, start, id=f"{effect.id}-{number}")
     for effect in EFFECTS.values()
+    if "eha_knee" in effect.actions
     for number, start in enumerate(_starts(effect))
 ]
 

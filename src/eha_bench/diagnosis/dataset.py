@@ -13,22 +13,12 @@ from pydantic import Field
 from eha_bench.core import yaml_file
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.recording import Recording
+from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.model import Model, load_model
+from eha_bench.plants.static_plant import StaticPlant
 
-
-class Piston(StrEnum):
-    """Whether the rod is held at its first position."""
-
-    FREE = "free"
-    LOCKED = "locked"
-
-
-class Bypass(StrEnum):
-    """Whether the two ports are connected."""
-
-    CLOSED = "closed"
-    OPEN = "open"
+_FEWEST = 10
 
 
 class Use(StrEnum):
@@ -170,7 +160,7 @@ def load_dataset(path: Path) -> Dataset:
                 entry.piston is Piston.LOCKED,
                 entry.bypass is Bypass.OPEN,
                 entry.use,
-                _reader(log, channels),
+                _reader(log, channels, 1 if isinstance(model.plant, StaticPlant) else _FEWEST),
             )
         )
     if not any(run.use is Use.TRAIN for run in runs):
@@ -180,13 +170,13 @@ def load_dataset(path: Path) -> Dataset:
     return Dataset(model, tuple(file.inputs), tuple(runs), str(path))
 
 
-def _reader(log: Path, channels: Path | None) -> Callable[[], Recording]:
+def _reader(log: Path, channels: Path | None, fewest: int) -> Callable[[], Recording]:
     def read() -> Recording:
         # imported here: reading formats pulls in large libraries that a schema check needs not
         from eha_bench.recordings import read as read_recording
 
         recording = read_recording(log, channels=channels)
-        if len(recording) < 10:
+        if len(recording) < fewest:
             raise InputError(
                 f"only {len(recording)} samples, too few to hold a model against",
                 where=Place(file=str(log)),

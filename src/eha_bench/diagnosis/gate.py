@@ -25,7 +25,9 @@ from eha_bench.diagnosis.dataset import Run
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-_HELD = ("current_command", "reference")
+_HELD = ("current_command", "reference", "voltage", "pulses")
+# what comes on top of another input: a log without it is one in which nothing was added
+_ON_TOP = ("pulses",)
 _LOCKED_STILL = ("piston_position", "piston_velocity", "joint_angle")
 _STUCK = 40
 # sum of the squares of (1, -3, 3, -1)
@@ -143,12 +145,12 @@ def admit(
     driven: dict[str, FloatArray] = {}
     missing = np.zeros(time.size, dtype=np.bool_)
     for name in inputs:
-        if name not in recording:
-            raise MissingChannelError(name, where=where, have=tuple(recording.values))
-        raw = np.array(recording[name])
+        if name not in recording and name in _ON_TOP:
+            notes.append(f"{run.name}: no '{name}' in the log, so none are taken to have acted")
+            driven[name] = np.zeros(time.size)
+            continue
+        raw = _input(name, recording, where)
         bad = ~np.isfinite(raw)
-        if bad.all():
-            raise InputError(f"input '{name}' holds no finite value", where=where)
         if bad.any():
             notes.append(f"{run.name}: input '{name}' has {int(bad.sum())} gaps, bridged")
             missing |= bad
@@ -201,6 +203,15 @@ def admit(
     )
 
 
+def _input(name: str, recording: Recording, where: Place) -> FloatArray:
+    if name not in recording:
+        raise MissingChannelError(name, where=where, have=tuple(recording.values))
+    raw = np.array(recording[name])
+    if not np.isfinite(raw).any():
+        raise InputError(f"input '{name}' holds no finite value", where=where)
+    return raw
+
+
 def _clock(
     run: Run,
     time: FloatArray,
@@ -210,6 +221,8 @@ def _clock(
 ) -> tuple[int, ...]:
     """Say what is wrong with the clock; return ticks after which inputs were unknown for long."""
     steps = np.diff(time)
+    if not steps.size:
+        return ()
     usual = float(np.median(steps))
     jumps = np.flatnonzero(steps > 5.0 * usual) + 1
     if jumps.size:

@@ -63,6 +63,8 @@ def first_state(measured: Measured, model: Model) -> dict[str, float]:
     both pressures at the charge pressure that the model declares), rest is taken.
     """
     state: dict[str, float] = {}
+    if not model.plant.states:
+        return state
     noise = {name: noise_of(column) for name in measured.outputs
              if (column := measured.column(name)) is not None}  # fmt: skip
     for name in measured.outputs:

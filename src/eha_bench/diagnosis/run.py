@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption, checkpoints
 from eha_bench.core.result import write_text
 from eha_bench.diagnosis import search as searching
@@ -40,12 +41,14 @@ from eha_bench.diagnosis.errors_by_channel import (
 )
 from eha_bench.diagnosis.evidence import groups_of
 from eha_bench.diagnosis.findings import assemble, units_of
+from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay import replay
 from eha_bench.diagnosis.revise import revised
 from eha_bench.diagnosis.scoring import scored
 from eha_bench.diagnosis.search import Search
 from eha_bench.diagnosis.uncertainty import Estimate, estimates, undetermined
 from eha_bench.plants.model import Model
+from eha_bench.plants.static_plant import StaticPlant
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -108,6 +111,12 @@ def calibrate(
         InputError: a file is wrong or missing, or nothing can be compared.
     """
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    if isinstance(loaded.model.plant, StaticPlant):
+        raise InputError(
+            f"calibrate fits recordings over time; {loaded.model.plant_id} has operating points",
+            where=Place(file=loaded.source),
+            hint="diagnose fits its parameters under `calibrate` with every candidate",
+        )
     complete = True
     with Interruption() as asked:
         try:
@@ -153,6 +162,11 @@ def diagnose(
     """
     started = time.perf_counter()
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    if isinstance(loaded.model.plant, StaticPlant):
+        found = replace(diagnose_points(loaded, progress), seconds=time.perf_counter() - started)
+        if out is not None:
+            found.write(Path(out))
+        return found
     with Interruption() as asked:
         base, search, decision = _searched(loaded, asked, progress)
         found = assemble(loaded, base, search, decision)

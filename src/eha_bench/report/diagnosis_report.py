@@ -13,6 +13,7 @@ from eha_bench.diagnosis.dataset import Use
 from eha_bench.diagnosis.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay import Replay
 from eha_bench.plants.model import Model
+from eha_bench.plants.static_plant import StaticPlant
 from eha_bench.report.curve_figure import curve_view, learned_curve
 from eha_bench.report.diagnosis_scene import diagnosis_scene, gap
 from eha_bench.report.diagnosis_text import (
@@ -32,6 +33,7 @@ from eha_bench.report.diagnosis_text import (
 from eha_bench.report.engineering import number
 from eha_bench.report.figure_view import FigureView, figure_of
 from eha_bench.report.page import Fact, write_page
+from eha_bench.report.points_figure import points_view
 
 DIAGNOSIS_NAME: Final = "diagnosis.html"
 
@@ -105,6 +107,7 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
     """
     status, verdict, sentence = headline(found)
     curve = learned_curve(found.revised)
+    plant = found.revised.plant
     content = {
         "name": name,
         "plant": found.revised.plant_id,
@@ -136,7 +139,11 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
         ),
         "undetermined": found.undetermined,
         "notes": found.notes,
-        "runs": _runs(found),
+        "runs": () if isinstance(plant, StaticPlant) else _runs(found),
+        "points": points_view(
+            found.replays, plant, (found.recalibrated, found.revised), _floors(found), key="points"
+        ) if isinstance(plant, StaticPlant) and found.replays else None,
+        "recordings": len(found.replays),
         "facts": _facts(found, name),
     }  # fmt: skip
     title = f"{name}: diagnosis"
@@ -181,8 +188,7 @@ def _ranking(found: Diagnosis) -> Iterable[CandidateView]:
 
 def _runs(found: Diagnosis) -> tuple[RunView, ...]:
     """Return all runs: held-out ones first, among them the one that shows most."""
-    floors = {name: item.noise_floor for name, item in (*found.train.items(),
-                                                        *found.holdout.items())}  # fmt: skip
+    floors = _floors(found)
     ordered = sorted(found.replays, key=lambda item: (item.use is Use.TRAIN, -_worst(item, floors)))
     when = found.unknown.when if found.unknown is not None else ()
     views = []
@@ -207,6 +213,11 @@ def _runs(found: Diagnosis) -> tuple[RunView, ...]:
         anchor = f"trial={quote(item.run, safe='')}"
         views.append(RunView(item.run, anchor, " · ".join(setup), use, figure))
     return tuple(views)
+
+
+def _floors(found: Diagnosis) -> dict[str, float]:
+    both = (*found.train.items(), *found.holdout.items())
+    return {name: item.noise_floor for name, item in both}
 
 
 def _worst(item: Replay, floors: dict[str, float]) -> float:

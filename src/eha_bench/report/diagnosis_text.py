@@ -56,7 +56,7 @@ class ParameterRow:
 
 def words_of(identifier: str) -> str:
     """Return an id as words: `entrained_air` -> entrained air."""
-    return identifier.replace("parameter:", "assumed value of ").replace("_", " ")
+    return identifier.replace("parameter:", "value of ").replace("_", " ")
 
 
 def where(equation: str) -> str:
@@ -127,6 +127,7 @@ def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
         item = errors[name]
         ratio = item.after / item.noise_floor if item.noise_floor > 0.0 else math.nan
         apart = item.after > 1.5 * item.after_windows
+        times_floor = f"{number(ratio, 2 if ratio < 100.0 else 0)} ×"
         # one unit a row, so that its numbers compare at a glance
         unit = display_unit(item.unit, (item.before, item.noise_floor))
         rows.append(
@@ -136,7 +137,7 @@ def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
                 _shown(item.before, unit),
                 _shown(item.after, unit),
                 _shown(item.noise_floor, unit),
-                f"{number(ratio, 2 if ratio < 100.0 else 0)} ×" if math.isfinite(ratio) else _NOTHING,
+                times_floor if math.isfinite(ratio) else _NOTHING,
                 amount(item.after_windows, item.unit) if apart else "",
                 item.after > 1.05 * item.before,
             )

@@ -25,7 +25,10 @@ EFFECT = Effect(
     id="pressure_dependent_friction",
     summary="The pump's friction grows with the pressure difference.",
     parameters=(Parameter("friction_coefficient", "", 0.03, 0.0, 1.0, "mu_p"),),
-    actions={"eha_knee": Action(Equation.TORQUE, {"pump_dry": loaded})},
+    actions={
+        "eha_knee": Action(Equation.TORQUE, {"pump_dry": loaded}),
+        "pump_hold": Action(Equation.TORQUE, {"pump_dry": loaded}),
+    },
     source="Ivantysyn, Ivantysynova, Hydrostatic Pumps and Motors, Akademia Books 2001",
     separate="hold several pressures, coming from above and from below: half the gap in current",
 )

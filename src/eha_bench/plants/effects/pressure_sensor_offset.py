@@ -33,6 +33,13 @@ def true_b(pressure: float, offset: float, sensor: float) -> float:
     return pressure if sensor == _A else pressure - offset
 
 
+def true_difference(difference: float, offset: float, sensor: float) -> float:
+    """Return the pressure difference behind two readings, Pa."""
+    if sensor == _BOTH:
+        return difference
+    return difference - offset if sensor == _A else difference + offset
+
+
 EFFECT = Effect(
     id="pressure_sensor_offset",
     summary="A pressure sensor reads a constant too much (or too little).",
@@ -49,7 +56,12 @@ EFFECT = Effect(
                 "initial_pressure_a": true_a,
                 "initial_pressure_b": true_b,
             },
-        )
+        ),
+        "pump_hold": Action(
+            Equation.MEASUREMENT,
+            {"true_difference": true_difference},
+            choices={"sensor": ("a", "b")},
+        ),
     },
     source="IEC 61298-2:2008, zero offset of measuring devices",
     separate="read both sensors with the bypass open and the motor off: they must agree",

@@ -1,0 +1,358 @@
+"""A diagnosis from operating points: a handful of steady states with their uncertainty.
+
+Where time plays no part there is nothing to replay, and too little data to resample. So every
+candidate (an effect at its starting points, or a parameter of the plant that may be off) is fitted
+to the points, together with the parameters under `calibrate`, and
+
+* it is a cause only if what it leaves is no more than the points' own uncertainty makes (tested
+  by chi-square);
+* among those, the one that has to be stretched least wins: a default is a typical size, and three
+  times that is taken as one standard deviation of what is plausible (a Gaussian prior);
+* the others are named as what these points cannot tell from it.
+
+The uncertainty of a channel is a channel of the log, `current_uncertainty` for `current` (one
+standard deviation). Source of the test: Bevington, Robinson, Data Reduction and Error Analysis for
+the Physical Sciences, 3rd ed. 2003, section 4.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+
+from eha_bench.core.errors import InputError, MissingChannelError, Place
+from eha_bench.diagnosis.candidates import Start, all_starts
+from eha_bench.diagnosis.dataset import Dataset, Run
+from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
+from eha_bench.diagnosis.errors_by_channel import replay_errors
+from eha_bench.diagnosis.replay import Replay
+from eha_bench.diagnosis.revise import revised
+from eha_bench.diagnosis.uncertainty import Estimate
+from eha_bench.plants.model import Model
+from eha_bench.plants.static_plant import StaticPlant
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+SUFFIX = "_uncertainty"
+_PLAUSIBLE = 3.0
+_OFF = 0.05
+_BELIEVED = 0.01
+_FIVE_SIGMA = 5.7e-7
+_TIED = 0.01
+
+
+@dataclass(frozen=True)
+class Points:
+    """Operating points of one run: inputs, what was measured, and its uncertainty, SI."""
+
+    run: Run
+    inputs: dict[str, FloatArray]
+    measured: FloatArray
+    sigma: FloatArray
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate after its fit.
+
+    Attributes:
+        start: where it began; None for the plant's own parameters alone.
+        vector: parameters. left: chi-square of what remains. stretch: chi-square of its size.
+        chance: probability that the points' uncertainty alone leaves as much.
+        spread: key -> standard deviation of what was fitted, SI.
+    """
+
+    start: Start | None
+    vector: FloatArray
+    left: float
+    stretch: float
+    chance: float
+    spread: dict[str, float]
+
+
+def diagnose_points(dataset: Dataset, progress: Progress) -> Diagnosis:
+    """Return the diagnosis of a static plant.
+
+    Raises:
+        InputError: a run without points, without an input, or without its uncertainty.
+    """
+    plant = dataset.model.plant
+    if not isinstance(plant, StaticPlant):
+        raise InputError(f"{plant.id} has states: it needs recordings over time")
+    progress("read", 0.0)
+    training = [_points(run, plant) for run in dataset.training]
+    layout = plant.layout
+    declared = dataset.model.vector()
+    own = [layout.index[key] for key in dict.fromkeys(dataset.model.calibrate)]
+    base = _fitted(plant, training, declared, None, own)
+    named = [item.id for item in dataset.model.effects]
+    starts = [*all_starts(layout, base.vector, named, dataset.model.calibrate),
+              *_parameters(plant, base.vector, own)]  # fmt: skip
+    tried: dict[str, Tried] = {}
+    for number, start in enumerate(starts):
+        progress("search", number / len(starts))
+        found = _fitted(plant, training, base.vector, start, own)
+        best = tried.get(start.candidate)
+        if best is None or _cost(found) < _cost(best):
+            tried[start.candidate] = found
+    ranked = sorted(tried.values(), key=_cost)
+    return _told(dataset, plant, training, base, ranked)
+
+
+def _points(run: Run, plant: StaticPlant) -> Points:
+    recording = run.read()
+    where = Place(file=str(run.log))
+    for name in (*plant.inputs, *plant.outputs):
+        if name not in recording:
+            raise MissingChannelError(name, where=where, have=tuple(recording.values))
+    sigmas = []
+    for name in plant.outputs:
+        if name + SUFFIX not in recording:
+            raise InputError(
+                f"operating points need the uncertainty of '{name}'",
+                where=where,
+                hint=f"give a channel '{name}{SUFFIX}': one standard deviation, in its unit",
+            )
+        sigmas.append(recording[name + SUFFIX])
+    inputs = {name: np.array(recording[name]) for name in plant.inputs}
+    measured = np.column_stack([recording[name] for name in plant.outputs])
+    sigma = np.column_stack(sigmas)
+    if not (np.isfinite(measured).all() and (sigma > 0.0).all()):
+        raise InputError(
+            "a point is not finite, or its uncertainty is not positive",
+            where=where,
+            hint="leave such a point out",
+        )
+    return Points(run, inputs, measured, sigma)
+
+
+def _parameters(plant: StaticPlant, vector: FloatArray, own: Sequence[int]) -> list[Start]:
+    """Return the plant's own parameters as candidates: a published value may be wrong."""
+    found = []
+    for parameter in plant.layout.parameters:
+        at = plant.layout.index[parameter.name]
+        value = float(vector[at])
+        if at in own or value == 0.0:
+            continue
+        ends = sorted((0.2 * value, 5.0 * value))
+        low, high = max(parameter.low, ends[0]), min(parameter.high, ends[1])
+        found.append(
+            Start(
+                f"parameter:{parameter.name}", (), at, value, value * (1.0 + _OFF), low, high,
+                (parameter.name,), "",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _weighted(plant: StaticPlant, runs: Sequence[Points], vector: FloatArray) -> FloatArray:
+    parts = [
+        ((item.measured - plant.respond(vector, item.inputs)) / item.sigma).ravel() for item in runs
+    ]
+    return np.concatenate(parts)
+
+
+def _fitted(
+    plant: StaticPlant,
+    runs: Sequence[Points],
+    vector: FloatArray,
+    start: Start | None,
+    own: Sequence[int],
+) -> Tried:
+    """Fit a candidate, with a prior on its size, and the calibrated parameters, without one."""
+    layout = plant.layout
+    begin = vector if start is None else start.apply(vector)
+    keys = {at: name for name, at in layout.index.items()}
+    free = [*own, *(layout.index[key] for key in (start.keys if start else ()))]
+    typical = abs(start.strength - start.neutral) * _PLAUSIBLE if start else 1.0
+
+    def filled(values: FloatArray) -> FloatArray:
+        full = begin.copy()
+        full[free] = values
+        return full
+
+    def stretched(full: FloatArray) -> float:
+        return (full[start.strength_at] - start.neutral) / typical if start else 0.0
+
+    def residual(values: FloatArray) -> FloatArray:
+        full = filled(values)
+        return np.append(_weighted(plant, runs, full), stretched(full))
+
+    done, spread = begin, {}
+    if free:
+        low = np.array([_bounds(layout.by_key[keys[at]], start, at)[0] for at in free])
+        high = np.array([_bounds(layout.by_key[keys[at]], start, at)[1] for at in free])
+        first = np.clip(begin[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low)) \
+            if np.isfinite(high - low).all() else np.clip(begin[free], low, high)  # fmt: skip
+        scale = np.maximum(np.abs(first), 1e-3 * np.where(np.isfinite(high), np.abs(high), 1.0))
+        fit = least_squares(residual, first, bounds=(low, high), x_scale=np.maximum(scale, 1e-30))
+        # the solver stays inside its bounds by the last digits
+        ends = np.where(np.abs(fit.x - low) < 1e-6 * scale, low, fit.x)
+        done = filled(np.where(np.abs(high - ends) < 1e-6 * scale, high, ends))
+        inverse = np.linalg.pinv(fit.jac.T @ fit.jac)
+        spread = {keys[at]: float(np.sqrt(inverse[k, k])) for k, at in enumerate(free)}
+    rest = _weighted(plant, runs, done)
+    left = float(rest @ rest)
+    freedom = rest.size - len(free)
+    chance = float(chi2.sf(left, max(freedom, 1)))
+    return Tried(start, done, left, stretched(done) ** 2, chance, spread)
+
+
+def _bounds(parameter: object, start: Start | None, at: int) -> tuple[float, float]:
+    if start is not None and at == start.strength_at:
+        return start.low, start.high
+    return float(parameter.low), float(parameter.high)  # type: ignore[attr-defined]
+
+
+def _cost(item: Tried) -> float:
+    return item.left + item.stretch
+
+
+def _told(
+    dataset: Dataset,
+    plant: StaticPlant,
+    training: list[Points],
+    base: Tried,
+    ranked: list[Tried],
+) -> Diagnosis:
+    model = dataset.model
+    own = tuple(dict.fromkeys(model.calibrate))
+    notes = [
+        f"{sum(item.measured.size for item in training)} operating points were fitted; "
+        f"chi-square {base.left:.3g} before"
+    ]
+    recalibrated = revised(model, base.vector, own)
+    believed = [item for item in ranked if item.chance > _BELIEVED]
+    effects: tuple[FoundEffect, ...] = ()
+    equivalent: tuple[tuple[str, ...], ...] = ()
+    unknown: Unknown | None = None
+    best: Tried | None = believed[0] if believed else None
+    verdict = Verdict.EFFECT
+    if base.chance > _BELIEVED:
+        verdict, best = Verdict.NONE, None
+    elif best is None:
+        verdict = Verdict.UNKNOWN
+        unknown = Unknown(str(plant.balance), plant.inputs, "no candidate brings these points "
+                          "within their uncertainty")  # fmt: skip
+    final = base if best is None else best
+    added: list[str] = []
+    keys = [*own]
+    if best is not None and best.start is not None:
+        if best.start.mundane:
+            verdict = Verdict.NONE
+            keys += best.start.keys
+            notes.append(f"{best.start.keys[0]} is off: the points ask for another value")
+        else:
+            added.append(best.start.candidate)
+            effects = (_effect(plant, best, base),)
+        others = [item for item in believed[1:] if item.start and not item.start.mundane]
+        if others and effects:
+            equivalent = (
+                (effects[0].id, *(item.start.candidate for item in others if item.start)),
+            )
+            notes += [_stretch(plant, item) for item in others]
+    separate = {name: plant.layout.effect(name).separate for group in equivalent for name in group}
+    after = revised(model, final.vector, keys, added)
+    held_out = [_points(run, plant) for run in dataset.holdout]
+    models = (model, recalibrated, after)
+    replays = tuple(_replayed(plant, item, models) for item in (*training, *held_out))
+    sigma = np.concatenate([item.sigma for item in (*training, *held_out)])
+    floors = {name: float(np.sqrt(np.mean(sigma[:, k] ** 2)))
+              for k, name in enumerate(plant.outputs)}  # fmt: skip
+    notes.append(f"chi-square {final.left:.3g} after")
+    return Diagnosis(
+        verdict,
+        after,
+        recalibrated,
+        effects,
+        unknown,
+        equivalent,
+        separate,
+        tuple(_line(plant, item, base, best) for item in ranked),
+        replay_errors(replays[: len(training)], floors),
+        replay_errors(replays[len(training) :], floors),
+        {key: _estimate(plant, key, final) for key in keys if key in final.spread},
+        (),
+        tuple(notes),
+        replays,
+    )
+
+
+def _replayed(plant: StaticPlant, item: Points, models: Sequence[Model]) -> Replay:
+    measured = {name: item.measured[:, k] for k, name in enumerate(plant.outputs)}
+    simulated = []
+    for model in models:
+        values = plant.respond(model.vector(), item.inputs)
+        simulated.append({name: values[:, k] for k, name in enumerate(plant.outputs)})
+    ticks = np.arange(item.measured.shape[0], dtype=np.float64)
+    run = item.run
+    return Replay(
+        run.name, run.use, run.locked, run.bypass_open, ticks, item.inputs, measured,
+        tuple(simulated), tuple(simulated), dict.fromkeys(measured, 0.0),
+    )  # fmt: skip
+
+
+def _effect(plant: StaticPlant, best: Tried, base: Tried) -> FoundEffect:
+    assert best.start is not None
+    effect = plant.layout.effect(best.start.candidate)
+    words = {
+        p.name: str(p.decode(float(best.vector[plant.layout.index[f"{effect.id}.{p.name}"]])))
+        for p in effect.parameters
+        if p.choices
+    }
+    numbers = {key.split(".", 1)[1]: _estimate(plant, key, best) for key in best.start.keys}
+    share = 1.0 - best.left / base.left
+    equation = effect.equation(plant.id, words)
+    return FoundEffect(
+        effect.id, str(equation.value), numbers, words, share, _by_chance(best, base)
+    )
+
+
+def _estimate(plant: StaticPlant, key: str, item: Tried) -> Estimate:
+    parameter = plant.layout.by_key[key]
+    value = float(item.vector[plant.layout.index[key]])
+    spread = 1.96 * item.spread.get(key, np.inf)
+    low, high = max(parameter.low, value - spread), min(parameter.high, value + spread)
+    return Estimate(value, low, high, parameter.unit)
+
+
+def _stretch(plant: StaticPlant, item: Tried) -> str:
+    assert item.start is not None
+    value = item.vector[item.start.strength_at]
+    unit = plant.layout.by_key[item.start.keys[0]].unit
+    ratio = abs(value - item.start.neutral) / abs(item.start.strength - item.start.neutral)
+    return (
+        f"{item.start.candidate} would explain these points too, but with "
+        f"{item.start.keys[0].split('.')[-1]} = {value:.3g} {unit}".rstrip()
+        + f", {ratio:.1f} times its typical size"
+    )
+
+
+def _line(plant: StaticPlant, item: Tried, base: Tried, best: Tried | None) -> RankLine:
+    assert item.start is not None
+    score = 1.0 - item.left / max(base.left, 1e-300)
+    error = float(np.sqrt(item.left))
+    if item is best and not item.start.mundane:
+        reason = "added"
+    elif item is best:
+        reason = "a parameter's value explains the points; no effect is needed"
+    elif item.chance > _BELIEVED:
+        reason = _stretch(plant, item)
+    else:
+        reason = (
+            f"what it leaves (chi-square {item.left:.3g}) is more than the points' uncertainty "
+            f"makes (p {item.chance:.1g})"
+        )
+    return RankLine(item.start.candidate, score, _by_chance(item, base), error, reason)
+
+
+def _by_chance(item: Tried, base: Tried) -> float:
+    """Probability that a candidate gains that much where it does nothing (likelihood ratio)."""
+    assert item.start is not None
+    return float(chi2.sf(max(base.left - item.left, 0.0), len(item.start.keys)))
