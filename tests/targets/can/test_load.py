@@ -33,6 +33,11 @@ def test_keys_of_a_target_take_the_place_of_its_bases(target: Writer) -> None:
     [
         ("limits: {current: {hi: 3 A}}", 3, "unknown key 'hi'"),
         ("name: a b", 3, "name"),
+        (
+            'bus: {interface: slcan, channel: "socket://192.0.2.1:1"}',
+            3,
+            "a network cannot keep a drive safe",
+        ),
         ("dbc: missing.dbc", 3, "missing.dbc"),
         ("heartbeat: {message: Hearbeat, timeout: 1 s}", 3, "Heartbeat"),
         ("fault_code: {message: Heartbeat, signal: Code}", 3, "no signal 'Code'"),

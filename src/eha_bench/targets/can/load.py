@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS, unit_of
-from eha_bench.core.errors import InputError, Place, UnitError
+from eha_bench.core.errors import InputError, Place, TargetFault, UnitError
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.trial import ControlMode
+from eha_bench.targets.can.bus import check_channel
 from eha_bench.targets.can.drive import Coding, Command, Condition, Drive, Status, coding
 from eha_bench.targets.can.target_file import CanTargetFile
 
@@ -37,6 +38,10 @@ def load_drive(path: Path) -> Drive:
             hint = suggest(step.state, file.state.values)
             keys = ("control_word", "enable", number, "state")
             raise reader.error(f"unknown state '{step.state}'", keys, hint)
+    try:
+        check_channel(file.bus)
+    except TargetFault as error:
+        raise reader.error(error.what, ("bus", "channel"), error.hint) from error
     if file.control_word.enable[-1].state != "enabled":
         raise reader.error("enabling does not end in the state 'enabled'", ("control_word",))
     return Drive(
