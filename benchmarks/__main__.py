@@ -13,12 +13,14 @@ import sys
 FULL: dict[str, list[str]] = {
     "recordings": [],
     "report": [],
+    "scoring": [],
     "coverage": [],
     "blind": ["--cases", "40"],
 }
 QUICK: dict[str, list[str]] = {
     "recordings": ["--ticks", "60000", "--rounds", "2", "--seconds", "2"],
     "report": ["--signals", "20", "--samples", "20000", "--no-peers"],
+    "scoring": ["--seconds", "60"],
     "coverage": ["--recordings", "100"],
     "blind": ["--cases", "1"],
 }

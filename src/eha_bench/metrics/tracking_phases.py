@@ -8,6 +8,7 @@ from abc import abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+from scipy.signal import fftconvolve
 
 from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.score import Measure
@@ -45,16 +46,14 @@ class TrackingLagCompensated(TrackingMetric):
             rest = reference[: moved.size] - moved
             return math.sqrt(float(rest @ rest) / rest.size)
 
-        coarse = np.unique(np.linspace(0, longest, min(longest + 1, 400)).astype(int))
-        tried = np.array([rms(float(lag)) for lag in coarse])
+        tried = _rms_of_lags(reference, measured, longest)
         # a periodic reference fits again a period later: the first minimum as good as any
         low = tried <= float(tried.min()) + 0.05 * float(np.ptp(tried))
         first = int(np.argmax(low))
         end = first + (int(np.argmin(low[first:])) if not np.all(low[first:]) else low.size - first)
-        best = int(coarse[first + int(np.argmin(tried[first:end]))])
-        step = int(coarse[1]) if coarse.size > 1 else 1
+        best = first + int(np.argmin(tried[first:end]))
         found = minimize_scalar(
-            rms, bounds=(max(best - step, 0), min(best + step, count - 2)), method="bounded"
+            rms, bounds=(max(best - 1, 0), min(best + 1, count - 2)), method="bounded"
         )
         lag, value = min(
             ((float(found.x), float(found.fun)), (float(best), rms(float(best)))),
@@ -62,6 +61,20 @@ class TrackingLagCompensated(TrackingMetric):
         )
         reason = f"RMS after a lag of {lag * error.period:.4g} s is taken off"
         return Measure(value * error.scale, reason=reason)
+
+
+def _rms_of_lags(reference: FloatArray, measured: FloatArray, longest: int) -> FloatArray:
+    """Return the RMS of reference[k] - measured[k + lag], lags 0 to `longest`, by correlation."""
+    middle = 0.5 * (float(reference.mean()) + float(measured.mean()))
+    r, m = reference - middle, measured - middle
+    count = r.size
+    lags = np.arange(longest + 1)
+    together = fftconvolve(m, r[::-1])[count - 1 :][: longest + 1]
+    powers_r = np.concatenate([[0.0], np.cumsum(r * r)])[count - lags]
+    powers_m = np.concatenate([[0.0], np.cumsum(m * m)])
+    squares = powers_r + powers_m[count] - powers_m[lags] - 2.0 * together
+    found: FloatArray = np.sqrt(np.maximum(squares, 0.0) / (count - lags))
+    return found
 
 
 class _PhaseMetric(TrackingMetric):
