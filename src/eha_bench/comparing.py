@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from eha_bench.api import write_reports
+from eha_bench.bench.interleaved import Interleaved, Plan, run_interleaved
+from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Comparison
-from eha_bench.comparison.side import load_side
-from eha_bench.core.result import Result, write_text
+from eha_bench.comparison.sequential import shares
+from eha_bench.comparison.side import Side, load_side
+from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.errors import InputError
+from eha_bench.core.result import Result, Status, write_text
 from eha_bench.report import append_step_summary
 from eha_bench.report.comparison_markdown import comparison_markdown
 from eha_bench.report.comparison_report import write_comparison
 from eha_bench.report.trend_site import write_site
-from eha_bench.suites import Suite
+from eha_bench.suites import Suite, load_suite
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
 from eha_bench.trends.history import History, history_of
@@ -104,3 +110,76 @@ def history(folder: str | Path, out: str | Path | None = None, *, rebuild: bool 
     found.write(site / "history.json")
     write_site(site, found, watched)
     return found
+
+
+@dataclass(frozen=True)
+class AbResult:
+    """What an interleaved run found: the two results, and the comparison of what was finished."""
+
+    run: Interleaved
+    comparison: Comparison | None
+
+
+def ab(
+    suite: str | Path,
+    a: str | Path,
+    b: str | Path,
+    out: str | Path | None = None,
+    *,
+    repeats: int = 10,
+    seed: int = 0,
+    warm_up: int = 1,
+    resume: bool = False,
+    progress: Progress = silent,
+) -> AbResult:
+    """Run a suite on two targets in turn (A B B A), and compare B with A.
+
+    Stops before `repeats` pairs where every metric is decided; its error rate holds however early.
+
+    Args:
+        suite: path of a suite.yaml; its own `repeats` do not count.
+        a, b: `simulator`, a target.yaml or a model.yaml; A is the baseline.
+        out: gets folders a and b, comparison.html, .json and .md; reports/<suite>-ab if None.
+        repeats: pairs, at most.
+        seed: of the order.
+        warm_up: passes through the suite that are not scored.
+        resume: go on with an earlier, interrupted run.
+        progress: told at the start of every run.
+
+    Raises:
+        EhaBenchError: bad input, or the folder cannot be used.
+    """
+    if repeats < 1:
+        raise InputError(f"{repeats} repeats are too few", hint="give 1 or more; 10 tell a lot")
+    loaded = load_suite(Path(suite))
+    folder = Path(out) if out else Path("reports") / f"{loaded.name}-ab"
+    openers = {"a": partial(opened, loaded, a), "b": partial(opened, loaded, b)}
+    names = (openers["a"]().identity.name, openers["b"]().identity.name)
+    plan = Plan(loaded.sha256, names, repeats, seed)
+    looks = shares(repeats)
+
+    def compared(results: Mapping[str, Result]) -> Comparison:
+        sides = [Side(str(folder / key), ((results[key], folder / key),)) for key in ("a", "b")]
+        return compare_sides(sides[0], sides[1], across_targets=True, looks=looks)
+
+    def decided(results: Mapping[str, Result]) -> bool:
+        return not compared(results).of(Verdict.UNDECIDED)
+
+    run = run_interleaved(
+        loaded, openers, folder, plan,
+        decided=decided, warm_up=warm_up, resume=resume, progress=progress,
+    )  # fmt: skip
+    trials = {trial.id: trial for trial in loaded.trials}
+    for side, result in run.results.items():
+        by_run = {(item.id, item.repeat): trials[item.id] for item in result.trials}
+        write_reports(folder / side, result, by_run, folder / side)
+    if run.pairs == 0:
+        return AbResult(run, None)
+    why = "every metric was decided" if run.decided else "the last was reached"
+    if run.status in (Status.FAULT, Status.INCOMPLETE):
+        why = f"the run was stopped ({run.status.value})"
+    order = " ".join("".join(pair).upper() for pair in plan.order()[: run.pairs])
+    stopped = f"{run.pairs} of {repeats} pairs were run ({order}): {why}."
+    found = replace(compared(run.results), stopped=stopped)
+    write_comparison_files(folder, found)
+    return AbResult(run, found)

@@ -1,4 +1,4 @@
-"""`eha-bench compare` and `eha-bench history`."""
+"""`eha-bench compare`, `ab`, `history` and `baseline`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eha_bench.cli.console import say
+from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
 
 if TYPE_CHECKING:
     from eha_bench.comparison.comparison import Comparison
@@ -50,6 +50,75 @@ def compare(
     else:
         typer.echo(str(out / "comparison.html"))
     leave(found, strict=strict)
+
+
+def ab(
+    suite: Annotated[Path, typer.Argument(help="Suite to run (YAML).")],
+    a: Annotated[
+        str, typer.Option("--a", help="Baseline target: simulator, target or model file.")
+    ],
+    b: Annotated[str, typer.Option("--b", help="Candidate target, the same.")],
+    repeats: Annotated[int, typer.Option("--repeats", help="Pairs of runs, at most.")] = 10,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder (default: reports/<suite>-ab).")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the order of A and B.")] = 0,
+    warm_up: Annotated[
+        int, typer.Option("--warm-up", help="Passes through the suite that are not scored.")
+    ] = 1,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with an interrupted run.")
+    ] = False,
+    json: Json = False,
+    strict: Strict = False,
+) -> None:
+    """Run a suite on two targets in turn (A B B A), until every metric is decided."""
+    from eha_bench.comparing import ab as run_ab
+    from eha_bench.core.result import Status
+    from eha_bench.suites import load_suite
+
+    folder = out or Path("reports") / f"{load_suite(suite).name}-ab"
+    with TerminalProgress() as progress:
+        done = run_ab(
+            suite, a, b, folder,
+            repeats=repeats, seed=seed, warm_up=warm_up, resume=resume, progress=progress,
+        )  # fmt: skip
+    for side, result in done.run.results.items():
+        for trial in result.trials:
+            if trial.reason:
+                say(f"{side.upper()}, {trial.id} [{trial.repeat}]: {trial.reason}")
+    if done.comparison is not None:
+        say_verdicts(done.comparison)
+        say(done.comparison.stopped)
+        if json:
+            typer.echo(done.comparison.to_json(), nl=False)
+        else:
+            typer.echo(str(folder / "comparison.html"))
+    if done.run.status is Status.FAULT:
+        raise typer.Exit(Status.FAULT.exit_status)
+    if done.run.status is Status.INCOMPLETE or done.comparison is None:
+        say("interrupted: go on with --resume")
+        raise typer.Exit(INTERRUPTED)
+    leave(done.comparison, strict=strict)
+
+
+def baseline(
+    file: Annotated[Path, typer.Argument(help="Baseline file, e.g. baselines/knee.json.")],
+    results: Annotated[list[Path], typer.Argument(help="Result folders; several are repeats.")],
+    failed: Annotated[
+        bool, typer.Option("--failed", help="Take results that missed limits, too.")
+    ] = False,
+) -> None:
+    """Make results the baseline that `compare` and limits `of baseline` refer to."""
+    from eha_bench.comparison.baseline_file import accept
+
+    done = accept(file, results, failed=failed)
+    if done.change is not None:
+        say("what changes:")
+        say_verdicts(done.change)
+    runs = len(done.result.trials)
+    say(f"{file}: {runs} runs of {done.result.suite} on {done.result.target}")
+    typer.echo(str(file))
 
 
 def history(
@@ -121,4 +190,6 @@ def leave(found: Comparison, *, strict: bool) -> None:
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command()(compare)
+    app.command()(ab)
+    app.command()(baseline)
     app.command()(history)

@@ -1,0 +1,241 @@
+"""Runs a suite on two targets in turn, A B B A, so that no drift of the rig favours one of them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from eha_bench.bench.progress import Progress, silent
+from eha_bench.bench.run import run_suite
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.interruption import Interruption
+from eha_bench.core.result import Result, Status, TrialResult, write_text
+from eha_bench.core.trial import Trial
+from eha_bench.suites import Suite
+from eha_bench.targets.target import Target
+
+SCHEMA_VERSION: Final = 1
+PLAN_NAME: Final = "ab.json"
+SIDES: Final = ("a", "b")
+_WARM_UP: Final = "warm-up"
+
+Opener = Callable[[], Target]
+Decided = Callable[[dict[str, Result]], bool]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What an interleaved run does; written before it begins, so that it can be resumed.
+
+    Attributes:
+        suite_sha256: digest of the suite.
+        targets: names of the two targets, A first.
+        repeats: pairs, at most.
+        seed: of the order.
+    """
+
+    suite_sha256: str
+    targets: tuple[str, str]
+    repeats: int
+    seed: int
+
+    def order(self) -> tuple[tuple[str, str], ...]:
+        """Return which side is first in each pair: A B B A or B A A B, drawn for two pairs."""
+        drawn = np.random.default_rng(self.seed).integers(0, 2, (self.repeats + 1) // 2)
+        blocks = [(SIDES, SIDES[::-1]) if first == 0 else (SIDES[::-1], SIDES) for first in drawn]
+        pairs = [(pair[0], pair[1]) for block in blocks for pair in block]
+        return tuple(pairs[: self.repeats])
+
+    def to_json(self) -> str:
+        """Return the plan as JSON."""
+        content = {
+            "schema_version": SCHEMA_VERSION,
+            "suite_sha256": self.suite_sha256,
+            "targets": list(self.targets),
+            "repeats": self.repeats,
+            "seed": self.seed,
+            "order": ["".join(pair).upper() for pair in self.order()],
+        }
+        return json.dumps(content, indent=1) + "\n"
+
+
+@dataclass(frozen=True)
+class Interleaved:
+    """How far an interleaved run came.
+
+    Attributes:
+        results: of the sides `a` and `b`, pairs as repeats; recordings relative to their folders.
+        pairs: that both sides finished.
+        status: the worst of all runs; INCOMPLETE if it was interrupted.
+        decided: whether it ended before the last pair because nothing was left to decide.
+    """
+
+    results: dict[str, Result]
+    pairs: int
+    status: Status
+    decided: bool
+
+
+def run_interleaved(
+    suite: Suite,
+    openers: Mapping[str, Opener],
+    out: Path,
+    plan: Plan,
+    *,
+    decided: Decided,
+    warm_up: int = 1,
+    resume: bool = False,
+    progress: Progress = silent,
+) -> Interleaved:
+    """Run every trial on both targets, pair by pair, until nothing is left to decide.
+
+    Args:
+        suite: its trials are run once a pair; their own `repeats` do not count.
+        openers: by side, makes the target anew for every run: only one is held at a time.
+        out: gets a folder for each side, and the plan.
+        plan: order and number of pairs.
+        decided: asked after every pair whether to stop.
+        warm_up: passes through the suite, the targets taking turns, that are not scored.
+        resume: go on with an earlier, interrupted run of the same plan.
+        progress: told at the start of every run.
+
+    Raises:
+        EhaBenchError: the suite cannot run on a target, or `out` cannot be used.
+    """
+    _prepare(out, plan, resume=resume)
+    done: dict[str, list[TrialResult]] = {side: [] for side in SIDES}
+    about: dict[str, Result] = {}
+    ended, pairs, enough = Status.PASSED, 0, False
+    warm = warm_up <= 0
+    total = plan.repeats * len(suite.trials) * 2
+    with Interruption() as interrupted:
+        for number, order in enumerate(plan.order()):
+            for trial, side in ((trial, side) for trial in suite.trials for side in order):
+                folder = out / side / _name(number, trial)
+                if not warm and not _finished(folder):
+                    ended = _warm_up(suite, openers, out / _WARM_UP, warm_up, progress)
+                    warm = True
+                    if ended in (Status.FAULT, Status.INCOMPLETE):
+                        break
+                progress(sum(map(len, done.values())), total, f"{side.upper()}: {trial.id}")
+                # a new seed a pair, the same for both: they meet the same noise
+                single = replace(trial, repeats=1, seed=trial.seed + number)
+                result = run_suite(_only(suite, single), openers[side](), folder, resume=True)
+                about[side] = result
+                done[side] += [_moved(run, number, folder.name) for run in result.trials]
+                if result.status in (Status.FAULT, Status.INCOMPLETE) or interrupted():
+                    fault = result.status is Status.FAULT
+                    ended = Status.FAULT if fault else Status.INCOMPLETE
+                    break
+            else:
+                pairs = number + 1
+                enough = decided(_merged(suite, about, done, complete=True))
+                if enough:
+                    break
+                continue
+            break
+    complete = ended not in (Status.FAULT, Status.INCOMPLETE)
+    if not about:
+        return Interleaved({}, 0, ended, decided=False)
+    results = _merged(suite, about, done, complete=complete)
+    for side, result in results.items():
+        result.write(out / side / "result.json")
+    status = ended if not complete else Result.overall(
+        tuple(run for result in results.values() for run in result.trials), complete=True
+    )  # fmt: skip
+    return Interleaved(results, pairs, status, decided=enough and pairs < plan.repeats)
+
+
+def _prepare(out: Path, plan: Plan, *, resume: bool) -> None:
+    """Make the folder; refuse one that holds something else, or another plan to go on with."""
+    file = out / PLAN_NAME
+    if out.exists() and (not out.is_dir() or (any(out.iterdir()) and not file.is_file())):
+        raise InputError(
+            "is not empty and not the folder of such a run",
+            where=Place(file=str(out)),
+            hint="name another folder with --out",
+        )
+    if resume and file.is_file():
+        found: Any = None
+        with contextlib.suppress(ValueError):
+            found = json.loads(file.read_text(encoding="utf-8"))
+        if found != json.loads(plan.to_json()):
+            raise InputError(
+                "was begun with another suite, other targets, repeats or seed",
+                where=Place(file=str(file)),
+                hint="give the same ones, or leave --resume out to begin anew",
+            )
+    else:
+        for side in SIDES:
+            shutil.rmtree(out / side, ignore_errors=True)
+    out.mkdir(parents=True, exist_ok=True)
+    for side in SIDES:
+        # a merged result of an earlier, interrupted run would be stale
+        (out / side / "result.json").unlink(missing_ok=True)
+    write_text(file, plan.to_json())
+
+
+def _warm_up(
+    suite: Suite, openers: Mapping[str, Opener], folder: Path, passes: int, progress: Progress
+) -> Status:
+    """Run the trials on the targets in turn, and throw away what was recorded."""
+    status = Status.PASSED
+    runs = [trial for _ in range(passes) for trial in suite.trials]
+    for number, trial in enumerate(runs):
+        side = SIDES[number % 2]
+        progress(number, len(runs), f"warm-up, {side.upper()}: {trial.id}")
+        status = run_suite(_only(suite, replace(trial, repeats=1)), openers[side](), folder).status
+        shutil.rmtree(folder, ignore_errors=True)
+        if status in (Status.FAULT, Status.INCOMPLETE):
+            break
+    return status
+
+
+def _only(suite: Suite, trial: Trial) -> Suite:
+    return replace(suite, trials=(trial,))
+
+
+def _name(number: int, trial: Trial) -> str:
+    return f"{number:03d}-{trial.id}"
+
+
+def _finished(folder: Path) -> bool:
+    file = folder / "result.json"
+    return file.is_file() and Result.read(file).status in (Status.PASSED, Status.FAILED)
+
+
+def _moved(run: TrialResult, number: int, folder: str) -> TrialResult:
+    """Return a run as a repeat of the whole, its recording named from the side's folder."""
+    recording = f"{folder}/{run.recording}" if run.recording else ""
+    return replace(run, repeat=number, recording=recording)
+
+
+def _merged(
+    suite: Suite,
+    about: dict[str, Result],
+    done: dict[str, list[TrialResult]],
+    *,
+    complete: bool,
+) -> dict[str, Result]:
+    return dict(_each(suite, about, done, complete=complete))
+
+
+def _each(
+    suite: Suite,
+    about: dict[str, Result],
+    done: dict[str, list[TrialResult]],
+    *,
+    complete: bool,
+) -> Iterator[tuple[str, Result]]:
+    order = {trial.id: place for place, trial in enumerate(suite.trials)}
+    for side, result in about.items():
+        trials = tuple(sorted(done[side], key=lambda run: (order[run.id], run.repeat)))
+        status = Result.overall(trials, complete=complete)
+        yield side, replace(result, trials=trials, status=status)
