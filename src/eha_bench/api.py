@@ -13,6 +13,7 @@ from eha_bench.core.errors import TargetFault
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult, write_text
 from eha_bench.core.trial import Trial
+from eha_bench.core.workers import workers_from
 from eha_bench.diagnosis.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.diagnosis import Diagnosis
 from eha_bench.diagnosis.run import diagnose as close_the_loop
@@ -34,6 +35,7 @@ def run(
     resume: bool = False,
     retries: int = 0,
     time_limit: float = math.inf,
+    workers: str | int | None = None,
     progress: Progress = silent,
 ) -> Result:
     """Run a suite on a target; write recordings, result.json and the reports.
@@ -45,6 +47,7 @@ def run(
         resume: do only what an earlier, interrupted run of the same left undone.
         retries: how often a trial is run again whose infrastructure failed (not its limits).
         time_limit: s after which the run stops.
+        workers: number of processes, dask://host:port or ray://host:port, for simulated targets.
         progress: told at the start of every trial.
 
     Raises:
@@ -54,7 +57,8 @@ def run(
     folder = Path(out) if out else Path("reports") / loaded.name
     result = run_suite(
         loaded, opened, folder,
-        resume=resume, retries=retries, time_limit=time_limit, progress=progress,
+        resume=resume, retries=retries, time_limit=time_limit, workers=workers_from(workers),
+        progress=progress,
     )  # fmt: skip
     trials = {trial.id: trial for trial in loaded.trials}
     by_repeat = {(item.id, item.repeat): trials[item.id] for item in result.trials}

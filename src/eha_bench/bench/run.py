@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from eha_bench.bench.ahead import Ahead
 from eha_bench.bench.budget import Budget
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.loop_health import loop_note
@@ -21,6 +22,7 @@ from eha_bench.core.interruption import Interruption
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
+from eha_bench.core.workers import Here, Workers
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
 from eha_bench.targets.target import Ending, Journal, Stopping, Target
@@ -85,6 +87,7 @@ def run_suite(
     resume: bool = False,
     retries: int = 0,
     time_limit: float = math.inf,
+    workers: Workers | None = None,
     progress: Progress = silent,
 ) -> Result:
     """Run every trial and repeat of a suite, write recordings and result.json into `out`.
@@ -94,6 +97,7 @@ def run_suite(
     finished is kept and only the rest is run. `retries` is how often a trial is run again whose
     infrastructure failed (the target did not answer, its loop was not healthy enough to be
     scored), never one that failed or was stopped; after `time_limit` s the run stops.
+    With `workers`, a simulated target runs trials ahead, several at a time, to the same recordings.
 
     Raises:
         EhaBenchError: the suite cannot run on this target, or `out` cannot be used.
@@ -111,6 +115,8 @@ def run_suite(
     run = _Run(suite, target, folder, provenance, dict(kept))
     run.save(complete=False)
     jobs = [(trial, repeat) for trial, repeat in run.jobs if (trial.id, repeat) not in kept]
+    if workers is not None and workers != Here():
+        run.target = target = Ahead(target, jobs, workers)
     try:
         with Interruption() as interrupted, target:
             budget = Budget(interrupted, time_limit)

@@ -6,7 +6,16 @@ import gc
 
 import typer
 
-from eha_bench.cli import closing, comparing, exporting, files, layout, recording_files, rig, running
+from eha_bench.cli import (
+    closing,
+    comparing,
+    exporting,
+    files,
+    layout,
+    recording_files,
+    rig,
+    running,
+)
 from eha_bench.cli.console import errors_as_sentences, say_what_the_product_logs
 
 app = typer.Typer(

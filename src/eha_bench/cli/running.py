@@ -37,6 +37,13 @@ def run(
     time_limit: Annotated[
         str, typer.Option("--time-limit", help="Stop safely after this time, e.g. '2 h'.")
     ] = "",
+    workers: Annotated[
+        str,
+        typer.Option(
+            "--workers",
+            help="Simulate on so many processes, or on dask://host:port or ray://host:port.",
+        ),
+    ] = "",
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show what would be sent, and send nothing.")
     ] = False,
@@ -57,7 +64,8 @@ def run(
     with TerminalProgress() as progress:
         result = run_suite(
             suite, target, folder,
-            resume=resume, retries=retries, time_limit=limit, progress=progress,
+            resume=resume, retries=retries, time_limit=limit, workers=workers,
+            progress=progress,
         )  # fmt: skip
     _finish(result, folder, json=json, interruptible=True)
 

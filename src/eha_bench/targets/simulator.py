@@ -86,6 +86,15 @@ class Simulator(Target):
             },
         )
 
+    @property
+    def concurrent(self) -> bool:
+        """A simulation has no hardware to share."""
+        return True
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to other processes without the compiled kernel, which each has of its own."""
+        return _again, (self._model, self._controllers, self._sensors, self._step, self._name)
+
     def check(self, trial: Trial) -> None:
         """Raise an InputError if there is no controller for the mode, or no such position."""
         self._controllers.make(trial.mode, self._context(trial))
@@ -139,6 +148,12 @@ class Simulator(Target):
                 hint=f"the rod moves within +-{self._linkage.half_stroke * 1e3:.1f} mm",
             )
         return initial
+
+
+def _again(
+    model: Model, controllers: ControllerSet, sensors: dict[str, Sensor], step: float, name: str
+) -> Simulator:
+    return Simulator(model, controllers, sensors=sensors, step=step, name=name)
 
 
 @dataclass(frozen=True)

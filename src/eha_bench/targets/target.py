@@ -68,6 +68,11 @@ class Target(ABC):
     def identity(self) -> Identity:
         """What this target is."""
 
+    @property
+    def concurrent(self) -> bool:
+        """Whether copies of it, pickled elsewhere, may run several trials at a time."""
+        return False
+
     @abstractmethod
     def check(self, trial: Trial) -> None:
         """Raise an EhaBenchError if this target cannot run the trial, before anything moves."""

@@ -175,6 +175,15 @@ class FmuTarget(Target):
         names = (parameter.name for parameter in self._model.plant.layout.parameters)
         return {f"model.{name}": repr(self._model.value(name)) for name in names}
 
+    @property
+    def concurrent(self) -> bool:
+        """Every copy has a process of its own for the FMU."""
+        return True
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to other processes as the path of its file."""
+        return _again, (self._path.resolve(),)
+
     # --- before anything runs -----------------------------------------------------
 
     def check(self, trial: Trial) -> None:
@@ -327,6 +336,10 @@ def _linkage(model: Model | None) -> Linkage | None:
         return None
     stroke = model.value("volume_a") / model.value("piston_area_a")
     return Linkage(model.value("link_a"), model.value("link_b"), model.value("link_c0"), stroke)
+
+
+def _again(path: Path) -> FmuTarget:
+    return FmuTarget(path, yaml_file.load(path))
 
 
 def from_file(path: Path, content: Any) -> FmuTarget:
