@@ -52,8 +52,8 @@ class Bench:
     ran: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        (self.folder / "suites").symlink_to(ROOT / "suites")
-        (self.folder / "examples").symlink_to(ROOT / "examples")
+        for shared in ("suites", "examples", "fixtures"):
+            (self.folder / shared).symlink_to(ROOT / shared)
         tools, self.extra = self.folder / ".tools", self.folder / ".plugins"
         tools.mkdir()
         (tools / "pip").write_text(_PIP.format(python=sys.executable, target=self.extra))
