@@ -54,8 +54,9 @@ def make(gallery: Path) -> None:
         bench("run", suites / "paper.yaml", "--out", gallery / "paper", where=work)
         bench("run", suites / "paper.yaml", "--target", physical, "--out", gallery / "physical",
               where=work, accepted=(0, 1))  # fmt: skip
-        bench("compare", gallery / "paper", gallery / "physical", "--out", gallery / "comparison",
-              where=work, accepted=(0, 1))  # fmt: skip
+        # by names relative to the gallery: the page tells them
+        bench("compare", "paper", "physical", "--out", "comparison", where=gallery,
+              accepted=(0, 1))  # fmt: skip
         bench("run", DOCS / "tools" / "bode.yaml", "--out", gallery / "bode", where=work)
 
     jobs: list[Callable[[], None]] = [failing_and_diagnosed, passing_and_compared]
