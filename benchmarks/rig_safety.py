@@ -70,6 +70,8 @@ FAULTS = (
     Case("scale=pressure_a:3@0.5", PRESSURE),
     Case("scale=joint_angle:1.1@0.5", KNEE),
     Case("scale=current:-1@0.5", PRESSURE),
+    Case("scale=motor_speed:3@0.5", PRESSURE),
+    Case("scale=piston_velocity:0@0.5", KNEE),
     Case("over-pressure@0.5", PRESSURE),
     Case("bus-off@0.5", PRESSURE),
     Case("emergency-stop@0.5", PRESSURE),

@@ -11,9 +11,15 @@ from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.linkage import Linkage
 from eha_bench.core.units import parse
+from eha_bench.targets.can.balance import (
+    BALANCED,
+    Balance,
+    BalanceLimits,
+    Tolerance,
+    TorqueModel,
+)
 from eha_bench.targets.can.drive import Drive
-from eha_bench.targets.can.target_file import FollowingFile, LimitFile
-
+from eha_bench.targets.can.target_file import BalanceFile, FollowingFile, LimitFile
 
 _STALE = 0.012
 """Oldest value that is used where the target says nothing, s: well within a 20 ms watchdog."""
@@ -72,6 +78,15 @@ def following(channel: str, file: FollowingFile, where: Place) -> Following:
         raise InputError(error.what, where=where, hint=error.hint) from error
 
 
+def balance_limits(file: BalanceFile, model: TorqueModel) -> BalanceLimits:
+    """Return which balances are checked."""
+    torque, motion = (
+        None if item is None else Tolerance(item.within, item.share)
+        for item in (file.torque, file.motion)
+    )
+    return BalanceLimits(file.over, torque, motion, model)
+
+
 @dataclass(frozen=True)
 class Limits:
     """All that a guard checks."""
@@ -79,10 +94,11 @@ class Limits:
     channels: tuple[ChannelLimit, ...]
     following: tuple[Following, ...]
     joint_agrees: float
+    balance: BalanceLimits | None = None
 
     @staticmethod
-    def of(drive: Drive) -> Limits:
-        """Return the limits of a target file.
+    def of(drive: Drive, model: TorqueModel | None = None) -> Limits:
+        """Return the limits of a target file; balances only where the model is known.
 
         Raises:
             InputError: a wrong unit.
@@ -98,6 +114,7 @@ class Limits:
             tuple(channel_limit(k, v, where("limits", k)) for k, v in limits.items()),
             tuple(following(k, v, where("following", k)) for k, v in file.following.items()),
             math.inf if file.joint_agrees is None else file.joint_agrees,
+            None if model is None else balance_limits(file.balance, model),
         )
 
 
@@ -105,8 +122,14 @@ class Guard:
     """Checks readings tick by tick; the first thing that is wrong ends the run."""
 
     def __init__(
-        self, limits: Limits, safety: Sequence[SafetyLimit], linkage: Linkage | None
+        self,
+        limits: Limits,
+        safety: Sequence[SafetyLimit],
+        linkage: Linkage | None,
+        period: float = 1e-3,
     ) -> None:
+        self._period = period
+        self._balance = Balance(limits.balance, period) if limits.balance is not None else None
         self._limits = limits
         self._safety = safety
         self._linkage = linkage if math.isfinite(limits.joint_agrees) else None
@@ -129,13 +152,20 @@ class Guard:
                 return f"stale {name}: nothing for {_ms(now - stamp)} (at most {_ms(limit.stale)})"
             if not limit.low <= value <= limit.high:
                 return f"{name} {_text(value, name)} outside {limit.low:g} .. {limit.high:g}"
-            wrong = self._moved(limit, value, stamp)
+            # an answer that came late was not measured when its Sync was sent
+            wrong = self._moved(limit, value, stamp) if now - stamp < self._period else ""
             if wrong:
                 return wrong
         for safety in self._safety:
             value = readings.get(safety.channel, math.nan)
             if not safety.bounds.holds(value):
                 return f"safety limit {safety.channel} {safety.text}: {value:.6g}"
+        if self._balance is not None:
+            used = [stamps.get(name, -math.inf) for name in BALANCED if name in readings]
+            fresh = bool(used) and now - min(used) < self._period
+            wrong = self._balance.check(min(used), readings) if fresh else ""
+            if wrong:
+                return wrong
         if self._linkage is not None:
             angle = self._linkage.angle_at(readings["piston_position"])
             if not abs(angle - readings["joint_angle"]) <= self._limits.joint_agrees:
@@ -145,12 +175,22 @@ class Guard:
                 )
         return ""
 
-    def follows(self, now: float, readings: Mapping[str, float], commanded: float) -> str:
-        """Return which channel does not follow its command, or an empty text."""
+    def follows(
+        self,
+        now: float,
+        readings: Mapping[str, float],
+        stamps: Mapping[str, float],
+        commanded: float,
+    ) -> str:
+        """Return which channel does not follow the command of the tick before, or an empty text.
+
+        A channel that is not fresh says nothing about the newest command.
+        """
         for item in self._limits.following:
             name = item.channel
             apart = abs(readings.get(name, math.nan) - commanded)
-            if apart <= item.within:
+            fresh = now - stamps.get(name, -math.inf) < self._period
+            if not fresh or apart <= item.within:
                 self._apart.pop(name, None)
             elif now - self._apart.setdefault(name, now) >= item.length:
                 return (

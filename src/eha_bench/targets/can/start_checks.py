@@ -103,7 +103,8 @@ class StartCheck:
             TargetFault: one of them is not.
         """
         link = self._link
-        guard = Guard(self._plan.limits, self._plan.trial.safety, self._plan.linkage)
+        period = 1.0 / self._plan.trial.sample_rate
+        guard = Guard(self._plan.limits, self._plan.trial.safety, self._plan.linkage, period)
         wrong = ""
         speeds: dict[str, list[float]] = {"motor_speed": [], "piston_velocity": []}
 

@@ -20,6 +20,7 @@ from eha_bench.core.linkage import Linkage
 from eha_bench.core.shipped import shipped
 from eha_bench.core.trial import ControlMode, Piston, Trial
 from eha_bench.plants.model import Model, load_model
+from eha_bench.targets.can.balance import TorqueModel
 from eha_bench.targets.can.bus import Bus, check_channel
 from eha_bench.targets.can.drive import Drive
 from eha_bench.targets.can.guard import Limits
@@ -46,7 +47,7 @@ class CanTarget(Target):
         self._drive = drive
         self._model = load_model(drive.model) if drive.model else None
         self._controllers = _controllers(drive)
-        self._limits = Limits.of(drive)
+        self._limits = Limits.of(drive, _torque_model(drive, self._model))
         self._linkage = _linkage(self._model)
         self._hold = Hold(drive.file.name)
         self._bus: Bus | None = None
@@ -347,6 +348,21 @@ class CanTarget(Target):
 
 def _controllers(drive: Drive) -> ControllerSet:
     return load_controllers(drive.controller or shipped("controllers/paper.yaml"))
+
+
+def _torque_model(drive: Drive, model: Model | None) -> TorqueModel | None:
+    """Return what the balances need of the nominal model; None where none is checked."""
+    balance = drive.file.balance
+    if balance.torque is None and balance.motion is None:
+        return None
+    names = ("torque_constant", "pump_displacement", "viscous_torque", "rotor_inertia")
+    if model is None or any(name not in model.plant.layout.by_key for name in names):
+        raise InputError(
+            "a balance needs the rig's nominal model",
+            where=Place(file=str(drive.path), key="balance"),
+            hint="name a model.yaml of the plant eha_knee under `model:`",
+        )
+    return TorqueModel(*(model.value(name) for name in names))
 
 
 def _linkage(model: Model | None) -> Linkage | None:

@@ -181,6 +181,28 @@ class FollowingFile(StrictModel):
     length: Annotated[Seconds, Field(alias="for")] = 0.01
 
 
+class TorqueBalanceFile(StrictModel):
+    """What the torque balance may be off."""
+
+    within: Annotated[float, Unit("N*m"), Field(gt=0)]
+    share: Annotated[float, Field(ge=0, description="of the larger side")] = 0.15
+
+
+class MotionBalanceFile(StrictModel):
+    """What the change of position may be off from the velocity."""
+
+    within: Annotated[float, Unit("m/s"), Field(gt=0)]
+    share: Annotated[float, Field(ge=0, description="of the larger side")] = 0.15
+
+
+class BalanceFile(StrictModel):
+    """Signals that may not contradict each other, by the nominal model."""
+
+    over: Annotated[Seconds, Field(gt=0, description="length of the window")] = 0.015
+    torque: TorqueBalanceFile | None = None
+    motion: MotionBalanceFile | None = None
+
+
 class LoopFile(StrictModel):
     """How the loop is run, and when it is too bad to be scored (shares of ticks or frames)."""
 
@@ -244,6 +266,7 @@ class CanTargetFile(StrictModel):
     joint_agrees: Annotated[
         float | None, Unit("rad"), Field(description="joint angle against rod position")
     ] = None
+    balance: BalanceFile = Field(default_factory=BalanceFile)
     start: StartFile = Field(default_factory=StartFile)
     loop: LoopFile = Field(default_factory=LoopFile)
 

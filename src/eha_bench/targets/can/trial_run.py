@@ -274,7 +274,7 @@ class _Loop:
         self._run = run
         self._reference = reference.tolist()
         self._table = table
-        self._guard = Guard(run.plan.limits, run.plan.trial.safety, run.plan.linkage)
+        self._guard = Guard(run.plan.limits, run.plan.trial.safety, run.plan.linkage, run.period)
         self.rows = 0
 
     def run(self) -> None:
@@ -332,7 +332,9 @@ class _Loop:
             return Ending.SAFETY_STOP, wrong
         if link.state != "enabled":
             return Ending.FAULT, f"the drive is '{link.state}' instead of 'enabled'"
-        wrong = self._guard.follows(now, link.readings, commanded) if is_current else ""
+        wrong = (
+            self._guard.follows(now, link.readings, link.stamps, commanded) if is_current else ""
+        )
         return (Ending.SAFETY_STOP, wrong) if wrong else None
 
     def _record(
