@@ -58,6 +58,12 @@ def test_every_channel_is_watched_for_age_even_without_a_limit(eha_drive: Drive)
     assert all(math.isfinite(limit.stale) for limit in bare.channels)
 
 
+def test_a_sample_after_a_gap_may_repeat_the_one_before() -> None:
+    checked = guard(ChannelLimit("current", frozen=5e-3, stale=1.0))
+    for now in (0.0, 0.02, 0.04):
+        assert checked.check(now, {"current": 1.0}, {"current": now}) == ""
+
+
 def test_a_channel_has_to_follow_its_command_in_the_end() -> None:
     checked = guard(following=(Following("current", 2.0, 3e-3),))
     said = []

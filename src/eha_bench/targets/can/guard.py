@@ -134,7 +134,7 @@ class Guard:
         self._safety = safety
         self._linkage = linkage if math.isfinite(limits.joint_agrees) else None
         self._last: dict[str, tuple[float, float]] = {}
-        self._changed: dict[str, float] = {}
+        self._same: dict[str, int] = {}
         self._apart: dict[str, float] = {}
 
     def check(self, now: float, readings: Mapping[str, float], stamps: Mapping[str, float]) -> str:
@@ -204,18 +204,17 @@ class Guard:
         name = limit.channel
         before = self._last.get(name)
         if before is None:
-            self._last[name], self._changed[name] = (stamp, value), stamp
+            self._last[name], self._same[name] = (stamp, value), 0
             return ""
         if stamp <= before[0]:
             return ""
         self._last[name] = (stamp, value)
         change = abs(value - before[1])
-        if change > 0:
-            self._changed[name] = stamp
-        elif stamp - self._changed[name] >= limit.frozen:
-            return (
-                f"{name} is frozen at {_text(value, name)} for {_ms(stamp - self._changed[name])}"
-            )
+        # samples are counted, not time: one after a gap may well repeat the one before it
+        self._same[name] = 0 if change > 0 else self._same[name] + 1
+        if self._same[name] * self._period >= limit.frozen:
+            same = f"{self._same[name] + 1} samples"
+            return f"{name} is frozen at {_text(value, name)} for {same}"
         rate = change / (stamp - before[0])
         if rate > limit.rate:
             return f"{name} changes by {rate:.3g} {unit_of(name)}/s (at most {limit.rate:.3g})"
