@@ -59,34 +59,63 @@ def recover(
 
 def _show(found: RecordingInformation) -> None:
     """Print a table of topics and what else was found."""
+    from datetime import UTC, datetime
+
     from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("topic", "type", "messages", "rate / Hz", "gaps", "longest / s"):
-        table.add_column(name, justify="left" if name in ("topic", "type") else "right")
+    of_table = all(topic.rate != topic.rate and not topic.encoding for topic in found.topics)
+    left = ("column", "type") if of_table else ("topic", "type", "encoding")
+    right = ("rows",) if of_table else ("messages", "rate / Hz", "gaps", "longest / s")
+    odd = [
+        (title, key)
+        for title, key in (("repeated", "duplicates"), ("steps back", "steps_back"))
+        if any(getattr(topic, key) for topic in found.topics)
+    ]
+    for name in (*left, *right, *(title for title, _ in odd)):
+        table.add_column(name, justify="left" if name in left else "right")
     for topic in found.topics:
-        rate = f"{topic.rate:.6g}" if topic.rate == topic.rate else "-"
-        table.add_row(
-            topic.name, topic.type, str(topic.count), rate, str(topic.gaps),
-            f"{topic.longest_gap:.4g}" if topic.gaps else "-",
-        )  # fmt: skip
+        cells = [topic.name, topic.type] if of_table else [topic.name, topic.type, topic.encoding]
+        cells.append(str(topic.count))
+        if not of_table:
+            cells.append(f"{topic.rate:.6g}" if topic.rate == topic.rate else "-")
+            cells += [str(topic.gaps), f"{topic.longest_gap:.4g}" if topic.gaps else "-"]
+        table.add_row(*map(_printable, cells), *(str(getattr(topic, key)) for _, key in odd))
     # into a pipe nothing is cut short
     width = None if sys.stdout.isatty() else 240
     console = Console(highlight=False, markup=False, soft_wrap=True, width=width)
-    console.print(f"{found.path}: {found.format}, {found.size} bytes, {found.duration:.3f} s")
+    span = f", {found.duration:.3f} s" if found.duration == found.duration else ""
+    console.print(f"{found.path}: {found.format}, {found.size} bytes{span}")
+    if found.start_ns > 0:
+        begin = datetime.fromtimestamp(found.start_ns / 1e9, UTC)
+        console.print(f"begins {begin.isoformat(' ', 'milliseconds')}")
     console.print(table)
     if found.channels:
         channels = ", ".join(f"{name} [{unit}]" for name, unit in found.channels.items())
-        console.print(f"channels: {channels}")
+        console.print(f"channels: {_printable(channels)}")
     for record, entries in found.metadata.items():
         for key, value in entries.items():
-            console.print(f"{record}: {key} = {value}")
+            console.print(_printable(f"{record}: {key} = {_short(value)}"))
     for name, size in found.attachments.items():
-        console.print(f"attachment: {name}, {size} bytes")
+        console.print(_printable(f"attachment: {name}, {size} bytes"))
+    for topic in found.topics:
+        if topic.readable:
+            console.print(_printable(f"not read: {topic.name}: {topic.readable}"))
     for note in found.notes:
-        console.print(f"note: {note}")
+        console.print(_printable(f"note: {note}"))
     console.print(f"health: {found.health}")
+
+
+def _short(value: str) -> str:
+    """Return a value as it fits into a line; all of it is in the JSON."""
+    line = value.partition("\n")[0][:160]
+    return value if line == value else f"{line} ... ({len(value)} characters)"
+
+
+def _printable(text: str) -> str:
+    """Return text from a file without what would drive a terminal."""
+    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def register(app: typer.Typer) -> None:
