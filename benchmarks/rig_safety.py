@@ -110,7 +110,9 @@ class Rig:
         lines = self.log.read_text(encoding="utf-8").splitlines() if self.log.exists() else []
         return [json.loads(line) for line in lines if line.endswith("}")]
 
-    def start(self, suite: Path, out: Path, *, before: str = "") -> subprocess.Popen[str]:
+    def start(
+        self, suite: Path, out: Path, *options: str, before: str = ""
+    ) -> subprocess.Popen[str]:
         """Start a run against this rig; `before` is a shell command for its process."""
         words = [
             sys.executable,
@@ -122,6 +124,7 @@ class Rig:
             self.target,
             "--out",
             out,
+            *options,
         ]
         command = [str(word) for word in words]
         if before:

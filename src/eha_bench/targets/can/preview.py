@@ -13,7 +13,12 @@ from eha_bench.targets.can.guard import Limits
 
 
 def preview(
-    drive: Drive, mode: ControlMode, trial: Trial, current_limit: float, limits: Limits
+    drive: Drive,
+    mode: ControlMode,
+    trial: Trial,
+    position: float,
+    current_limit: float,
+    limits: Limits,
 ) -> tuple[str, ...]:
     """Return one line for everything that a run of the trial would send or check."""
     file, word = drive.file, drive.file.control_word
@@ -23,10 +28,10 @@ def preview(
         lines.append(f"begin: {item.message} {item.signals}")
     if file.fixture is not None:
         frame = drive.fixture_frame(
-            1, trial.setup.piston is Piston.LOCKED, trial.setup.bypass is Bypass.OPEN, 0.0
+            1, trial.setup.piston is Piston.LOCKED, trial.setup.bypass is Bypass.OPEN, position
         )
         setup = f"piston {trial.setup.piston.value}, bypass {trial.setup.bypass.value}"
-        lines.append(f"fixture: {_text(frame)} ({setup}, and the trial's start position)")
+        lines.append(f"fixture: {_text(frame)} ({setup}, rod at {position * 1e3:.2f} mm)")
     sync = drive.sync_frame(1)
     if sync is not None:
         lines.append(f"every tick: {_text(sync)} (sync), {trial.sample_rate:g} Hz")

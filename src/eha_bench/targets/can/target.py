@@ -108,7 +108,9 @@ class CanTarget(Target):
     def preview(self, trial: Trial) -> tuple[str, ...]:
         """Return the frames that a run would send."""
         plan = self._plan(trial)
-        return preview(self._drive, plan.mode, trial, plan.current_limit, self._limits)
+        return preview(
+            self._drive, plan.mode, trial, plan.position, plan.current_limit, self._limits
+        )
 
     def _plan(self, trial: Trial) -> Plan:
         host = self._drive.file.control is ControlPlace.HOST
