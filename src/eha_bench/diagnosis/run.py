@@ -168,14 +168,15 @@ def diagnose(
             found.write(Path(out))
         return found
     with Interruption() as asked:
-        base, search, decision = _searched(loaded, asked, progress)
+        base, search, decision, complete = _searched(loaded, asked, progress)
         found = assemble(loaded, base, search, decision)
         vectors = (search.base.vector, decision.fit.vector)
         try:
             found = scored(found, loaded, base, vectors, progress)
         except KeyboardInterrupt:
+            complete = False
             found = replace(found, notes=(*found.notes, "interrupted before the runs were scored"))
-    found = replace(found, complete=not asked(), seconds=time.perf_counter() - started)
+    found = replace(found, complete=complete, seconds=time.perf_counter() - started)
     if out is not None:
         found.write(Path(out))
     progress("done", 1.0)
@@ -184,27 +185,33 @@ def diagnose(
 
 def _searched(
     dataset: Dataset, asked: Interruption, progress: Progress
-) -> tuple[Baseline, Search, Decision]:
-    """Calibrate, search and decide; where a stop is asked for, as far as that went."""
+) -> tuple[Baseline, Search, Decision, bool]:
+    """Calibrate, search and decide, or as far as that went until a stop was asked for.
+
+    The last value says whether all of it was done.
+    """
     try:
         with checkpoints(asked):
             base = calibrated(dataset, progress)
     except CalibrationInterrupted as stop:
         search = searching.begin(stop.baseline)
         note = "interrupted while calibrating: nothing was searched for, so the verdict is open"
-        return stop.baseline, search, Decision(Verdict.UNKNOWN, search.fit, (note,), None)
+        decision = Decision(Verdict.UNKNOWN, search.fit, (note,), None)
+        return stop.baseline, search, decision, False
     search = searching.begin(base)
+    complete = True
     try:
         with checkpoints(asked):
             searching.run(search, progress)
             decision = decide(search, COARSE, progress)
     except KeyboardInterrupt:
+        complete = False
         note = "interrupted while searching: what is named was found until then"
         verdict = Verdict.EFFECT if search.effects else Verdict.UNKNOWN
         if search.excess_base.significance < _NOTHING:
             verdict = Verdict.NONE
         decision = Decision(verdict, search.fit, (note,), None)
-    return base, search, decision
+    return base, search, decision, complete
 
 
 run_diagnosis = diagnose

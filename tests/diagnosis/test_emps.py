@@ -1,0 +1,95 @@
+"""EMPS, measured: friction and its asymmetry are named, undeclared pulses are found."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.signal
+
+from eha_bench.diagnosis.diagnosis import Verdict
+from eha_bench.diagnosis.prediction import predict
+from eha_bench.diagnosis.run import diagnose
+from eha_bench.plants.model import Model, load_model
+
+pytestmark = pytest.mark.slow
+
+
+def _example(repository: Path, shared: Path, folder: Path, name: str) -> Path:
+    """The shipped example with its logs where the data are."""
+    shutil.copytree(repository / "examples" / "emps", folder, dirs_exist_ok=True)
+    path = folder / name
+    path.write_text(path.read_text().replace("../../../shared/data", str(shared)))
+    return path
+
+
+def _measured(shared: Path, name: str) -> dict[str, np.ndarray]:
+    raw = scipy.io.loadmat(shared / "emps" / name)
+    return {k: np.asarray(v, float).ravel() for k, v in raw.items() if not k.startswith("__")}
+
+
+def _equation_error(log: dict[str, np.ndarray], model: Model) -> float:
+    """Force that the equation of motion does not explain, as a share; filtered at 50 Hz."""
+    period = 1e-3
+    b, a = scipy.signal.butter(4, 50.0 * 2 * period)
+    position = scipy.signal.filtfilt(b, a, log["qm"])
+    velocity = np.gradient(position, period)
+    words = {item.id: item.values for item in model.effects}
+    dry = float(words.get("coulomb_friction", {}).get("friction_force", 0.0))
+    dry += model.value("coulomb_friction")
+    lopsided = float(words.get("asymmetric_friction", {}).get("asymmetry", 0.0))
+    explained = (
+        model.value("mass") * np.gradient(velocity, period)
+        + model.value("viscous_friction") * velocity * (1.0 + lopsided * np.sign(velocity))
+        + dry * np.sign(velocity)
+        + model.value("force_offset")
+    )
+    force = scipy.signal.filtfilt(b, a, log["gtau"][0] * log["vir"])
+    left = force - scipy.signal.filtfilt(b, a, explained)
+    middle = slice(50, -50)
+    return float(np.linalg.norm(left[middle]) / np.linalg.norm(force[middle]))
+
+
+def test_the_published_symmetric_model_has_its_published_error(shared_data) -> None:
+    published = Model(
+        "linear_drive",
+        {"mass": 95.1089, "viscous_friction": 203.5034, "coulomb_friction": 20.3935,
+         "force_offset": -3.1648},
+    )  # fmt: skip
+    error = _equation_error(_measured(shared_data, "DATA_EMPS.mat"), published)
+    assert error == pytest.approx(0.0408, abs=5e-4)
+
+
+def test_friction_and_then_its_asymmetry_are_named(repository, shared_data, tmp_path) -> None:
+    dataset = _example(repository, shared_data, tmp_path, "dataset.yaml")
+    found = diagnose(dataset, tmp_path / "out")
+    assert found.verdict is Verdict.EFFECT
+    assert [item.id for item in found.effects] == ["coulomb_friction", "asymmetric_friction"]
+    assert found.effects[1].settings["kind"] == "viscous"
+    revised = load_model(tmp_path / "out" / "revised.yaml")
+    assert _equation_error(_measured(shared_data, "DATA_EMPS.mat"), revised) < 0.0315
+    # in closed loop, on the file that was never fitted, with its pulses as an input
+    assert found.holdout["piston_position"].after < 2.3e-6
+    runs = {item.run: item.values for item in predict(dataset, revised)}
+    validation = _measured(shared_data, "DATA_EMPS_PULSES.mat")
+    error = runs["DATA_EMPS_PULSES"]["piston_position"] - validation["qm"]
+    assert np.sqrt(np.mean(error**2)) < 2.3e-6
+
+
+def test_pulses_that_were_withheld_are_found(repository, shared_data, tmp_path) -> None:
+    dataset = _example(repository, shared_data, tmp_path, "dataset_pulses_withheld.yaml")
+    found = diagnose(dataset, tmp_path / "out")
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.unknown is not None
+    assert found.unknown.equation == "actuation"
+    assert found.unknown.variables == ("time",)
+    pulses = _measured(shared_data, "DATA_EMPS_PULSES.mat")
+    time = pulses["t"] - pulses["t"][0]
+    told = np.zeros(time.size, dtype=np.bool_)
+    for start, stop in found.unknown.when:
+        told |= (time >= start) & (time <= stop)
+    # 24 knots a period of 1 s: an edge is known to some 20 ms, of which a second has two
+    assert np.mean(told == (pulses["pulses_N"] > 0.0)) > 0.95

@@ -1,0 +1,129 @@
+"""Ctrl-C, pressed while calibrating or searching, keeps what was found; and nothing is random."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from drive_data import write_drive
+
+from eha_bench.diagnosis.diagnosis import Verdict
+from eha_bench.diagnosis.prediction import predict
+from eha_bench.diagnosis.run import diagnose
+from eha_bench.plants.model import load_model
+
+# the command, with a Ctrl-C at the moment a stage begins
+PRESS = """\
+import os, signal, sys
+from eha_bench.cli import closing
+from eha_bench.cli.main import main
+stage, least = sys.argv.pop(1), float(sys.argv.pop(1))
+pressed = []
+def stages(bar):
+    def tell(now, share):
+        if now == stage and share >= least and not pressed:
+            pressed.append(now)
+            os.kill(os.getpid(), signal.SIGINT)
+    return tell
+closing._stages = stages
+main()
+"""
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory) -> Path:
+    return write_drive(tmp_path_factory.mktemp("drive"))
+
+
+@pytest.fixture(scope="module")
+def diagnosed(dataset, tmp_path_factory):
+    """The whole diagnosis, its folder, and the stages that it told of."""
+    folder = tmp_path_factory.mktemp("diagnosed")
+    stages: list[str] = []
+    return diagnose(dataset, folder, lambda stage, _: stages.append(stage)), folder, stages
+
+
+def _pressed(stage: str, share: float, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", PRESS, stage, str(share), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.mark.parametrize(
+    ("stage", "share", "verdict", "says"),
+    [
+        ("calibrate", 0.1, "unknown", "interrupted while calibrating"),
+        pytest.param(
+            "calibrate", 0.6, "unknown", "interrupted while calibrating", marks=pytest.mark.slow
+        ),
+        ("search", 0.0, "unknown", "interrupted while searching"),
+    ],
+)
+def test_what_was_found_is_kept(dataset, tmp_path, stage, share, verdict, says) -> None:
+    done = _pressed(stage, share, "diagnose", str(dataset), "--out", str(tmp_path))
+    assert done.returncode == 130, done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    found = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert found["complete"] is False
+    assert found["verdict"] == verdict
+    assert found["effects"] == []
+    # the runs are scored all the same, and the files are whole
+    assert found["error"]["holdout"]["piston_position"]["after"] > 0.0
+    assert "Interrupted" in (tmp_path / "diagnosis.html").read_text()
+    for name in ("revised.yaml", "recalibrated.yaml"):
+        assert load_model(tmp_path / name).value("mass") > 50.0
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.slow
+def test_an_effect_that_was_found_is_kept(dataset, tmp_path) -> None:
+    """Pressed when the next look begins; where no look is needed any more, all was done."""
+    done = _pressed("search", 0.25, "diagnose", str(dataset), "--out", str(tmp_path))
+    found = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert [item["id"] for item in found["effects"]] == ["coulomb_friction"]
+    assert done.returncode == (0 if found["complete"] else 130)
+
+
+@pytest.mark.slow
+def test_a_calibration_keeps_its_values(dataset, tmp_path) -> None:
+    done = _pressed("calibrate", 0.4, "calibrate", str(dataset), "--out", str(tmp_path))
+    assert done.returncode == 130, done.stderr
+    found = json.loads((tmp_path / "calibration.json").read_text())
+    assert found["complete"] is False
+    assert load_model(tmp_path / "calibrated.yaml").parameters["mass"] != 95.0
+
+
+def test_the_same_input_gives_the_same_output(dataset, diagnosed, tmp_path) -> None:
+    one, folder, stages = diagnosed
+    two = diagnose(dataset, tmp_path)
+    assert one.to_dict() | {"seconds": 0} == two.to_dict() | {"seconds": 0}
+    assert (folder / "revised.yaml").read_text() == (tmp_path / "revised.yaml").read_text()
+    # progress is told while it works
+    assert {"read", "calibrate", "search", "replay", "done"} <= set(stages)
+    assert one.verdict is Verdict.EFFECT
+    assert one.effects[0].id == "coulomb_friction"
+    estimate = one.effects[0].parameters["friction_force"]
+    assert estimate.low < 20.0 < estimate.high
+
+
+def test_the_errors_are_those_of_predict(dataset, diagnosed) -> None:
+    found, folder, _ = diagnosed
+    for name in ("recalibrated", "revised"):
+        runs = {item.run: item.values for item in predict(dataset, folder / f"{name}.yaml")}
+        replay = next(item for item in found.replays if item.run == "held")
+        error = replay.measured["piston_position"] - runs["held"]["piston_position"]
+        rms = float(np.sqrt(np.mean(error**2)))
+        told = found.holdout["piston_position"]
+        expected = told.before_predict if name == "recalibrated" else told.after_predict
+        assert rms == pytest.approx(expected, rel=0.02)
+        assert rms >= 0.98 * (told.before if name == "recalibrated" else told.after)
+    assert (
+        found.holdout["piston_position"].after < 1.3 * found.holdout["piston_position"].noise_floor
+    )
