@@ -33,6 +33,7 @@ def _soft_mean() -> float:
     return float(weights @ soft**2 / weights.sum())
 
 
+_CONCERNED = 0.03
 SOFT_MEAN = _soft_mean()
 """Mean soft-L1 cost of one residual that is standard normal noise."""
 
@@ -195,7 +196,7 @@ class Comparison:
         gain_out: fall of the cost on runs left out in turn.
         share, share_out: both as a part of the excess before.
         p_value: of gain_out <= 0, by resampling blocks.
-        runs_better: share of the runs (by count) that gain when left out.
+        runs_better: share of the runs (by count) that gain when left out, of those it changes.
     """
 
     gain: float
@@ -224,9 +225,10 @@ def compare(
     per_run = np.array([float(difference[rows].sum()) for rows in groups.runs])
     # where there is hardly any excess, shares of it mean nothing
     scale = max(excess_before, gain, 1.0)
-    return Comparison(
-        gain, gain_out, gain / scale, gain_out / scale, p_value, float(np.mean(per_run > 0))
-    )
+    # runs in which a candidate does nothing have no say: a load does not act on a locked piston
+    concerned = per_run[np.abs(per_run) > _CONCERNED * np.abs(per_run).max(initial=0.0)]
+    better = float(np.mean(concerned > 0)) if concerned.size else 0.0
+    return Comparison(gain, gain_out, gain / scale, gain_out / scale, p_value, better)
 
 
 def drop_rows(fit: Fit, keys: Sequence[str]) -> FloatArray:

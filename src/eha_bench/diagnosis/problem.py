@@ -79,6 +79,7 @@ class Problem:
         self.noise = dict(noise)
         self.step = step
         self.soft = 1.0
+        self._defect: FloatArray | None = None
         self._outputs = {name: at for at, name in enumerate(plant.outputs)}
         self._parts = [self._ready(window) for window in windows]
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
@@ -99,6 +100,7 @@ class Problem:
         other = object.__new__(Problem)
         other.plant, other.noise, other.step = self.plant, self.noise, self.step
         other.soft = self.soft
+        other._defect = None
         other._outputs = self._outputs
         other.windows = tuple(self.windows[k] for k in keep)
         other._parts = [self._parts[k] for k in keep]
@@ -111,6 +113,17 @@ class Problem:
         """Return the same problem integrated at another step; start-state bases are shared."""
         other = self.subset(range(len(self.windows)))
         other.step = step
+        return other
+
+    def coarser(self, step: float, vector: FloatArray, residual: FloatArray) -> Problem:
+        """Return the problem at a coarser step, less that step's own error at a vector.
+
+        Args:
+            step: s. vector: where the residual of the coarser problem becomes `residual`.
+            residual: of this problem there.
+        """
+        other = self.at_step(step)
+        other._defect = residual - other.residual(vector)
         return other
 
     def with_noise(self, noise: Mapping[str, float]) -> Problem:
@@ -160,7 +173,8 @@ class Problem:
         def one(part: _Prepared) -> FloatArray:
             return self._white(part, self._weighted(part, vector, {}))
 
-        return np.concatenate(self._each(one))
+        found = np.concatenate(self._each(one))
+        return found if self._defect is None else found + self._defect
 
     def with_best_start(self, vector: FloatArray) -> FloatArray:
         """Return the weighted residual with each window's start state at its best, (size,).

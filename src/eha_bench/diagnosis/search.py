@@ -12,19 +12,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, SCREENING, friction_at_rest
+from eha_bench.diagnosis.baseline import COARSE, SCREENING
 from eha_bench.diagnosis.candidates import Start, all_starts
 from eha_bench.diagnosis.evidence import (
     SOFT_MEAN,
-    Comparison,
     Groups,
     compare,
     excess,
     refined_noise,
 )
-from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.periodic import is_periodic, scan, short_problem
 from eha_bench.diagnosis.problem import Problem, soften
+from eha_bench.diagnosis.refit import Near, polish, refit, sticks
 from eha_bench.diagnosis.screen import Screen, Screened
 from eha_bench.diagnosis.search_state import (
     Accepted,
@@ -34,7 +34,6 @@ from eha_bench.diagnosis.search_state import (
     Trial,
     begin,
 )
-from eha_bench.diagnosis.unknown import medium_problem
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -43,9 +42,10 @@ __all__ = ["Search", "begin", "equivalents", "look", "run"]
 
 MOST_EFFECTS = 4
 _SHORTLIST = 5
+_NEAREST = 4
 _FINALISTS = 3
-_POOR = 1.02
-"""A fit this much above the noise may be caught in another minimum."""
+_BENT = 0.3
+"""Excess, as a share of the noise's cost, from which calibrated parameters are bent by it."""
 _LEAST = 5.0
 """Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 
@@ -103,18 +103,21 @@ def look(search: Search, *, first: bool) -> list[Trial]:
         if start.candidate not in used
     ]
     # screening and first refits only compare candidates, so a coarser step is enough
-    coarse = search.problem.at_step(COARSE)
-    screen = Screen(search.problem.at_step(SCREENING), search.fit)
+    coarse = search.problem.coarser(COARSE, search.fit.vector, search.fit.residual)
+    # what is small must not drown in the instants of sticking that a coarser step shifts
+    much = search.excess_left.relative > _BENT
+    screen = Screen(search.problem.at_step(SCREENING) if much else coarse, search.fit)
     turning = [effect.id for effect in layout.effects if is_periodic(effect)]
     screened = screen.all([start for start in starts if start.candidate not in turning])
-    finals = _confirm(search, coarse, screened)
+    near = Near(search, coarse) if much else None
+    finals = _confirm(search, coarse, screened, near)
     reached = min((item.fit.cost for item in finals), default=search.fit.cost)
     floor = search.fit.cost - search.excess_left.total
     if _worth_a_look(search) and reached > floor + max(0.02 * search.excess_left.total, 30.0):
         own = [start for start in starts if start.candidate in turning]
         more = screen.all(_periodic(search, turning, own))
         screened = sorted([*screened, *more], key=lambda item: -item.gain)
-        finals += _confirm(search, coarse, more)
+        finals += _confirm(search, coarse, more, near)
     best: dict[str, Screened] = {}
     for item in screened:
         best.setdefault(item.start.candidate, item)
@@ -125,8 +128,15 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     return finals
 
 
-def _confirm(search: Search, coarse: Problem, screened: Sequence[Screened]) -> list[Trial]:
-    """Refit the most promising roughly, and to the end those that may win."""
+def _confirm(
+    search: Search, coarse: Problem, screened: Sequence[Screened], near: Near | None
+) -> list[Trial]:
+    """Refit the most promising roughly, and to the end those that may win.
+
+    Args:
+        search: so far. coarse: its problem at a coarse step. screened: the best first.
+        near: the same over short windows, where the search's parameters are bent; or None.
+    """
     best: dict[str, Screened] = {}
     second: dict[str, Screened] = {}
     for item in screened:
@@ -136,9 +146,13 @@ def _confirm(search: Search, coarse: Problem, screened: Sequence[Screened]) -> l
             second[item.start.candidate] = item
     least = max(_LEAST, 0.01 * search.excess_left.total)
     order = [name for name in best if best[name].gain > least]
-    shortlist = [best[name] for name in order[:_SHORTLIST]]
+    trials = []
+    if near is not None:
+        trials = near.trials([item.start for item in screened], _NEAREST)
+        order = [name for name in order if name not in {item.candidate for item in trials}]
+    shortlist = [best[name] for name in order[: _SHORTLIST - len(trials)]]
     shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
-    trials = _best_of_each([_refit(search, coarse, item) for item in shortlist])
+    trials = _best_of_each([*trials, *(refit(search, coarse, item) for item in shortlist)])
     done: list[Trial] = []
     top = 0.0
     for number, trial in enumerate(trials):
@@ -147,8 +161,8 @@ def _confirm(search: Search, coarse: Problem, screened: Sequence[Screened]) -> l
             done.append(trial)
             continue
         # where a rival has reached the noise already, a better place cannot beat it
-        again = top < 0.95 * search.excess_left.total
-        done.append(replace(trial, fit=_polish(search, trial.fit, [trial.start], afresh=again)))
+        again = near is None and top < 0.95 * search.excess_left.total
+        done.append(replace(trial, fit=polish(search, trial.fit, [trial.start], afresh=again)))
         top = max(top, search.fit.cost - done[-1].fit.cost)
     return done
 
@@ -188,70 +202,6 @@ def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search)
         if name not in done
     ]
     return lines
-
-
-def _free(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
-    layout = search.problem.plant.layout
-    keys = [key for key in search.keys if not _sticks(key, vector[layout.index[key]])]
-    for start in [*(item.start for item in search.accepted), *extra]:
-        keys += [key for key in start.keys if key not in keys]
-    return free_parameters(layout, keys, vector)
-
-
-def _sticks(key: str, value: float) -> bool:
-    """Whether friction at rest has come back to sticking: free there, it spoils a Jacobian."""
-    return key in FRICTION_AT_REST and value == 0.0
-
-
-def _refit(search: Search, coarse: Problem, item: Screened) -> Trial:
-    size = item.amplitude
-    # a predicted amplitude is a fraction of the real one; never start from nothing
-    size = float(np.sign(size) or 1.0) * max(abs(size), 1e-3)
-    vector = item.start.apply(search.fit.vector, size)
-    vector[item.start.strength_at] = np.clip(
-        vector[item.start.strength_at], item.start.low, item.start.high
-    )
-    free = _free(search, vector, [item.start])
-    known = {f.key: search.fit.jacobian[:, k] for k, f in enumerate(search.fit.free)}
-    fit = levenberg_marquardt(coarse, vector, free, iterations=4, known=known, refresh=0)
-    return Trial(item.start, fit, Comparison(0, 0, 0, 0, 1, 0))
-
-
-def _polish(search: Search, rough: Fit, extra: Sequence[Start], *, afresh: bool = True) -> Fit:
-    """Fit to the end, from where the rough fit is and, if that is poor, from declared values."""
-    problem = search.problem
-    vector = rough.vector
-    known = {f.key: rough.jacobian[:, k] for k, f in enumerate(rough.free)}
-    if afresh and rough.cost > _POOR * SOFT_MEAN * problem.size:
-        other = _afresh(search, vector, extra)
-        if other.cost < rough.cost:
-            vector = other.vector
-            known = {f.key: other.jacobian[:, k] for k, f in enumerate(other.free)}
-    return levenberg_marquardt(
-        problem, vector, _free(search, vector, extra), known=known, refresh=1
-    )
-
-
-def _afresh(search: Search, vector: FloatArray, extra: Sequence[Start]) -> Fit:
-    """Fit from declared values, over short windows first and then over long ones.
-
-    Without an effect the parameters had been bent to imitate it, and over long windows they may
-    stay caught there; short windows have hardly any other minimum.
-    """
-    problem = search.problem
-    layout = problem.plant.layout
-    again = vector.copy()
-    for key in search.keys:
-        again[layout.index[key]] = search.declared_vector[layout.index[key]]
-    coarse = problem.at_step(COARSE)
-    short = medium_problem(coarse)
-    short.prepare(again)
-    short.scale_to(short.residual(again))
-    free = [item for item in _free(search, again, extra) if item.key not in FRICTION_AT_REST]
-    near = levenberg_marquardt(short, again, free, iterations=8, refresh=1)
-    other = levenberg_marquardt(coarse, near.vector, free, iterations=4, refresh=0)
-    names = [item.key for item in free if "[" not in item.key]
-    return friction_at_rest(coarse, other, tuple(names))[0]
 
 
 def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
@@ -316,7 +266,7 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
     )
     residual = _reweighted(search, chosen.fit.vector)
     soft, _ = soften(residual, search.problem.soft)
-    search.fit = _polish(
+    search.fit = polish(
         search, replace(chosen.fit, residual=residual, cost=float(soft @ soft)), [], afresh=False
     )
     search.base = levenberg_marquardt(
@@ -361,7 +311,7 @@ def _without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral
     layout = search.problem.plant.layout
-    keys = [key for key in search.keys if not _sticks(key, vector[layout.index[key]])]
+    keys = [key for key in search.keys if not sticks(key, vector[layout.index[key]])]
     for other in kept:
         keys += [key for key in other.start.keys if key not in keys]
     free = free_parameters(layout, keys, vector)
@@ -369,6 +319,6 @@ def _without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
     rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
     before, search.accepted = search.accepted, list(kept)
     try:
-        return _polish(search, rough, [])
+        return polish(search, rough, [])
     finally:
         search.accepted = before

@@ -1,0 +1,180 @@
+"""Refits of candidates: over long windows from where the search is, and over short ones afresh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, SCREENING, friction_at_rest
+from eha_bench.diagnosis.candidates import Start
+from eha_bench.diagnosis.evidence import SOFT_MEAN, Comparison
+from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.problem import Problem
+from eha_bench.diagnosis.screen import Screen, Screened
+from eha_bench.diagnosis.search_state import Search, Trial
+from eha_bench.diagnosis.unknown import medium_problem
+
+FloatArray = NDArray[np.float64]
+
+_POOR = 1.02
+"""A fit this much above the noise may be caught in another minimum."""
+_NOISE = 1.003
+_KEEP = 3
+_HOPEFUL = 0.3
+
+
+def free_of(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
+    """Return what a fit with some more candidates may move."""
+    layout = search.problem.plant.layout
+    keys = [key for key in search.keys if not sticks(key, vector[layout.index[key]])]
+    for start in [*(item.start for item in search.accepted), *extra]:
+        keys += [key for key in start.keys if key not in keys]
+    return free_parameters(layout, keys, vector)
+
+
+def sticks(key: str, value: float) -> bool:
+    """Whether friction at rest has come back to sticking: free there, it spoils a Jacobian."""
+    return key in FRICTION_AT_REST and value == 0.0
+
+
+def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
+    """Fit a screened candidate roughly, from where the search is."""
+    vector = started(item, search.fit.vector)
+    free = free_of(search, vector, [item.start])
+    fit = levenberg_marquardt(
+        coarse, vector, free, iterations=4, known=known_of(search.fit), refresh=0
+    )
+    return Trial(item.start, fit, Comparison(0, 0, 0, 0, 1, 0))
+
+
+def polish(search: Search, rough: Fit, extra: Sequence[Start], *, afresh: bool = True) -> Fit:
+    """Fit to the end, from where the rough fit is and, if that is poor, from declared values."""
+    problem = search.problem
+    vector = rough.vector
+    known = known_of(rough)
+    if afresh and rough.cost > _POOR * SOFT_MEAN * problem.size:
+        other = begun_again(search, vector, extra)
+        if other.cost < rough.cost:
+            vector = other.vector
+            known = known_of(other)
+    return levenberg_marquardt(
+        problem, vector, free_of(search, vector, extra), known=known, refresh=1
+    )
+
+
+def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> Fit:
+    """Fit from declared values, over short windows first and then over long ones.
+
+    Without an effect the parameters had been bent to imitate it, and over long windows they may
+    stay caught there; short windows have hardly any other minimum.
+    """
+    problem = search.problem
+    layout = problem.plant.layout
+    again = vector.copy()
+    for key in search.keys:
+        again[layout.index[key]] = search.declared_vector[layout.index[key]]
+    coarse = problem.at_step(COARSE)
+    short = medium_problem(coarse)
+    short.prepare(again)
+    short.scale_to(short.residual(again))
+    free = [item for item in free_of(search, again, extra) if item.key not in FRICTION_AT_REST]
+    near = levenberg_marquardt(short, again, free, iterations=8, refresh=1)
+    other = levenberg_marquardt(coarse, near.vector, free, iterations=4, refresh=0)
+    names = [item.key for item in free if "[" not in item.key]
+    return friction_at_rest(coarse, other, tuple(names))[0]
+
+
+class Near:
+    """The search over windows of 0.1 s, begun again from the declared parameters.
+
+    Where much is missing, a calibration over long windows bends the parameters until they imitate
+    it, and candidates tried from there stay caught. Over short windows an error has no time to
+    grow: parameters stay near where they belong, and what a candidate does is nearly linear.
+
+    Args:
+        search: with what has been added. coarse: its problem at a coarse step.
+    """
+
+    def __init__(self, search: Search, coarse: Problem) -> None:
+        layout = search.problem.plant.layout
+        self.search = search
+        self.coarse = coarse
+        vector = search.fit.vector.copy()
+        for key in search.keys:
+            vector[layout.index[key]] = search.declared_vector[layout.index[key]]
+        self.problem = medium_problem(search.problem.at_step(COARSE))
+        self._weigh(vector)
+        free = self._free(vector, ())
+        fit = levenberg_marquardt(self.problem, vector, free, iterations=6, refresh=1)
+        self._weigh(fit.vector)
+        fit = levenberg_marquardt(
+            self.problem, fit.vector, free, iterations=3, known=known_of(fit), refresh=0
+        )
+        names = tuple(item.key for item in free if "[" not in item.key)
+        self.fit = friction_at_rest(self.problem, fit, names)[0]
+
+    def _weigh(self, vector: FloatArray) -> None:
+        self.problem.prepare(vector)
+        self.problem.scale_to(self.problem.residual(vector))
+
+    def _free(self, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
+        free = free_of(self.search, vector, extra)
+        return tuple(item for item in free if item.key not in FRICTION_AT_REST)
+
+    def trials(self, starts: Sequence[Start], most: int) -> list[Trial]:
+        """Return the best candidates refitted, first over short windows, then over long ones.
+
+        Args:
+            starts: of the candidates. most: how many are taken to the long windows.
+        """
+        screened = Screen(self.problem.at_step(SCREENING), self.fit).all(starts)
+        tried: dict[str, list[Screened]] = {}
+        for item in screened:
+            if item.gain > 0.0:
+                tried.setdefault(item.start.candidate, []).append(item)
+        order = list(tried)[: most + 2]
+        fits: list[tuple[Start, Fit]] = []
+        for number, name in enumerate(order):
+            own = [self._fitted(item) for item in tried[name][: _KEEP if number < 3 else 1]]
+            fits.append(min(own, key=lambda pair: pair[1].cost))
+        fits.sort(key=lambda pair: pair[1].cost)
+        if not fits:
+            return []
+        best = self.fit.cost - fits[0][1].cost
+        hopeful = [p for p in fits if self.fit.cost - p[1].cost > _HOPEFUL * best][:most]
+        return [self._long(start, fit) for start, fit in hopeful]
+
+    def _fitted(self, item: Screened) -> tuple[Start, Fit]:
+        vector = started(item, self.fit.vector)
+        known = known_of(self.fit)
+        free = self._free(vector, [item.start])
+        return item.start, levenberg_marquardt(
+            self.problem, vector, free, iterations=6, known=known, refresh=1
+        )
+
+    def _long(self, start: Start, near: Fit) -> Trial:
+        """Fit over long windows from where short ones have led."""
+        free = self._free(near.vector, [start])
+        fit = levenberg_marquardt(self.coarse, near.vector, free, iterations=5, refresh=1)
+        names = tuple(item.key for item in free if "[" not in item.key)
+        if fit.cost > _NOISE * SOFT_MEAN * self.coarse.size:
+            fit = friction_at_rest(self.coarse, fit, names)[0]
+        return Trial(start, fit, Comparison(0, 0, 0, 0, 1, 0))
+
+
+def known_of(fit: Fit) -> dict[str, FloatArray]:
+    """Return the columns of a fit's Jacobian by key."""
+    return {item.key: fit.jacobian[:, k] for k, item in enumerate(fit.free)}
+
+
+def started(item: Screened, vector: FloatArray) -> FloatArray:
+    """Return a vector with a screened candidate on, at the size that was predicted."""
+    # a predicted amplitude is a fraction of the real one; never start from nothing
+    size = float(np.sign(item.amplitude) or 1.0) * max(abs(item.amplitude), 1e-3)
+    out = item.start.apply(vector, size)
+    out[item.start.strength_at] = np.clip(
+        out[item.start.strength_at], item.start.low, item.start.high
+    )
+    return out
