@@ -34,13 +34,15 @@ def on_page_markdown(markdown: str, config: Any, **_: Any) -> str:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Turn equations into MathML."""
+    """Turn equations into MathML, and let the keyboard reach what scrolls."""
 
     def mathml(match: re.Match[str]) -> str:
         display = "block" if match[1] == "div" else "inline"
         return str(convert(html.unescape(match[2]).strip(), display=display))
 
-    return _MATH.sub(mathml, content)
+    # wide equations scroll sideways: the keyboard has to reach them (site.js does so for the rest)
+    found = _MATH.sub(mathml, content)
+    return found.replace('display="block">', 'display="block" tabindex="0">')
 
 
 def on_post_build(config: Any) -> None:
