@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections import Counter
-from io import StringIO
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -24,17 +24,7 @@ class CsvSource(TableSource):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        text = self._text()
-        if "\r" in text:
-            text = text.replace("\r\n", "\n").replace("\r", "\n")
-        try:
-            self._layout = CsvLayout.of(text)
-        except NoTable as error:
-            raise RecordingError(
-                str(error), where=Place(file=self.path, line=error.line), hint=error.hint
-            ) from error
-        self._notes += self._layout.notes
-        self._columns = self._parse(text)
+        self._columns = self._parse(self._text())
 
     @property
     def format(self) -> str:
@@ -85,7 +75,11 @@ class CsvSource(TableSource):
         return dict.fromkeys(kinds, "")
 
     def _text(self) -> str:
-        content = self._path.read_bytes()
+        """Return the file's text with line ends of one kind."""
+        text = self._decoded(self._path.read_bytes())
+        return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+    def _decoded(self, content: bytes) -> str:
         encoding = next((e for mark, e in _MARKS.items() if content.startswith(mark)), "utf-8")
         try:
             return content.decode(encoding)
@@ -103,16 +97,24 @@ class CsvSource(TableSource):
     def _parse(self, text: str) -> dict[str, NDArray[Any]]:
         import pandas as pd
 
-        layout = self._layout
         where = Place(file=self.path)
+        try:
+            self._layout = layout = CsvLayout.of(text)
+        except NoTable as error:
+            where = Place(file=self.path, line=error.line)
+            raise RecordingError(str(error), where=where, hint=error.hint) from error
+        self._notes += layout.notes
         text = self._without_torn_end(text)
         if layout.trailing:
             text = re.sub(re.escape(layout.delimiter) + r"$", "", text, flags=re.MULTILINE)
+        # as bytes: pandas would turn text into four bytes a letter
+        stream = BytesIO(text.encode())
+        del text
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", pd.errors.ParserWarning)
                 frame = pd.read_csv(
-                    StringIO(text), sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                    stream, sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
                     decimal=layout.decimal, skiprows=layout.first, header=None,
                     names=range(len(layout.names)), na_values=MISSING, skipinitialspace=True,
                     index_col=False, low_memory=False, comment="#",
