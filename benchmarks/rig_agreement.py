@@ -14,8 +14,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-import eha_bench as eb
 from benchmarks.rig_safety import Rig
+
+import eha_bench as eb
 from eha_bench.core.shipped import shipped
 from eha_bench.metrics import score
 from eha_bench.suites import load_suite
