@@ -1,10 +1,10 @@
 """Where a series changed: steps and drifts, found together and each tested.
 
-Forward selection over steps, kinks (where a drift begins or ends) and episodes (a step up and
-down again, which neither edge explains alone), every term's place then searched anew with the
-others held, and terms removed that are not significant. The level of a test is shared between
-all places at which one was looked for (Bonferroni), so that a flat history has a false change
-with a probability of at most `alpha`.
+Forward selection over steps, kinks (where a drift begins or ends) and pairs of them (a passing
+change of level, a drift that ends: neither edge explains them alone), every term's place then
+searched anew with the others held, and terms removed that are not significant. The level of a
+test is shared between all places at which one was looked for (Bonferroni), so that a flat history
+has a false change with a probability of at most `alpha`.
 
 Looked at first: ruptures (Truong, Oudre and Vayatis 2020, doi:10.1016/j.sigpro.2019.107299). Its
 compiled costs find steps only, its cost for joined slopes takes seconds a series in Python, and
@@ -13,6 +13,7 @@ its penalties are not error rates.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,7 +23,7 @@ from scipy import stats
 
 from eha_bench.trends.noise import noise_of, without_outliers
 from eha_bench.trends.tails import chance
-from eha_bench.trends.terms import Kind, Term, design, gains
+from eha_bench.trends.terms import Kind, Term, design, gains, pair_gains
 
 FloatArray = NDArray[np.float64]
 
@@ -30,9 +31,10 @@ FEWEST: Final = 8
 """Nights below which nothing is said about changes."""
 
 _MOST_TERMS: Final = 16
-_ROUNDS: Final = 4
+_ROUNDS: Final = 8
+_HOPE: Final = 1.4  # how much more a pair may gain at its own length than at a listed one
 _LONG: Final = 60
-_EPISODES: Final = (3, 5, 8, 13, 21, 34, 55, 89, 144)
+_LENGTHS: Final = (3, 5, 8, 13, 21, 34, 55, 89, 144)
 
 
 @dataclass(frozen=True)
@@ -162,50 +164,51 @@ class _Search:
         return min(1.0, self._looks * p)
 
     def _grown(self, terms: list[Term]) -> list[Term] | None:
-        """Return the terms with the best further one, if it may be significant."""
+        """Return the terms with the best further one or two, if they may be significant."""
         squares = self._squares(terms)
-        degrees = self._values.size - 2 - len(terms)
-        best: tuple[float, list[Term]] | None = None
+        options = sorted(self._options(terms), key=lambda option: -option[0])
+        for beyond, further in options:
+            gain = _HOPE * (beyond + len(further) * self._price)
+            if self._p_of_growth(squares, gain, len(terms), further) > self._alpha:
+                continue  # not even if its best place were much better
+            grown = self._settled([*terms, *further])
+            p = self._p_of_growth(squares, squares - self._squares(grown), len(terms), further)
+            if p <= self._alpha:
+                return grown
+        return None
+
+    def _options(self, terms: list[Term]) -> Iterator[tuple[float, list[Term]]]:
+        """Yield what may be added, with what it gains beyond the price of its parameters."""
+        count, price = self._values.size, self._price
         for kind in Kind:
             found = gains(self._values, terms, kind)
             start = int(np.argmax(found))
-            p = self._p_value(squares, float(found[start]), degrees)
-            if p <= self._alpha and (best is None or found[start] > best[0]):
-                best = float(found[start]), [*terms, Term(start, kind)]
-        if best is not None:
-            return self._settled(best[1])
-        episode = self._episode(terms)
-        if episode is None:
-            return None
-        grown = self._settled([*terms, *episode])
-        gain = squares - self._squares(grown)
-        # two terms at once: each place is one of about n * lengths, tested as one of two degrees
-        degrees -= 1
-        error = self._widening**2 * max(squares - gain, 0.5 * degrees) / max(1, degrees)
-        p = float(stats.f.sf(gain / 2.0 / error, 2, degrees)) if degrees > 0 else 1.0
-        looks = self._values.size * len(_EPISODES)
-        return grown if looks * p <= self._alpha else None
+            if found[start] > 0.0:
+                yield float(found[start]) - price, [Term(start, kind)]
+            best, pair = 0.0, None
+            for length in (length for length in _LENGTHS if length <= count - 6):
+                found = pair_gains(self._values, terms, kind, length)
+                start = int(np.argmax(found))
+                if found[start] > best:
+                    best, pair = float(found[start]), (start, length)
+            if pair is not None:
+                yield best - 2.0 * price, [Term(pair[0], kind), Term(sum(pair), kind)]
 
-    def _episode(self, terms: list[Term]) -> list[Term] | None:
-        """Return the two edges of the best passing change of level."""
-        basis, _ = np.linalg.qr(design(terms, self._values.size))
-        residual = self._values - basis @ (basis.T @ self._values)
-        total = np.concatenate(([0.0], np.cumsum(residual)))
-        inside = np.concatenate((np.zeros((1, basis.shape[1])), np.cumsum(basis, axis=0)))
-        best, edges = 0.0, None
-        for length in _EPISODES:
-            if length > self._values.size - 6:
-                break
-            onto = total[length:] - total[:-length]
-            within = inside[length:] - inside[:-length]
-            own = length - np.sum(within**2, axis=1)
-            found = np.where(own > 1e-6 * length, onto**2 / np.maximum(own, 1e-300), 0.0)
-            found[:3] = found[-3:] = 0.0
-            start = int(np.argmax(found))
-            if found[start] > best:
-                best = float(found[start])
-                edges = [Term(start, Kind.STEP), Term(start + length, Kind.STEP)]
-        return edges
+    @property
+    def _price(self) -> float:
+        """What a parameter has to gain, so that one and two of them compare."""
+        return 2.0 * self._widening**2 * float(np.log(self._values.size))
+
+    def _p_of_growth(self, squares: float, gain: float, before: int, further: list[Term]) -> float:
+        """Return the corrected p-value of all that was added at once."""
+        degrees = self._values.size - 1 - before - len(further)
+        if len(further) == 1:
+            return self._p_value(squares, gain, degrees)
+        if degrees < 1:
+            return 1.0
+        error = self._widening**2 * max(squares - gain, 0.5 * degrees) / degrees
+        looks = self._looks * len(_LENGTHS)
+        return min(1.0, looks * float(stats.f.sf(gain / 2.0 / error, 2, degrees)))
 
     def _settled(self, terms: list[Term]) -> list[Term]:
         """Return the terms, each at its best place and of its best kind given the others."""

@@ -77,3 +77,26 @@ def gains(values: FloatArray, terms: list[Term], kind: Kind) -> FloatArray:
     found[:edge] = 0.0
     found[count - edge + 1 :] = 0.0
     return found
+
+
+def pair_gains(values: FloatArray, terms: list[Term], kind: Kind, length: int) -> FloatArray:
+    """Return by how much a further term and its undoing `length` nights later would do so.
+
+    Two steps make a passing change of level, two kinks a drift that ends. Arguments and result as
+    for `gains`; shape (n - length,).
+    """
+    count = values.size
+    basis, _ = np.linalg.qr(design(terms, count))
+    residual = values - basis @ (basis.T @ values)
+    onto, within = _from_here(residual), _from_here(basis)
+    if kind is Kind.STEP:
+        squares = np.full(count - length, float(length))
+    else:
+        onto, within = _from_here(onto), _from_here(within)
+        after = np.arange(count, length, -1, dtype=np.float64) - length
+        squares = length * (length + 1.0) * (2.0 * length + 1.0) / 6.0 + length**2 * after
+    onto, within = onto[:-length] - onto[length:], within[:-length] - within[length:]
+    own = squares - np.sum(within**2, axis=1)
+    found = np.where(own > 1e-8 * squares, onto**2 / np.maximum(own, 1e-300), 0.0)
+    found[:3] = found[-3:] = 0.0
+    return found

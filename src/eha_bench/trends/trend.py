@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 ALPHA: Final = 0.005
 """Of a false change in any metric of a history, and of a false alarm in any metric of a night."""
 
+_WILDER: Final = 1.5
+
 RECENT: Final = 7
 """Nights for which a step is news."""
 
@@ -164,6 +166,11 @@ def _is_out(
     if not course.sigma > 0.0:
         return True
     others = (values - course.line)[:-1] / course.sigma
+    # a night in 200 may be wild by itself; the newest has to be wilder than the others were
+    same_side = np.sort(others * np.sign(away))
+    wildest = float(same_side[-1 - values.size // 200])
+    if abs(away) / course.sigma < _WILDER * wildest:
+        return False
     return chance(others, 1, away / course.sigma) <= alpha
 
 
