@@ -185,11 +185,41 @@ def test_noise_without_a_step_is_no_step(kit):
         assert "no step" in found.reason
 
 
-def test_settling_below_the_noise_floor_is_not_scored(kit):
+def test_settling_below_the_noise_floor_is_told_by_two_modes(kit):
     recording, trial = pressure(kit)
-    found = kit.measure("settling_time", kit.noisy(recording, 0.1 * 5e6, 1), trial)
+    clean = kit.measure("settling_time", recording, trial).value
+    inside = 0
+    for seed in range(10):
+        found = kit.measure("settling_time", kit.noisy(recording, 0.05 * 5e6, seed), trial)
+        assert "noise floor" in found.reason
+        assert "two modes" in found.reason
+        assert found.high - found.low > 0.002
+        inside += found.low <= clean <= found.high
+    assert inside >= 8
+
+
+def test_settling_below_the_noise_floor_is_no_guess(kit):
+    # a beat: four modes
+    recording, trial = kit.step(
+        lambda t: 1 - np.exp(-t / 0.3) * np.cos(60 * t) * np.cos(6 * t), hold=3.0
+    )
+    found = kit.measure("settling_time", kit.noisy(recording, 0.05, 1), trial)
     assert math.isnan(found.value)
     assert "noise floor" in found.reason
+    assert "not that of two decaying modes" in found.reason
+
+
+def test_a_jump_within_a_sample_has_no_overshoot(kit):
+    # a polynomial through a jump would swing over on either side of it
+    recording, trial = kit.step(lambda t: (t > 0.0005).astype(float), hold=0.2)
+    for seed in range(5):
+        noisy = kit.noisy(recording, 0.004, seed)
+        for name in ("overshoot", "undershoot"):
+            found = kit.measure(name, noisy, trial)
+            assert found.low == 0.0
+            assert found.value < 0.02
+        settled = kit.measure("settling_time", noisy, trial)
+        assert settled.value == pytest.approx(0.001, abs=0.5e-3)
 
 
 def test_a_limit_cycle_never_settles(kit):

@@ -17,6 +17,7 @@ from scipy.signal import savgol_filter
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
+from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.local_peak import Peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
@@ -30,6 +31,7 @@ from eha_bench.metrics.step_response import (
 from eha_bench.metrics.window import commanded_edges, timeline
 
 _PARABOLA = 9
+_SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 
 _LEAST = 5e-4  # of the step: below this a final level that is still creeping looks like a peak
 
@@ -44,28 +46,40 @@ class Extreme:
 
 def highest(step: StepResponse) -> Extreme:
     """Return the highest place of the response."""
-    return _extreme(step, step.smooth.values, step.rise)
+    return _extreme(step, 1.0)
 
 
 def lowest(step: StepResponse) -> Extreme:
     """Return the lowest place of the response, turned upside down."""
-    return _extreme(step, -step.smooth.values, -step.rise)
+    return _extreme(step, -1.0)
 
 
-def _extreme(
-    step: StepResponse,
-    smoothed: np.ndarray[tuple[int], np.dtype[np.float64]],
-    values: np.ndarray[tuple[int], np.dtype[np.float64]],
-) -> Extreme:
-    index = step.origin + int(np.argmax(smoothed[step.origin :]))
+def _extreme(step: StepResponse, side: float) -> Extreme:
+    values, track = side * step.rise, tracked(step)
+    first = step.landed
+    index = first + int(np.argmax(side * track.values[first:]))
     if step.exact or not step.noise.known:
         # between the kink at the edge and its neighbours there is nothing to interpolate
+        index = step.origin + int(np.argmax(values[step.origin :]))
         at = float(step.time[index])
         here = Peak(float(values[index]), at, 0.0, at, at)
         return Extreme(here if index == step.origin else vertex(step.time, values, index), 0.0)
-    found = peak(step.time, values, index, step.noise, 2 * step.transit)
-    independent = max((values.size - step.origin) / (2 * step.smooth.half + 1), 2.0)
-    return Extreme(found, step.smooth.sd * math.sqrt(2.0 * math.log(independent)))
+    # no polynomial follows a jump: of one that is not resolved, only what comes after it
+    after = slice(first if not step.resolved else None, None)
+    here = index - (after.start or 0)
+    found = peak(step.time[after], values[after], here, step.noise, 2 * step.transit)
+    independent = max((values.size - first) / (2 * track.half + 1), 2.0)
+    return Extreme(found, track.sd * math.sqrt(2.0 * math.log(independent)))
+
+
+def tracked(step: StepResponse) -> Smooth:
+    """Return the smoothed response, (n,); a jump within a few samples is not smeared."""
+    if step.resolved:
+        return step.smooth
+    first = step.landed
+    after = smooth(step.rise[first:], step.noise, _SMOOTHED, max((step.rise.size - first) // 50, 2))
+    values = np.concatenate([step.rise[:first], after.values])
+    return Smooth(values, after.sd, after.half)
 
 
 class Overshoot(StepMetric):
@@ -131,12 +145,13 @@ class PeakValue(StepMetric):
 
 def _also_as_high(step: StepResponse, found: Peak) -> tuple[float, float]:
     """Return the interval of a peak's time, other places that may be as high taken in."""
-    half = step.smooth.half
+    track = tracked(step)
+    half = track.half
     if half == 0:  # next to no noise: the polynomial knows
         return found.earliest, found.latest
-    values = step.smooth.values[step.origin :]
-    times = step.time[step.origin :]
-    reach = 2.0 * math.sqrt(2.0) * step.smooth.sd
+    values = track.values[step.landed :]
+    times = step.time[step.landed :]
+    reach = 2.0 * math.sqrt(2.0) * track.sd
     rivals = (values >= maximum_filter1d(values, 2 * half + 1)) & (values >= values.max() - reach)
     places = times[rivals]
     return min(found.earliest, *places), max(found.latest, *places)

@@ -65,7 +65,17 @@ def _flat(local: Fit, place: float, noise: Noise) -> tuple[float, float]:
         spread = math.sqrt(noise.variance(local.slope_weights(time)))
         return abs(local.slope(time)) <= noise.quantile() * spread
 
-    return holds_around(local, place, flat)
+    earliest, latest = holds_around(local, place, flat)
+    curvature = _curvature(local, place)
+    if curvature < 0.0:
+        # flat up to the end of the window: the straight line of the slope goes on
+        spread = math.sqrt(noise.variance(local.slope_weights(place)))
+        reach = noise.quantile() * spread / -curvature
+        if earliest <= local.origin - 0.999 * local.scale:
+            earliest = min(earliest, place - reach)
+        if latest >= local.origin + 0.999 * local.scale:
+            latest = max(latest, place + reach)
+    return earliest, latest
 
 
 def _curvature(local: Fit, place: float) -> float:

@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.score import Measure
-from eha_bench.metrics.local import Crossing, interpolated, refined, smooth
+from eha_bench.metrics.local import (
+    Crossing,
+    Smooth,
+    between_samples,
+    interpolated,
+    refined,
+    smooth,
+)
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.settling_model import settled_by_model
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, said, since_edge
@@ -35,7 +42,7 @@ class SettlingTime(StepMetric):
 
     def of(self, step: StepResponse) -> Measure:
         """Return the last crossing of the band; its interval covers exits that noise may hide."""
-        track = smooth(step.rise, step.noise, BAND / 15.0, max(2, step.transit))
+        track = _track(step)
         spread = math.sqrt(track.sd**2 + step.final_variance)
         if spread > BAND / 5.0:
             return self._by_model(step, spread)
@@ -51,7 +58,7 @@ class SettlingTime(StepMetric):
         edge = 1.0 + math.copysign(BAND, float(distance[last]))
         place = interpolated(step.time, track.values, edge, last + 1)
         if not step.exact and step.noise.known:
-            place = refined(step.time, step.rise, edge, place, step.noise, max(step.transit, 3))
+            place = _refined(step, edge, place, last + 1)
         low, high = self._interval(step, distance, place, spread)
         convention = f"2 % of the step for good, {LEVELS}"
         return since_edge(step, Measure(place.time, low, high, said(step, convention)))
@@ -91,6 +98,21 @@ class SettlingTime(StepMetric):
         if step.time[perhaps] > high + 3.0 * own:
             high = float(step.time[perhaps])
         return min(low, float(step.time[surely])), high
+
+
+def _track(step: StepResponse) -> Smooth:
+    """Return the response smoothed as far as its own speed allows; a jump is not smeared."""
+    first = step.landed if not step.resolved else 0
+    after = smooth(step.rise[first:], step.noise, BAND / 15.0, max(2, step.transit))
+    return Smooth(np.concatenate([step.rise[:first], after.values]), after.sd, after.half)
+
+
+def _refined(step: StepResponse, edge: float, guess: Crossing, index: int) -> Crossing:
+    first = step.landed if not step.resolved else 0
+    if index <= first:  # within the jump
+        return between_samples(step.time, step.rise, edge, index, step.noise)
+    widest = max(step.transit, 3)
+    return refined(step.time[first:], step.rise[first:], edge, guess, step.noise, widest)
 
 
 def _last_exit(distance: FloatArray, beyond: float) -> int:

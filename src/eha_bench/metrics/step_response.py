@@ -80,6 +80,22 @@ class StepResponse:
         """Whether the recording is free of noise, so that samples can be taken at their word."""
         return self.noise.sd <= _EXACT
 
+    @property
+    def resolved(self) -> bool:
+        """Whether there are enough samples between 25 and 75 % for a polynomial to follow them."""
+        return self.transit >= _RESOLVED
+
+    @property
+    def landed(self) -> int:
+        """Index of the first sample, after the edge, from which on curves are smooth.
+
+        Of a response that is there within a few samples, the first that has come to 90 %.
+        """
+        if self.resolved:
+            return self.origin
+        beyond = np.flatnonzero(self.rise[self.origin :] >= 0.9)
+        return self.origin + (int(beyond[0]) if beyond.size else 0)
+
     def level_variance(self, share: float) -> float:
         """Return the variance of the level at `share` of the step (normalised)."""
         return (1.0 - share) ** 2 * self.initial_variance + share**2 * self.final_variance
@@ -104,7 +120,7 @@ class StepResponse:
         guess = interpolated(self.time, self.smooth.values, share, index)
         if self.exact or not self.noise.known:
             return guess
-        if self.transit < _RESOLVED:
+        if not self.resolved:
             return between_samples(self.time, self.rise, share, index, self.noise)
         after = slice(self.origin, None)  # the edge may leave a kink, no polynomial follows one
         return refined(
@@ -113,8 +129,20 @@ class StepResponse:
             share,
             guess,
             self.noise,
-            max(3 * self.transit // 4, 3),
+            self._window,
         )
+
+    @property
+    def _window(self) -> int:
+        """Samples on either side of a place in which a cubic misses less than its noise.
+
+        By the noise's size and the response's speed alone, so that the choice does not depend on
+        the noise that it is to be judged by: a cubic over h samples, where there are T from 25 to
+        75 %, misses about 0.004 (h / T)^4 of the step (second order, T = 0.9 / omega_n), and its
+        noise is 1.1 sd / sqrt(h); the former may be a thirtieth of the latter.
+        """
+        half = (8.0 * self.noise.sd * self.transit**4) ** (1.0 / 4.5)
+        return int(min(max(half, 3.0), max(0.75 * self.transit, 3.0)))
 
 
 class NotSettled(NotScored):

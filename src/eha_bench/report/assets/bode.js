@@ -190,7 +190,7 @@
       this.where = make("span", "when");
       const whole = make("button", "tool", "Whole");
       whole.type = "button";
-      whole.title = "Show all frequencies";
+      whole.title = "Whole: show all frequencies";
       whole.setAttribute("aria-label", whole.title);
       whole.addEventListener("click", () => this.zoom(...this.whole));
       tools.append(this.where, whole);
