@@ -90,7 +90,7 @@ def _drop_last(search: Search) -> None:
 def _worth_a_look(search: Search) -> bool:
     """Whether anything is left beyond what the noise's own estimate is uncertain by."""
     left = search.excess_left
-    return left.total > 0.01 * left.size or left.significance > 4.0
+    return left.total > 0.01 * left.size or left.significance > 8.0
 
 
 def look(search: Search, *, first: bool) -> list[Trial]:
