@@ -1,4 +1,4 @@
-"""`python -m benchmarks [--quick]`: every benchmark in turn, each with its own table.
+"""`python -m benchmarks [--quick] [--only NAME ...]`: every benchmark, and one table at the end.
 
 Figures are ratios measured side by side in one run wherever a machine's speed would matter; a
 benchmark that cannot run makes the command fail, one that misses its target does not.
@@ -7,37 +7,71 @@ benchmark that cannot run makes the command fail, one that misses its target doe
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
+
+from benchmarks.table import Row, rows_of
 
 FULL: dict[str, list[str]] = {
+    "startup": [],
+    "simulation": [],
     "recordings": [],
     "report": [],
     "scoring": [],
+    "growth": [],
     "coverage": [],
+    "comparison": [],
     "blind": ["--cases", "40"],
 }
 QUICK: dict[str, list[str]] = {
+    "startup": ["--rounds", "2", "--no-suite"],
+    "simulation": ["--rounds", "1"],
     "recordings": ["--ticks", "60000", "--rounds", "2", "--seconds", "2"],
     "report": ["--signals", "20", "--samples", "20000", "--no-peers"],
     "scoring": ["--seconds", "60"],
+    "growth": ["--ticks", "500", "--rounds", "1"],
     "coverage": ["--recordings", "100"],
+    "comparison": ["--quick"],
     "blind": ["--cases", "1"],
 }
+RAN = (0, 1)
+"""Exit statuses of a benchmark that ran: 1 where a target was missed."""
+
+
+def run(name: str, arguments: list[str], folder: Path) -> list[Row] | None:
+    """Run a benchmark with its own output; return its rows, None if it could not run."""
+    file = folder / f"{name}.json"
+    command = [sys.executable, "-m", f"benchmarks.{name}", *arguments, "--json", str(file)]
+    done = subprocess.run(command, check=False)
+    if done.returncode not in RAN or not file.exists():
+        print(f"benchmarks.{name} could not run (status {done.returncode})", flush=True)
+        return None
+    return rows_of(name, json.loads(file.read_text(encoding="utf-8")))
 
 
 def main() -> int:
     """Run them; return how many could not run."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small versions, minutes in all")
-    chosen = QUICK if parser.parse_args().quick else FULL
-    broken = 0
-    for name, arguments in chosen.items():
-        print(f"== {name} ==", flush=True)
-        done = subprocess.run([sys.executable, "-m", f"benchmarks.{name}", *arguments], check=False)
-        if done.returncode not in (0, 1):
-            broken += 1
-            print(f"benchmarks.{name} could not run (status {done.returncode})", flush=True)
+    parser.add_argument("--only", nargs="+", choices=FULL, default=list(FULL))
+    given = parser.parse_args()
+    chosen = QUICK if given.quick else FULL
+    found: dict[str, list[Row] | None] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name in given.only:
+            print(f"== {name} ==", flush=True)
+            found[name] = run(name, chosen[name], Path(folder))
+    print("\n== all figures and targets ==")
+    for name, rows in found.items():
+        print(name if rows is not None else f"{name}: COULD NOT RUN")
+        for row in rows or []:
+            print(f"  {row}")
+    verdicts = [row.verdict for rows in found.values() for row in rows or []]
+    broken = sum(rows is None for rows in found.values())
+    print(f"{verdicts.count('met')} met, {verdicts.count('missed')} missed, {broken} could not run")
     return broken
 
 
