@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 
 from eha_bench.core.errors import TargetFault
 from eha_bench.core.trial import ControlMode
@@ -39,6 +40,7 @@ class Link:
         self._tick = 0
         self._tick_at = time.monotonic()
         self._missing = set(drive.status)
+        self._numbers: dict[int, int] = {}
 
     def send(self, message: Frame) -> None:
         """Send a frame."""
@@ -120,9 +122,11 @@ class Link:
     ) -> float | None:
         """Return when a status frame was measured; None where a newer one is known."""
         age = 0
-        if status.counter:
+        if self.drive.sync is None:
+            self._count_gaps(identifier, status, signals, health)
+        elif status.counter:
             age = (self._tick - int(signals[status.counter])) % status.modulus
-        elif self.drive.sync is not None and identifier not in self._missing:
+        elif identifier not in self._missing:
             age = 1
         if age == 0:
             if health is not None:
@@ -134,6 +138,22 @@ class Link:
         stamp = self._tick_at - age * self._period
         newest = max((self.stamps.get(name, -math.inf) for name in status.channels), default=stamp)
         return stamp if stamp >= newest else None
+
+    def _count_gaps(
+        self,
+        identifier: int,
+        status: Status,
+        signals: Mapping[str, float],
+        health: LoopHealth | None,
+    ) -> None:
+        """Count what is missing between two frames of a drive that numbers them by itself."""
+        if not status.counter:
+            return
+        number = int(signals[status.counter])
+        before = self._numbers.get(identifier)
+        self._numbers[identifier] = number
+        if before is not None and health is not None:
+            health.gaps += (number - before - 1) % status.modulus
 
     def _take_state(self, message: object, signals: dict[str, float]) -> None:
         if message is self.drive.state.message:

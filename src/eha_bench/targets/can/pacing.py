@@ -115,7 +115,10 @@ class LoopHealth:
     """Counts how the ticks of one trial were kept; all memory is taken at its start."""
 
     def __init__(self, ticks: int, period: float, messages: int) -> None:
-        """Begin with nothing; `messages` status frames are expected at every tick."""
+        """Begin with nothing; `messages` status frames are expected at every tick.
+
+        0 stands for a drive that sends by its own clock: its lost frames are `gaps` then.
+        """
         self._times: NDArray[np.float64] = np.full(ticks, np.nan)
         self._period = period
         self._messages = messages
@@ -124,6 +127,7 @@ class LoopHealth:
         self.skipped = 0
         self.on_time = 0
         self.late = 0
+        self.gaps = 0
         self.latency_max = 0.0
 
     def tick(self, now: float, late_by: float, skipped: int) -> None:
@@ -138,7 +142,14 @@ class LoopHealth:
     @property
     def lost(self) -> int:
         """Status frames that never came."""
+        if not self._messages:
+            return self.gaps
         return max(self._messages * self.ticks - self.on_time - self.late, 0)
+
+    @property
+    def frames(self) -> int:
+        """Status frames that should have come."""
+        return self._messages * self.ticks or self.on_time + self.late + self.gaps
 
     def metadata(self, shares: tuple[float, float, float]) -> dict[str, str]:
         """Return the health as metadata of a recording.
@@ -155,7 +166,7 @@ class LoopHealth:
             "loop_period_p99_9": f"{p999:.9g}",
             "loop_period_max": f"{periods.max() if periods.size else np.nan:.9g}",
             "loop_overruns": str(self.overruns),
-            "loop_frames": str(self._messages * self.ticks),
+            "loop_frames": str(self.frames),
             "loop_lost_frames": str(self.lost),
             "loop_late_frames": str(self.late),
             "loop_reply_max": f"{self.latency_max:.9g}",
@@ -165,7 +176,7 @@ class LoopHealth:
     def trouble(self, overruns: float, lost: float, late: float) -> str:
         """Return why the loop is not to be believed, "" where it is."""
         found = []
-        ticks, frames = max(self.ticks + self.skipped, 1), max(self._messages * self.ticks, 1)
+        ticks, frames = max(self.ticks + self.skipped, 1), max(self.frames, 1)
         for count, of, share, what in (
             (self.overruns, ticks, overruns, "ticks overran"),
             (self.lost, frames, lost, "frames lost"),

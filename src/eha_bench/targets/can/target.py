@@ -245,7 +245,9 @@ class CanTarget(Target):
             link = Link(self._drive, self._bus, period)
         except TargetFault as error:
             return self._not_there(trial, str(error))
-        health = LoopHealth(trial.clock().size, period, len(self._drive.status))
+        health = LoopHealth(
+            trial.clock().size, period, len(self._drive.status) if self._drive.sync else 0
+        )
         with RealTime(file.priority) as real_time:
             run = TrialRun(
                 plan, link, stopping, health, real_time.scheduling, self._recorder.append,
