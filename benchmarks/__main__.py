@@ -25,6 +25,8 @@ FULL: dict[str, list[str]] = {
     "coverage": [],
     "comparison": [],
     "blind": ["--cases", "40"],
+    "rig_safety": ["--faults", "--kills", "30", "--signals", "5", "--disk", "--minutes", "10"],
+    "rig_agreement": [],
 }
 QUICK: dict[str, list[str]] = {
     "startup": ["--rounds", "2", "--no-suite"],
@@ -36,6 +38,8 @@ QUICK: dict[str, list[str]] = {
     "coverage": ["--recordings", "100"],
     "comparison": ["--quick"],
     "blind": ["--cases", "1"],
+    "rig_safety": ["--kills", "2", "--disk"],
+    "rig_agreement": ["--rounds", "1"],
 }
 RAN = (0, 1)
 """Exit statuses of a benchmark that ran: 1 where a target was missed."""

@@ -15,8 +15,8 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.rig_safety import Rig
+from benchmarks.table import Row, write_rows
 
-import eha_bench as eb
 from eha_bench.core.shipped import shipped
 from eha_bench.metrics import score
 from eha_bench.suites import load_suite
@@ -76,7 +76,9 @@ def main() -> int:
     """Print the table; return 1 where a mode did not pass as often as it was asked to."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.rig_agreement", description=__doc__)
     parser.add_argument("--rounds", type=int, default=3)
-    rounds = parser.parse_args().rounds
+    parser.add_argument("--json", type=Path, help="write the figures as rows of JSON")
+    chosen = parser.parse_args()
+    rounds = chosen.rounds
     simulator = simulated(max(5, rounds))
     bus, counts = {}, {}
     with tempfile.TemporaryDirectory(prefix="eha-rig-") as name:
@@ -89,7 +91,17 @@ def main() -> int:
         print(f"| {key[0]} | {key[1]} | {' | '.join(cells)} |")
     for control, (passed, tried) in counts.items():
         print(f"{control}: the whole suite passed {passed} times in {tried} runs")
-    print(f"eha-bench {eb.__version__}")
+    rows = []
+    for control, found in bus.items():
+        off = [
+            abs(statistics.mean(found[key]) / statistics.mean(values) - 1.0) * 100
+            for key, values in simulator.items()
+            if key in found and key[1] != "steady_state_error"  # zero but for the noise
+        ]
+        if off:
+            figure = f"rig: largest difference from the simulator, {control}"
+            rows.append(Row(figure, max(off), "%", "<", 2.0))
+    write_rows(chosen.json, rows)
     return 0 if all(passed == rounds for passed, _ in counts.values()) else 1
 
 

@@ -21,6 +21,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.table import Row, write_rows
+
 import eha_bench as eb
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.shipped import shipped_rig
@@ -44,6 +46,8 @@ KNEE = {
     "setup": "{piston: free, initial: {joint_angle: 90 deg}}",
     "signal": "{kind: sine, amplitude: 20 deg, offset: 90 deg, frequency: 0.8 Hz}",
 }
+ROWS: list[Row] = []
+"""What is found, for the table of all benchmarks."""
 LONGEST = 20e-3
 """s until the torque has to be off."""
 
@@ -180,7 +184,7 @@ def read_back(path: Path) -> str:
 def faults(folder: Path) -> bool:
     """Run every fault; return whether every one that has to stop the torque did so in time."""
     print("| fault | torque off after | exit | reason | recording |\n|---|---|---|---|---|")
-    kept = True
+    kept, worst, good = True, 0.0, 0
     for index, case in enumerate(FAULTS):
         here = folder / f"fault{index}"
         here.mkdir()
@@ -195,13 +199,18 @@ def faults(folder: Path) -> bool:
         passed = number(off, "t") - number(injected, "t")
         result = json.loads((here / "out" / "result.json").read_text(encoding="utf-8"))
         reason = result["trials"][0]["reason"] if result["trials"] else ""
-        if case.stops:
-            kept &= passed <= LONGEST and run.returncode == 3
+        right = passed <= LONGEST and run.returncode == 3 if case.stops else run.returncode == 1
+        worst, good = max(worst, passed) if case.stops else worst, good + right
+        kept &= right
         shown = f"{passed * 1e3:.1f} ms" if case.stops else "at the end"
         recording = read_back(here / "out" / "recordings" / "trial-0.mcap")
         print(
             f"| `{case.fault}` | {shown} | {run.returncode} | {reason} | {recording} |", flush=True
         )
+    ROWS.append(
+        Row("rig: torque off after the slowest fault", worst * 1e3, "ms", "<", LONGEST * 1e3)
+    )
+    ROWS.append(Row("rig: faults that end as they have to", good, "", ">", len(FAULTS)))
     return kept
 
 
@@ -244,6 +253,10 @@ def interrupted(folder: Path, rounds: int, how: signal.Signals, seed: int) -> bo
         f"{', '.join(map(str, sorted(statuses, key=str)))} | {', '.join(sorted(endings))} | "
         f"at most {max(ticks) * 1e3:.0f} ms of ticks missing |", flush=True
     )  # fmt: skip
+    found = max(after_command) * 1e3
+    ROWS.append(
+        Row(f"rig: torque off after {how.name} x {rounds}", found, "ms", "<", LONGEST * 1e3)
+    )
     return max(after_command) <= LONGEST + 1e-6
 
 
@@ -270,6 +283,7 @@ def full_disk(folder: Path) -> bool:
         f"| full disk | {(number(off, 't') - number(off, 'last_command')) * 1e3:.2f} ms after the "
         f"last command | {run.returncode} | {' '.join(said.split())[:160]} | {read_back(path)} |"
     )
+    ROWS.append(Row("rig: exit status of a full disk", run.returncode, met=run.returncode == 3))
     return run.returncode == 3
 
 
@@ -308,6 +322,16 @@ def endurance(folder: Path, minutes: float) -> bool:
         sizes = [pair[place] for pair in seen]
         print(f"  memory of the {name}: {sizes[0]} kB at 5 s, {sizes[-1]} kB at the end, "
               f"at most {max(sizes)} kB")  # fmt: skip
+        growth = (sizes[-1] - sizes[0]) / sizes[0] * 100
+        ROWS.append(Row(f"rig: memory of the {name}, growth", growth, "%", "<", 1.0))
+    for key, unit, scale in (
+        ("loop_overruns", "", 1.0),
+        ("loop_lost_frames", "", 1.0),
+        ("loop_period_p99_9", "ms", 1e3),
+        ("loop_period_max", "ms", 1e3),
+    ):
+        value = float(recording.metadata[key]) * scale
+        ROWS.append(Row(f"rig: {key} in {minutes:g} min at 1 kHz", value, unit))
     print(f"  rig overslept at most {number(last(rig.events(), 'end'), 'overslept_most') * 1e3} ms")
     return run.returncode == 0
 
@@ -321,6 +345,7 @@ def main() -> int:
     parser.add_argument("--disk", action="store_true", help="a full disk")
     parser.add_argument("--minutes", type=float, default=0.0, help="length of the long run")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", type=Path, help="write the figures as rows of JSON")
     chosen = parser.parse_args()
     kept = True
     with tempfile.TemporaryDirectory(prefix="eha-rig-") as name:
@@ -336,6 +361,7 @@ def main() -> int:
             kept &= full_disk(folder)
         if chosen.minutes:
             kept &= endurance(folder, chosen.minutes)
+    write_rows(chosen.json, ROWS)
     return 0 if kept else 1
 
 
