@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-TIMEOUT = 60.0
+TIMEOUT = 180.0
 
 
 def find_chromium() -> str | None:
