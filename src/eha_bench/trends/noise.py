@@ -20,8 +20,11 @@ _TO_SIGMA: Final = 1.0 / 1.2816  # of a normal distribution's 80 % of magnitudes
 _LAST_DIGIT: Final = 1e-9
 _WINDOW: Final = 9
 _FURTHEST: Final = 2.5
-_LONG: Final = 20
+_LONG: Final = 30
+_VERY_LONG: Final = 80
+# a step spoils as many differences as the lag is long: of few nights only short lags are taken
 _LAGS: Final = (4, 5, 6, 7)
+_SHORT_LAGS: Final = (2, 3)
 _MOST_CORRELATED: Final = 0.9
 
 
@@ -44,8 +47,9 @@ def noise_of(values: FloatArray) -> Noise:
     sigma = max(_spread(values, 1), _LAST_DIGIT * scale)
     if values.size < _LONG:
         return Noise(sigma)
+    lags = _LAGS if values.size >= _VERY_LONG else _SHORT_LAGS
     # neighbours that are alike differ by less than nights further apart
-    far = float(np.median([_spread(values, lag) for lag in _LAGS]))
+    far = float(np.median([_spread(values, lag) for lag in lags]))
     alike = 1.0 - (sigma / far) ** 2 if far > sigma else 0.0
     alike -= 1.0 / math.sqrt(values.size)  # what chance alone makes of it
     if alike <= 0.0:

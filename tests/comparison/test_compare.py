@@ -1,0 +1,212 @@
+"""Verdicts, and what must not be compared silently."""
+
+import json
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eha_bench as eb
+from eha_bench.comparison.compare import compare_sides
+from eha_bench.comparison.comparison import Compared, Comparison
+from eha_bench.comparison.side import Side, load_side
+from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.errors import InputError
+from eha_bench.core.result import Result, Status, TrialResult
+
+sys.path.insert(0, str(Path(__file__).parent))
+from results import folder, result, score
+
+RNG = np.random.default_rng(5)
+BASE = list(1.0 + 0.004 * RNG.normal(size=8))
+
+
+def side(content: Result) -> Side:
+    return Side("made up", ((content, Path()),))
+
+
+def compare(baseline: Result, candidate: Result, **options: bool) -> Comparison:
+    return compare_sides(side(baseline), side(candidate), **options)
+
+
+def only(found: Comparison) -> Compared:
+    assert len(found.items) == 1
+    return found.items[0]
+
+
+@pytest.mark.parametrize(
+    ("factor", "metric", "expected"),
+    [
+        (1.10, "rise_time", Verdict.WORSE),
+        (0.90, "rise_time", Verdict.BETTER),
+        (1.0, "rise_time", Verdict.SAME),
+        (1.10, "bandwidth_3db", Verdict.BETTER),
+        (1.10, "amplitude_ratio", Verdict.WORSE),
+        (1.10, "peak", Verdict.CHANGED),
+        (1.10, "metric_of_another_house", Verdict.CHANGED),
+    ],
+)
+def test_the_verdict_follows_the_metric(factor: float, metric: str, expected: Verdict) -> None:
+    other = [factor * value for value in 1.0 + 0.004 * RNG.normal(size=8)]
+    found = compare(result(BASE, metric), result(other, metric))
+    assert only(found).verdict is expected
+    assert found.exit_status == int(expected is Verdict.WORSE)
+    json.loads(found.to_json())
+
+
+def test_a_limit_tells_the_direction_of_an_unknown_metric() -> None:
+    worse = [1.1 * value for value in BASE]
+    for limit, verdict in (("<= 2 s", Verdict.WORSE), (">= 0.5 s", Verdict.BETTER)):
+        found = compare(result(BASE, "own", limit=limit), result(worse, "own", limit=limit))
+        assert only(found).verdict is verdict
+
+
+def test_the_suite_says_what_matters() -> None:
+    slower = [1.05 * value for value in BASE]
+    assert only(compare(result(BASE), result(slower))).verdict is Verdict.WORSE
+    found = compare(result(BASE, matters="10 %"), result(slower, matters="10 %"))
+    assert only(found).verdict is Verdict.SAME
+    assert only(found).margin == pytest.approx(0.1 * np.mean(BASE))
+
+
+def test_undecided_says_how_many_more_repeats() -> None:
+    noisy = list(1.0 + 0.3 * RNG.normal(size=4))
+    other = list(1.25 + 0.3 * RNG.normal(size=4))
+    item = only(compare(result(noisy, matters="2 %"), result(other, matters="2 %")))
+    assert item.verdict is Verdict.UNDECIDED
+    assert item.more_repeats is None or item.more_repeats > 0
+
+
+def test_one_run_on_each_side() -> None:
+    found = only(compare(result([0.0400]), result([0.0500])))
+    assert found.verdict is Verdict.WORSE
+    assert "one run" in found.method
+    near = only(compare(result([0.0400]), result([0.0401])))
+    assert near.verdict in (Verdict.SAME, Verdict.UNDECIDED)
+
+
+def test_what_is_lost_is_worse() -> None:
+    lost = result([math.nan] * 8, reason="not settled")
+    found = only(compare(result(BASE), lost))
+    assert found.verdict is Verdict.WORSE
+    assert "not settled" in found.reason
+    single = only(compare(result(BASE[:1]), result([math.nan], reason="not settled")))
+    assert single.verdict is Verdict.UNDECIDED
+    assert "not settled" in single.reason
+    assert only(compare(lost, lost)).verdict is Verdict.NOT_COMPARED
+
+
+def test_other_targets_are_refused_unless_meant() -> None:
+    rig = result(BASE, target="can:rig-1")
+    with pytest.raises(InputError, match="not the same rig"):
+        compare(result(BASE), rig)
+    found = compare(result(BASE), rig, across_targets=True)
+    assert any("Different targets" in caveat for caveat in found.caveats)
+    assert only(found).verdict is Verdict.SAME
+    # models are what is compared, on one simulator
+    compare(result(BASE), result(BASE, target="simulator:revised"))
+
+
+def test_other_hosts_of_a_rig_are_said() -> None:
+    found = compare(
+        result(BASE, target="can", host="bench-1"), result(BASE, target="can", host="bench-2")
+    )
+    assert any("bench-2" in caveat for caveat in found.caveats)
+
+
+def test_another_version_of_the_suite_is_compared_only_where_the_trial_is_the_same() -> None:
+    old, new = result(BASE, suite_sha256="1"), result(BASE, suite_sha256="2")
+    found = compare(old, new)
+    assert only(found).verdict is Verdict.NOT_COMPARED
+    assert found.exit_status == 2
+    assert any("versions of the suite" in caveat for caveat in found.caveats)
+    same = compare(
+        result(BASE, suite_sha256="1", definition="x"),
+        result(BASE, suite_sha256="2", definition="x"),
+    )
+    assert only(same).verdict is Verdict.SAME
+    changed = compare(result(BASE, definition="x"), result(BASE, definition="y"))
+    assert only(changed).verdict is Verdict.NOT_COMPARED
+
+
+def test_missing_trials_and_mixed_units_are_said() -> None:
+    both = result(BASE)
+    more = replace(both, trials=(*both.trials, *result(BASE, trial="sine").trials))
+    found = compare(more, both)
+    assert any("sine is missing in the candidate" in caveat for caveat in found.caveats)
+    assert [item.verdict for item in found.items] == [Verdict.SAME, Verdict.NOT_COMPARED]
+    mixed = compare(result(BASE), result(BASE, unit="ms"))
+    assert only(mixed).verdict is Verdict.NOT_COMPARED
+    assert "'ms'" in only(mixed).reason
+
+
+def test_runs_that_came_to_no_end_are_left_out() -> None:
+    faulty = result(BASE)
+    stopped = TrialResult("step", 9, Status.FAULT, "", "", (score("rise_time", 9.0),), reason="x")
+    found = compare(result(BASE), replace(faulty, trials=(*faulty.trials, stopped)))
+    assert only(found).verdict is Verdict.SAME
+    assert any("did not come to an end" in caveat for caveat in found.caveats)
+
+
+def test_several_results_are_repeats(tmp_path: Path) -> None:
+    for i in range(4):
+        folder(tmp_path / "a" / str(i), result(BASE[2 * i : 2 * i + 2]))
+    found = eb.compare(tmp_path / "a", tmp_path / "a", tmp_path / "out")
+    assert only(found).baseline.runs == 8
+    for name in ("comparison.html", "comparison.json", "comparison.md"):
+        assert (tmp_path / "out" / name).stat().st_size > 100
+
+
+def test_results_by_older_versions_and_odd_ones_are_read(tmp_path: Path) -> None:
+    old = tmp_path / "result.json"
+    runs = [
+        {"id": "t", "status": "passed", "scores": [
+            {"metric": "made_up", "value": value, "status": "passed"},
+            {"metric": "empty", "value": None, "low": None, "status": "not_scored"},
+        ]}
+        for value in (1.0, 1.1, float("nan"))
+    ]  # fmt: skip
+    content = {"schema_version": 1, "suite": "s", "target": "t", "status": "passed", "trials": runs}
+    old.write_text(json.dumps(content), encoding="utf-8")
+    found = eb.compare(old, old, tmp_path / "out")
+    assert {item.metric for item in found.items} == {"made_up", "empty"}
+
+
+def test_there_must_be_a_result(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such result"):
+        load_side(tmp_path / "nothing")
+    with pytest.raises(InputError, match=r"holds no result\.json"):
+        load_side(tmp_path)
+
+
+def test_names_in_a_result_are_text_on_the_page(tmp_path: Path) -> None:
+    odd = result(BASE, "<script>alert(1)</script>", trial="<b>x</b>")
+    folder(tmp_path / "a", odd)
+    eb.compare(tmp_path / "a", tmp_path / "a", tmp_path / "out")
+    page = (tmp_path / "out" / "comparison.html").read_text(encoding="utf-8")
+    assert "<script>alert(1)" not in page
+    assert "<b>x</b>" not in page
+
+
+@pytest.mark.slow
+def test_no_difference_is_called_one_in_at_most_five_per_cent() -> None:
+    rng = np.random.default_rng(11)
+    for repeats in (3, 6):
+        wrong = 0
+        for _ in range(150):
+            both = []
+            for _ in range(2):
+                runs = tuple(
+                    TrialResult("t", i, Status.PASSED, "", "", tuple(
+                        score(f"m{j}", 10.0 + value, limit="<= 1 s") for j, value in enumerate(row)
+                    ))
+                    for i, row in enumerate(rng.normal(size=(repeats, 15)))
+                )  # fmt: skip
+                both.append(Result("s", "t", Status.PASSED, runs))
+            found = compare(*both)
+            wrong += bool(found.of(Verdict.WORSE, Verdict.BETTER))
+        # 150 at 5 %: 14 or more by chance once in 60
+        assert wrong < 14

@@ -1,0 +1,102 @@
+"""Many result folders become an index, a JSON and a site."""
+
+import json
+import sqlite3
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eha_bench as eb
+from eha_bench.core.errors import InputError
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "comparison"))
+from results import folder, result
+
+FIRST = datetime(2025, 1, 1, 2, tzinfo=UTC)
+
+
+def nights(path: Path, values: list[float], **more: str) -> None:
+    for i, value in enumerate(values):
+        started = (FIRST + timedelta(days=i)).isoformat()
+        made = result([value], started=started, revision=f"r{i // 5}", **more)
+        target = folder(path / f"{more.get('target', 'night')}-{i:03d}", made)
+        (target / "report.html").write_text("a report", encoding="utf-8")
+
+
+def steady(count: int = 30) -> list[float]:
+    return list(1.0 + 0.01 * np.random.default_rng(1).normal(size=count))
+
+
+def test_a_history_is_a_site_with_links_to_every_report(tmp_path: Path) -> None:
+    values = steady()
+    values[20:] = [1.2 * value for value in values[20:]]
+    nights(tmp_path, values)
+    found = eb.history(tmp_path)
+    site = tmp_path / "history"
+    content = json.loads((site / "history.json").read_text(encoding="utf-8"))
+    (trend,) = content["trends"]
+    assert [change["night"] for change in trend["changes"]] == [20]
+    assert trend["changes"][0]["at"]["revision"] == "r4"
+    assert trend["state"] == "steady"  # ten nights ago it is no news
+    assert found.exit_status() == 0
+    (page,) = (site / "trends").glob("*.html")
+    text = page.read_text(encoding="utf-8")
+    assert text.count('href="../../night-') >= 30
+    assert f"trends/{page.name}" in (site / "index.html").read_text(encoding="utf-8")
+
+
+def test_the_newest_night_out_of_its_limits_is_exit_status_1(tmp_path: Path) -> None:
+    nights(tmp_path, [*steady(), 1.3])
+    found = eb.history(tmp_path)
+    assert found.exit_status() == 1
+    assert found.drifted[0].worse is True
+    nights(tmp_path / "more", [*steady(), 0.7])
+    better = eb.history(tmp_path / "more")
+    assert (better.exit_status(), better.exit_status(only_worse=True)) == (1, 0)
+
+
+def test_rigs_are_not_mixed(tmp_path: Path) -> None:
+    nights(tmp_path, steady(), target="rig-1")
+    nights(tmp_path, [2.0 * value for value in steady()], target="rig-2")
+    found = eb.history(tmp_path)
+    assert [(t.target, len(t.nights), t.course.changes) for t in found.trends] == [
+        ("rig-1", 30, ()), ("rig-2", 30, ()),
+    ]  # fmt: skip
+
+
+def test_the_index_is_appended_to_kept_and_rebuilt(tmp_path: Path) -> None:
+    nights(tmp_path, steady(10))
+    index = tmp_path / "history" / "index.sqlite"
+    eb.history(tmp_path)
+    (tmp_path / "night-000" / "result.json").unlink()
+    nights(tmp_path / "later", steady(3))
+    assert len(eb.history(tmp_path).nights) == 13  # what was is not forgotten
+    assert len(eb.history(tmp_path, rebuild=True).nights) == 12
+    with sqlite3.connect(index) as database:
+        assert database.execute("SELECT count(*) FROM scores").fetchone() == (12,)
+    database.close()
+    index.write_bytes(b"not a database, but long enough to be taken for one" * 20)
+    with pytest.raises(InputError, match="--rebuild"):
+        eb.history(tmp_path)
+    assert len(eb.history(tmp_path, rebuild=True).nights) == 12
+
+
+def test_unreadable_results_and_missing_values_are_said(tmp_path: Path) -> None:
+    nights(tmp_path, [*steady(12), float("nan")])
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    (broken / "result.json").write_text("{", encoding="utf-8")
+    found = eb.history(tmp_path)
+    assert len(found.problems) == 1
+    assert found.trends[0].state.value == "not scored"
+    assert found.trends[0].missed == 1
+
+
+def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no result"):
+        eb.history(tmp_path)
+    with pytest.raises(InputError, match="no such folder"):
+        eb.history(tmp_path / "nothing")
