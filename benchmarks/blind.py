@@ -28,6 +28,8 @@ from fixtures.rig.plans import make_plans
 from joblib import Parallel, delayed
 from ruamel.yaml import YAML
 
+from eha_bench.core.workers import workers_from
+
 GOALS = {
     "right effect first": 0.97,
     "right effect first, hardest": 0.85,
@@ -91,11 +93,19 @@ def diagnose_case(dataset: Path, out: Path, threads: int | None = None) -> None:
         eha_bench.diagnose(dataset, out=out)
     except Exception:  # a crash is a result here, and is counted
         failure = traceback.format_exc()
-    seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
+    _write_took(out, time.perf_counter() - began, time.process_time() - cpu, failure)
+
+
+def _write_took(out: Path, seconds: float, cpu: float, failure: str) -> None:
+    out.mkdir(parents=True, exist_ok=True)
     took = {"seconds": seconds, "cpu_seconds": cpu, "failure": failure}
     part = out / "took.part"
     part.write_text(json.dumps(took))
-    part.rename(done)
+    part.rename(out / "took.json")
+
+
+def _diagnose(task: tuple[Path, Path, int | None]) -> None:
+    diagnose_case(*task)
 
 
 def compare(truth: Mapping[str, Any], out: Path) -> Outcome:
@@ -295,6 +305,7 @@ def arguments() -> argparse.ArgumentParser:
     own = parser(Path("benchmarks/results/blind"))
     own.prog, own.description = "python -m benchmarks.blind", __doc__
     own.add_argument("--data", type=Path, help="cases recorded earlier: the rig's OUT folder")
+    own.add_argument("--workers", default="", help="instead of --jobs: dask://host:port ...")
     own.add_argument("--json", type=Path, help="write the summary and every case's outcome here")
     return own
 
@@ -316,9 +327,11 @@ def main() -> None:
     verdicts = args.out / "verdicts"
     began = time.perf_counter()
     threads = 1 if args.jobs > 1 else None
-    work = (delayed(diagnose_case)(c / "dataset.yaml", verdicts / c.name, threads) for c in cases)
-    running = Parallel(n_jobs=args.jobs, return_as="generator_unordered")(work)
-    for count, _ in enumerate(running, start=1):
+    workers = workers_from(args.workers or args.jobs)
+    tasks = [(case / "dataset.yaml", verdicts / case.name, threads) for case in cases]
+    for count, outcome in enumerate(workers.outcomes(_diagnose, tasks), start=1):
+        if outcome.error is not None:  # the case took its worker down
+            _write_took(tasks[outcome.index][1], math.nan, math.nan, str(outcome.error))
         pace = (time.perf_counter() - began) / count
         left = pace * (len(cases) - count) / 60.0
         print(f"\r{count}/{len(cases)} cases, {left:.0f} min left ", end="", file=sys.stderr)

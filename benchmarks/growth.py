@@ -1,4 +1,4 @@
-"""How time and memory grow with a recording: read, write, info, recover at 1, 10 and 100 times.
+"""How time and memory grow with the work: recordings, runs, scores, histories at 1, 10, 100 times.
 
     python -m benchmarks.growth [--ticks 6000] [--json FILE]
 
@@ -20,13 +20,31 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
 from benchmarks.recordings import CHANNELS, ten_minutes, write_twelve
 
+import eha_bench as eb
+from eha_bench.core.result import Result, Status, TrialResult
+from eha_bench.core.score import Measure, Score, ScoreStatus
+from eha_bench.plants.plant import Drive, get_plant
 from eha_bench.recordings import info, read, recover, write
+from eha_bench.suites import load_suite
+from eha_bench.targets.resolve import open_target
 
 TIMES = (1, 10, 100)
 LINEAR = 1.1
 """What is called linear: a busy machine bends a line by a few percent."""
+
+SUITE = """\
+name: long
+trials:
+  - id: steps
+    mode: pressure
+    setup: {{piston: locked}}
+    duration: {seconds} s
+    signal: {{kind: steps, levels: [0 MPa, 5 MPa, 2 MPa, 8 MPa], hold: {hold} s}}
+    scores: [rise_time, settling_time, overshoot, tracking_rms, tracking_max]
+"""
 
 Act = Callable[[], object]
 
@@ -37,7 +55,7 @@ class Growth:
 
     Attributes:
         name: of the work.
-        ticks: sizes.
+        ticks: sizes; results for a history.
         seconds: of the processor at each size.
         megabytes: at their peak at each size.
         time_exponent, memory_exponent: between the two largest sizes.
@@ -91,6 +109,38 @@ def works(folder: Path, ticks: int) -> Iterator[tuple[str, Act]]:
     yield "recover", lambda: recover(torn, folder / "clean.mcap")
 
 
+def jobs(folder: Path, times: int) -> Iterator[tuple[str, int, Act]]:
+    """Yield what is done with suites and results, with its size, so many times the smallest."""
+    ticks = 600 * times
+    suite = folder / "long.yaml"
+    suite.write_text(SUITE.format(seconds=ticks / 1000.0, hold=ticks / 20_000.0))
+    trial = load_suite(suite).trials[0]
+    recording = open_target("simulator").run(trial, 0).recording
+    vectors = np.repeat(get_plant("eha_knee").layout.defaults()[None], times, axis=0)
+    command = {"current_command": recording["current_command"][:600]}
+    drive = Drive(recording.time[:600], command, locked=True)
+    yield "run a suite, with its report", ticks, lambda: eb.run(suite, out=folder / "run")
+    yield "score a recording", ticks, lambda: eb.score(recording, trial)
+    yield "sweep, by sets", times, lambda: get_plant("eha_knee").sweep(vectors, drive, 25e-6)
+    for night in range(3 * times):
+        scores = tuple(
+            Score(f"metric_{k}", "", Measure(1.0 + 0.01 * ((7 * night + k) % 11)), "s",
+                  ScoreStatus.PASSED)
+            for k in range(10)
+        )  # fmt: skip
+        year, day = divmod(night, 336)
+        when = f"{2000 + year}-{1 + day // 28:02}-{1 + day % 28:02}T02:00:00+00:00"
+        runs = (TrialResult("step", 0, Status.PASSED, "", "", scores),)
+        place = folder / "nights" / f"{night:04}"
+        place.mkdir(parents=True)
+        Result("night", "rig", Status.PASSED, runs, {"started": when}).write(place / "result.json")
+    yield (
+        "history, by results",
+        3 * times,
+        lambda: eb.history(folder / "nights", folder / "site", rebuild=True),
+    )
+
+
 def cost(act: Act, rounds: int) -> tuple[float, float]:
     """Return seconds of the processor and the peak of memory in MB."""
     act()
@@ -114,10 +164,16 @@ def run(ticks: int, rounds: int) -> list[Growth]:
         with tempfile.TemporaryDirectory() as name:
             for work, act in works(Path(name), size):
                 costs.setdefault(work, []).append(cost(act, rounds))
+    found_sizes: dict[str, list[int]] = {work: list(sizes) for work in costs}
+    for times in TIMES:
+        with tempfile.TemporaryDirectory() as name:
+            for work, size, act in jobs(Path(name), times):
+                costs.setdefault(work, []).append(cost(act, 1 if times > 1 else rounds))
+                found_sizes.setdefault(work, []).append(size)
     return [
         Growth(
             work,
-            sizes,
+            tuple(found_sizes[work]),
             tuple(seconds for seconds, _ in found),
             tuple(megabytes for _, megabytes in found),
         )
@@ -133,8 +189,7 @@ def main() -> int:
     given = parser.parse_args()
     found = run(given.ticks, given.rounds)
     width = max(len(growth.name) for growth in found)
-    sizes = "  ".join(f"{size:>9,}" for size in found[0].ticks)
-    print(f"{'':{width}}        {sizes}  exponent")
+    print(f"{'':{width}}        {'1 x':>9}  {'10 x':>9}  {'100 x':>9}  exponent")
     for growth in found:
         times = "  ".join(f"{1e3 * seconds:9.1f}" for seconds in growth.seconds)
         sizes = "  ".join(f"{megabytes:9.2f}" for megabytes in growth.megabytes)
