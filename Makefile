@@ -2,6 +2,7 @@
 #   PYTHON=python3.12   the interpreter that .venv is made with
 #   WORKERS=2           processes that run the tests
 #   SUITE=, REPORT=     what `make bench` runs, and the folder it writes
+#   BENCHMARKS=--quick  a small version of every benchmark
 #   PYTEST_ARGS=, V=1   more arguments for pytest; show every command
 
 PYTHON  ?= python3
@@ -46,8 +47,8 @@ types: setup
 imports: setup
 	$(BIN)/lint-imports --no-cache --no-logo
 
-benchmarks: setup ## print every benchmark's ratio beside its target
-	$(BIN)/python -m benchmarks
+benchmarks: setup ## print every benchmark's figures and targets in one table
+	$(BIN)/python -m benchmarks $(BENCHMARKS)
 
 schemas: setup ## write anew the JSON Schemas that editors complete YAML files from
 	for kind in $$($(BIN)/python -c "from eha_bench.core import plugins; print(*plugins.names('file_kinds'))"); do \

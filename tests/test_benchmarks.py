@@ -1,0 +1,56 @@
+"""The table that all benchmarks end in: every one is in it, small and large, and can be read."""
+
+import importlib.util
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture
+def main(repository: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.syspath_prepend(str(repository))
+    return importlib.import_module("benchmarks.__main__")
+
+
+def test_every_benchmark_is_in_the_table(main: Any, repository: Path) -> None:
+    own = {path.stem for path in (repository / "benchmarks").glob("*.py")}
+    listed = set(main.FULL)
+    assert listed == set(main.QUICK)
+    assert listed == {
+        name for name in own if '"--json"' in (repository / f"benchmarks/{name}.py").read_text()
+    } - {"__main__"}
+
+
+def test_a_row_says_whether_its_target_is_met(main: Any, tmp_path: Path) -> None:
+    from benchmarks.table import Row, rows_of, write_rows
+
+    rows = [
+        Row("ratio", 1.05, "", "<", 1.1, "note"),
+        Row("ratio", 1.2, "", "<", 1.1),
+        Row("speed-up", 2.5, "", ">", 3.0),
+        Row("only a figure", 7.0, "s"),
+        Row("judged elsewhere", 0.5, "%", met=False),
+    ]
+    assert [row.verdict for row in rows] == ["met", "missed", "missed", "", "missed"]
+    write_rows(tmp_path / "rows.json", rows[:4])
+    assert rows_of("startup", json.loads((tmp_path / "rows.json").read_text()))[:3] == rows[:3]
+
+
+def test_what_cannot_run_is_counted_and_what_misses_is_not(
+    main: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    outcomes = {"startup": [main.Row("slow", 2.0, "s", "<", 1.0)], "simulation": None}
+    monkeypatch.setattr(main, "run", lambda name, arguments, folder: outcomes[name])
+    monkeypatch.setattr(sys, "argv", ["benchmarks", "--only", "startup"])
+    assert main.main() == 0
+    monkeypatch.setattr(sys, "argv", ["benchmarks", "--only", "startup", "simulation"])
+    assert main.main() == 1
+    assert "0 met, 1 missed, 1 could not run" in capsys.readouterr().out
+    assert math.isnan(main.Row("figure", 1.0).target)
