@@ -66,8 +66,8 @@ def _extreme(step: StepResponse, side: float) -> Extreme:
         return Extreme(here if index == step.origin else vertex(step.time, values, index), 0.0)
     # no polynomial follows a jump: of one that is not resolved, only what comes after it
     after = slice(first if not step.resolved else None, None)
-    here = index - (after.start or 0)
-    found = peak(step.time[after], values[after], here, step.noise, 2 * step.transit)
+    place = index - (0 if step.resolved else first)
+    found = peak(step.time[after], values[after], place, step.noise, 2 * step.transit)
     independent = max((values.size - first) / (2 * track.half + 1), 2.0)
     return Extreme(found, track.sd * math.sqrt(2.0 * math.log(independent)))
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.core.metric import MetricSpec
+from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
@@ -133,7 +133,12 @@ class MarginMetric(BandMetric):
 class PhaseMargin(MarginMetric):
     """180 degrees less the lag of the loop where its gain is 1, rad; negative is unstable."""
 
-    spec = MetricSpec("phase_margin", "phase of the loop above -180 degrees at gain 1", "rad")
+    spec = MetricSpec(
+        "phase_margin",
+        "phase of the loop above -180 degrees at gain 1",
+        "rad",
+        better=Better.HIGHER,
+    )
     symbol = "|L| = 1"
 
     def crossovers(self, inverse: NDArray[np.complex128], sd: FloatArray) -> NDArray[np.intp]:
@@ -164,7 +169,9 @@ class GainMargin(MarginMetric):
     large: there less gain would be unstable. Such a crossover is no margin for more.
     """
 
-    spec = MetricSpec("gain_margin", "inverse of the gain of the loop at -180 degrees")
+    spec = MetricSpec(
+        "gain_margin", "inverse of the gain of the loop at -180 degrees", better=Better.HIGHER
+    )
     symbol = "|L| < 1 with a lag of 180 deg"
 
     def crossovers(self, inverse: NDArray[np.complex128], sd: FloatArray) -> NDArray[np.intp]:
