@@ -216,7 +216,7 @@ def test_a_jump_within_a_sample_has_no_overshoot(kit):
         noisy = kit.noisy(recording, 0.004, seed)
         for name in ("overshoot", "undershoot"):
             found = kit.measure(name, noisy, trial)
-            assert found.low == 0.0
+            assert found.low < 0.004
             assert found.value < 0.02
         settled = kit.measure("settling_time", noisy, trial)
         assert settled.value == pytest.approx(0.001, abs=0.5e-3)
