@@ -296,3 +296,23 @@ def test_a_straight_line_survives_any_two_rates(
     expected = 2e-6 * found.stamps + 1.0
     for column in found.columns.values():
         assert np.allclose(column, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_topics_that_tick_together_are_not_interpolated_when_cut(float_log: Any) -> None:
+    stamps = np.arange(100) * MS
+    path = float_log(
+        {
+            "/p": rows(stamps, range(100)),
+            "/q": rows(stamps, range(100)),
+            "/r": rows(stamps[10:80:2], range(35)),
+        }
+    )
+    entries = {"pressure_a": ("/p", "bar"), "pressure_b": ("/q", "bar"), "current": ("/r", "A")}
+    channels = {
+        name: {"topic": topic, "field": "data", "unit": unit}
+        for name, (topic, unit) in entries.items()
+    }
+    back = recordings.read(path, channels={"channels": channels})
+    assert back["pressure_b"].tolist() == [k * 1e5 for k in range(10, 79)]
+    assert not any("'/q'" in note for note in back.notes)
+    assert any("'/r' (every 0.002 s) was carried" in note for note in back.notes)

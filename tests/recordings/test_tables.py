@@ -12,6 +12,7 @@ from scipy.io import savemat
 from eha_bench import recordings
 from eha_bench.core.errors import EhaBenchError, RecordingError
 from eha_bench.core.recording import Recording
+from eha_bench.recordings.tables.mat5 import read_mat5
 
 CHANNELS = {
     "pressure_a": {"column": "p", "unit": "bar"},
@@ -301,3 +302,41 @@ def test_a_misspelt_column_is_guessed(tmp_path: Path) -> None:
     mapping = {**SIMPLE, "channels": {"probe": {"column": "presure", "unit": "V"}}}
     with pytest.raises(RecordingError, match="did you mean 'pressure'"):
         recordings.read(tmp_path / "a.csv", channels=mapping)
+
+
+def test_a_damaged_mat_file_is_read_up_to_the_damage(tmp_path: Path, frame: pd.DataFrame) -> None:
+    """SciPy's reader ends the process on some of these."""
+    columns = {name: frame[name].to_numpy() for name in ("t", "p", "pos_mm")}
+    savemat(tmp_path / "a.mat", {**columns, "last": np.arange(4.0)})
+    content = (tmp_path / "a.mat").read_bytes()
+    place = content.rindex(np.arange(4.0).tobytes()) - 8
+    for kind in (0, 8, 14, 16, 99):
+        wrong = content[:place] + kind.to_bytes(4, "little") + content[place + 4 :]
+        (tmp_path / "b.mat").write_bytes(wrong)
+        back = recordings.read(tmp_path / "b.mat", channels=MAP)
+        check(back)
+        assert any("damaged or torn" in note for note in back.notes)
+    (tmp_path / "c.mat").write_bytes(content[: len(content) // 4])
+    with pytest.raises(RecordingError, match=r"there is no column|damaged or torn"):
+        recordings.read(tmp_path / "c.mat", channels=MAP)
+
+
+def test_mat_arrays_are_those_of_scipy(tmp_path: Path) -> None:
+    from scipy.io import loadmat
+
+    generator = np.random.default_rng(3)
+    content = {
+        name: (100 * generator.normal(size=shape)).astype(kind)
+        for name, kind, shape in (
+            ("a", "f8", (7, 3)), ("b", "f4", (5,)), ("c", "i2", (4, 1)), ("d", "u8", (1, 9)),
+            ("e", "i1", (2, 2)), ("f", "bool", (6,)), ("g", "i8", (3, 2)),
+        )
+    }  # fmt: skip
+    for packed in (False, True):
+        savemat(tmp_path / "a.mat", content, do_compression=packed)
+        theirs = loadmat(tmp_path / "a.mat", squeeze_me=True)
+        found = read_mat5(memoryview((tmp_path / "a.mat").read_bytes()))
+        assert not found.damage
+        assert found.numbers.keys() == content.keys()
+        for name, array in found.numbers.items():
+            assert np.array_equal(array, theirs[name]), name

@@ -73,11 +73,10 @@ def align(
     columns: dict[str, Column] = {}
     for topic, track in clean.items():
         names = [name for name, (owner, _) in keys.items() if owner == topic]
-        if topic == base or track.stamps is stamps or np.array_equal(track.stamps, stamps):
-            rows = _rows(track.stamps, stamps)
+        rows = _same_ticks(track.stamps, stamps)
+        if rows is not None:
             for name in names:
-                column = track.columns[keys[name][1]]
-                columns[name] = column if rows is None else column[rows]
+                columns[name] = track.columns[keys[name][1]][rows]
             continue
         notes += _method_notes(mapping, topic, track, names, base, stamps)
         if any(mapping.method(name) is Method.LINEAR for name in names):
@@ -154,12 +153,13 @@ def _clock(
     return kept, notes
 
 
-def _rows(own: Stamps, stamps: Stamps) -> slice | None:
-    """Return which of a topic's own samples the clock kept."""
-    if own.size == stamps.size:
-        return None
+def _same_ticks(own: Stamps, stamps: Stamps) -> slice | None:
+    """Return which of a topic's samples are those of the clock, None if it ticks otherwise."""
+    if own is stamps:
+        return slice(None)
     start = int(np.searchsorted(own, stamps[0]))
-    return slice(start, start + stamps.size)
+    place = slice(start, start + stamps.size)
+    return place if np.array_equal(own[place], stamps) else None
 
 
 def _method_notes(

@@ -5,18 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.encodings.field_path import Element, FieldPath
 from eha_bench.recordings.file_bytes import map_file
 from eha_bench.recordings.naming import among
-from eha_bench.recordings.tables.mat_check import check_sizes
+from eha_bench.recordings.tables.mat5 import DamagedMat, read_mat5
 from eha_bench.recordings.tables.table import TableSource
-
-_DEEPEST = 8
-_MOST = 10_000
 
 
 class MatSource(TableSource):
@@ -27,32 +23,25 @@ class MatSource(TableSource):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        from scipy.io import loadmat
-
+        where = Place(file=self.path)
         try:
-            raw = map_file(path).data
-            check_sizes(raw)
-            content = loadmat(str(path), squeeze_me=True, struct_as_record=True)
-        except NotImplementedError as error:
+            found = read_mat5(map_file(path).data)
+        except DamagedMat as error:
             raise RecordingError(
-                "this version of MAT is not read",
-                where=Place(file=self.path),
-                hint="save it with save(..., '-v7')",
+                f"the MAT file is damaged ({error})", where=where, hint="save it again with '-v7'"
             ) from error
-        except Exception as error:  # damaged files raise errors of many roots
-            reason = " ".join(str(error).split())[:200] or type(error).__name__
-            raise RecordingError(
-                f"the MAT file is damaged or torn ({reason})",
-                where=Place(file=self.path),
-                hint="save it again",
-            ) from error
-        self._columns: dict[str, NDArray[Any]] = {}
-        self._others: dict[str, str] = {}
-        for name, value in content.items():
-            if not name.startswith("__"):
-                self._collect(name, value, 0)
+        self._columns = found.numbers
+        self._others = found.others
         if not self._columns:
-            raise RecordingError("it holds no numeric arrays", where=Place(file=self.path))
+            reason = f"the MAT file is damaged or torn ({found.damage})" if found.damage else ""
+            raise RecordingError(
+                reason or "it holds no numeric arrays", where=where, hint="save it again"
+            )
+        if found.damage:
+            self._torn = True
+            self._notes.append(
+                f"the file is damaged or torn ({found.damage}); what was before is read"
+            )
 
     @property
     def format(self) -> str:
@@ -102,23 +91,3 @@ class MatSource(TableSource):
             where=Place(file=self.path),
             hint=among(name, self._columns, "columns"),
         )
-
-    def _collect(self, name: str, value: Any, depth: int) -> None:
-        """Collect numeric arrays, also from structs and cells inside each other."""
-        if not isinstance(value, np.ndarray) or depth > _DEEPEST or len(self._columns) > _MOST:
-            self._others[name] = "text" if isinstance(value, str) else "a single value"
-        elif value.dtype.names and value.ndim == 0:
-            for field in value.dtype.names:
-                inner = value[field]
-                self._collect(
-                    f"{name}.{field}", inner.item() if inner.dtype == object else inner, depth + 1
-                )
-        elif value.dtype.names or value.dtype == object:
-            for place, inner in enumerate(value.ravel(order="F")[:_MOST]):
-                packed = np.array(inner) if isinstance(inner, np.void) else inner
-                self._collect(f"{name}[{place}]", packed, depth + 1)
-        elif value.dtype.kind in "iufb" and value.ndim in (1, 2) and value.size:
-            self._columns[name] = value.astype(np.float64) if value.dtype.kind == "b" else value
-        else:
-            kinds = {"c": "complex numbers", "U": "text", "S": "text"}
-            self._others[name] = kinds.get(value.dtype.kind, f"an array of {value.ndim} dimensions")
