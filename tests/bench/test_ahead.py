@@ -46,10 +46,13 @@ def test_what_comes_ahead_is_what_a_run_gives(suite: Path) -> None:
         found = [ahead.run(*job) for job in jobs]
         again = ahead.run(*jobs[1])  # out of turn
     assert ahead.identity == target.identity == away.identity
+    # outcomes travel, too
+    found = pickle.loads(pickle.dumps(found))
     for (trial, repeat), outcome in zip([*jobs, jobs[1]], [*found, again], strict=True):
         for other in (target.run(trial, repeat), away.run(trial, repeat)):
             for name, values in other.recording.values.items():
                 np.testing.assert_array_equal(outcome.recording[name], values)
+            assert outcome.recording.metadata == other.recording.metadata
 
 
 class Drive(Target):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -88,6 +88,12 @@ class Recording:
         object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
         object.__setattr__(self, "attachments", MappingProxyType(dict(self.attachments)))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to other processes: a read-only mapping cannot, a dict can."""
+        content = {item.name: getattr(self, item.name) for item in fields(self)}
+        plain = {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in content.items()}
+        return _restored, (plain,)
+
     def __len__(self) -> int:
         """Number of samples."""
         return int(self.time.size)
@@ -145,3 +151,7 @@ class Recording:
 
         index = pd.Index(np.array(self.time), name="time")
         return pd.DataFrame({name: np.array(self[name]) for name in self}, index=index)
+
+
+def _restored(content: dict[str, Any]) -> Recording:
+    return Recording(**content)
