@@ -43,8 +43,12 @@ def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
     """Fit a screened candidate roughly, from where the search is."""
     vector = started(item, search.fit.vector)
     free = free_of(search, vector, [item.start])
+    # where a start has moved what is calibrated, the search's Jacobian is not the one there
+    own = {item.start.strength_at, *(at for at, _ in item.start.settings)}
+    moved = any(f.at in own for f in search.fit.free)
+    known = {} if moved else known_of(search.fit)
     fit = levenberg_marquardt(
-        coarse, vector, free, iterations=4, known=known_of(search.fit), refresh=0
+        coarse, vector, free, iterations=6 if moved else 4, known=known, refresh=int(moved)
     )
     return Trial(item.start, fit, Comparison(0, 0, 0, 0, 1, 0))
 

@@ -115,9 +115,11 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     floor = search.fit.cost - search.excess_left.total
     if _worth_a_look(search) and reached > floor + max(0.02 * search.excess_left.total, 30.0):
         own = [start for start in starts if start.candidate in turning]
-        more = screen.all(_periodic(search, turning, own))
+        # a fast turn needs the finer step, and the scan has fitted amplitude and parameters already
+        found = Screen(coarse, search.fit).all(_periodic(search, turning, own))
+        more = [replace(item, amplitude=1.0) for item in found]
         screened = sorted([*screened, *more], key=lambda item: -item.gain)
-        finals += _confirm(search, coarse, more, near)
+        finals += _confirm(search, coarse, more, None)
     best: dict[str, Screened] = {}
     for item in screened:
         best.setdefault(item.start.candidate, item)
