@@ -108,9 +108,10 @@ def _affine(values: Column, factor: float, offset: float) -> Column:
     """Scale in place; a log of hours needs no second copy."""
     if factor == 1.0 and offset == 0.0:
         return values
-    values *= factor
-    if offset:
-        values += offset
+    with np.errstate(over="ignore"):  # what is too large becomes infinite, which is noted
+        values *= factor
+        if offset:
+            values += offset
     return values
 
 
