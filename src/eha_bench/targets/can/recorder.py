@@ -28,6 +28,7 @@ from eha_bench.core.errors import EhaBenchError, RecordingError
 
 _LENGTH = struct.Struct("<I")
 _PIPE_BYTES = 1 << 20
+_REAL_TIME = "--real-time"
 _CHECK_EVERY = 20
 _CLOSE_TIMEOUT = 10.0
 
@@ -35,9 +36,15 @@ _CLOSE_TIMEOUT = 10.0
 class Recorder:
     """The loop's end of the pipe; one process for all trials of a run."""
 
-    def __init__(self) -> None:
-        """Start the process."""
+    def __init__(self, *, real_time: bool = False) -> None:
+        """Start the process; with `real_time` it gets the lowest SCHED_FIFO priority it may have.
+
+        It needs little of a processor, but on a busy machine an ordinary process may wait longer
+        for it than the pipe lasts.
+        """
         command = [sys.executable, "-m", "eha_bench.targets.can.recorder"]
+        if real_time:
+            command.append(_REAL_TIME)
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
         )
@@ -224,6 +231,9 @@ def main() -> None:
     """Entry point of the process: a Ctrl-C is the loop's business, its end comes by the pipe."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
+    if _REAL_TIME in sys.argv:
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     serve(sys.stdin.buffer, sys.stdout.buffer)
 
 

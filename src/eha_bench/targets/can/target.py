@@ -192,7 +192,7 @@ class CanTarget(Target):
         self._hold.take()
         try:
             self._hold.check()
-            self._recorder = Recorder()
+            self._recorder = Recorder(real_time=self._drive.file.loop.priority > 0)
         except BaseException:
             self._release()
             raise
