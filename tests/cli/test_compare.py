@@ -1,0 +1,106 @@
+"""`eha-bench compare`, `ab`, `history`, `baseline` and the pytest plug-in, as a user calls them."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from .conftest import SUITE, Cli
+
+
+@pytest.fixture
+def runs(cli: Cli, suite: Path, tmp_path: Path) -> Path:
+    cli("run", suite, "--out", "base", check=0)
+    return tmp_path / "base"
+
+
+def test_a_result_compared_with_itself_is_no_regression(cli: Cli, runs: Path) -> None:
+    done = cli("compare", runs, runs, "--json", check=0)
+    content = json.loads(done.stdout)
+    assert (content["schema_version"], content["status"]) == (1, "no_regression")
+    assert {item["verdict"] for item in content["metrics"]} <= {"same", "undecided", "not_compared"}
+    assert (
+        cli("compare", runs, runs, check=0).stdout.strip() == "reports/comparison/comparison.html"
+    )
+    assert cli("compare", runs, runs, "--markdown", check=0).stdout.startswith("## ✅")
+
+
+def test_a_slower_candidate_is_a_regression(cli: Cli, runs: Path, tmp_path: Path) -> None:
+    content = json.loads((runs / "result.json").read_text(encoding="utf-8"))
+    for trial in content["trials"]:
+        for score in trial["scores"]:
+            if score["metric"] in ("tracking_rms", "tracking_max") and score["value"] is not None:
+                for key in ("value", "low", "high"):
+                    score[key] = score[key] and 3.0 * score[key]
+    slower = tmp_path / "slower"
+    slower.mkdir()
+    (slower / "result.json").write_text(json.dumps(content), encoding="utf-8")
+    done = cli("compare", runs, slower, check=1)
+    assert "worse" in done.stderr
+
+
+def test_bad_input_is_a_sentence_and_exit_status_2(cli: Cli, runs: Path) -> None:
+    assert "no such result" in cli("compare", runs, "nothing", check=2).stderr
+    assert "no such folder" in cli("history", "nothing", check=2).stderr
+
+
+def test_a_baseline_is_a_file_that_limits_and_comparisons_refer_to(
+    cli: Cli, runs: Path, suite: Path, tmp_path: Path
+) -> None:
+    cli("baseline", "baselines/tiny.json", runs, check=0)
+    assert "what changes" in cli("baseline", "baselines/tiny.json", runs, check=0).stderr
+    cli("compare", "baselines/tiny.json", runs, check=0)
+    text = suite.read_text(encoding="utf-8")
+    text = text.replace("name: tiny", "name: tiny\nbaseline: baselines/tiny.json")
+    suite.write_text(text.replace("max: 12 A", "limit: <= 101 % of baseline"), encoding="utf-8")
+    cli("run", suite, "--out", "relative", check=0)
+    suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
+    cli("run", suite, "--out", "missed", check=1)
+    assert "--failed" in cli("baseline", "baselines/tiny.json", "missed", check=2).stderr
+
+
+def test_ab_runs_in_turn_stops_and_resumes(cli: Cli, suite: Path, tmp_path: Path) -> None:
+    suite.write_text(SUITE.partition("  - id: sine")[0], encoding="utf-8")
+    wanted = ("ab", suite, "--a", "simulator", "--b", "simulator", "--repeats", "3", "--out", "ab")
+    done = cli(*wanted, "--warm-up", "0", "--json", check=0)
+    content = json.loads(done.stdout)
+    assert content["paired"] is True
+    assert content["status"] == "no_regression"
+    plan = json.loads((tmp_path / "ab" / "ab.json").read_text(encoding="utf-8"))
+    assert plan["order"][0] == plan["order"][1][::-1]
+    first = (tmp_path / "ab" / "a" / "000-hold" / "result.json").stat().st_ctime_ns
+    again = cli(*wanted, "--resume", check=0)
+    assert "pairs were run" in again.stderr
+    kept = sorted((tmp_path / "ab" / "a").glob("*/recordings/*.mcap"))
+    assert all(path.stat().st_mtime_ns <= first for path in kept[:1])
+    refused = cli(*wanted[:-4], "--repeats", "5", "--out", "ab", "--resume", check=2)
+    assert "begun with another" in refused.stderr
+
+
+def test_a_history_of_runs_is_a_site(cli: Cli, runs: Path, tmp_path: Path) -> None:
+    done = cli("history", tmp_path, "--out", "site", check=0)
+    assert done.stdout.strip() == "site/index.html"
+    assert (tmp_path / "site" / "index.html").is_file()
+
+
+def test_pytest_runs_a_suite_limit_by_limit(suite: Path, tmp_path: Path) -> None:
+    def tests(*more: str) -> subprocess.CompletedProcess[str]:
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
+        return subprocess.run(
+            [sys.executable, "-m", "pytest", "-q", "-rA", "-p", "no:cacheprovider",
+             "--eha-suite", suite.name, *more],
+            cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+
+    suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
+    failed = tests()
+    assert failed.returncode == 1
+    assert "1 failed, 1 passed" in failed.stdout
+    assert (tmp_path / "reports" / "tiny" / "report.html").is_file()
+    assert "tracking_max failed" in failed.stdout
+    assert "Traceback" not in failed.stdout
+    suite.write_text("name: [", encoding="utf-8")
+    assert "not valid YAML" in tests().stdout
