@@ -30,7 +30,7 @@ _LENGTH = struct.Struct("<I")
 _PIPE_BYTES = 1 << 20
 _REAL_TIME = "--real-time"
 _CHECK_EVERY = 20
-_CLOSE_TIMEOUT = 10.0
+_CLOSE_TIMEOUT = 60.0
 
 
 class Recorder:
