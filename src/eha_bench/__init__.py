@@ -37,10 +37,10 @@ _HOME = {
 __all__ = [
     "Recording",
     "__version__",
-    "calibrate",
-    "diagnose",
     "ab",
+    "calibrate",
     "compare",
+    "diagnose",
     "history",
     "predict",
     "read",

@@ -114,7 +114,7 @@ def base_exponents(unit: str) -> dict[str, int]:
         UnitError: the unit is unknown.
     """
     base = _registry().get_base_units(_parsed(unit, ""))[1]
-    return {name: int(power) for name, power in base._units.items()}
+    return {name: int(float(str(power))) for name, power in base._units.items()}
 
 
 def _expected(si_unit: str) -> str:

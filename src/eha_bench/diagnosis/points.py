@@ -195,7 +195,8 @@ def _fitted(
         # the solver stays inside its bounds by the last digits
         ends = np.where(np.abs(fit.x - low) < 1e-6 * scale, low, fit.x)
         done = filled(np.where(np.abs(high - ends) < 1e-6 * scale, high, ends))
-        inverse = np.linalg.pinv(fit.jac.T @ fit.jac)
+        jacobian = np.asarray(fit.jac, dtype=np.float64)
+        inverse = np.linalg.pinv(jacobian.T @ jacobian)
         spread = {keys[at]: float(np.sqrt(inverse[k, k])) for k, at in enumerate(free)}
     rest = _weighted(plant, runs, done)
     left = float(rest @ rest)

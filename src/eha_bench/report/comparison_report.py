@@ -132,14 +132,12 @@ def _figure(
     comparison: Comparison, trial: str, items: list[Compared], key: str
 ) -> tuple[FigureView | None, str]:
     sides = (comparison.baseline, comparison.candidate)
-    chosen = [_typical(side.runs.get(trial, ()), items) for side in sides]
-    if chosen[0] is None or chosen[1] is None:
+    first, second = (_typical(side.runs.get(trial, ()), items) for side in sides)
+    if not (first and first.recording and second and second.recording):
         return None, "No plot: the recordings of one side are not there."
-    first, second = chosen
     try:
-        recordings = tuple(read(run.recording) for run in (first, second) if run.recording)
         scene = overlay(
-            (recordings[0], recordings[1]),
+            (read(first.recording), read(second.recording)),
             (first.trial, second.trial),
             ("baseline", "candidate"),
         )

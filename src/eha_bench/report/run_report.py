@@ -290,9 +290,7 @@ def _figure(
     return figure_of(scene, key=key, title=title, points=points, static_panels=static), ""
 
 
-def _bode(
-    recording: Recording, run: TrialResult, trial: Trial | None, key: str
-) -> BodeView | None:
+def _bode(recording: Recording, run: TrialResult, trial: Trial | None, key: str) -> BodeView | None:
     bode = bode_of(recording, run, trial)
     if bode is None:
         return None

@@ -63,7 +63,7 @@ LANES = 8
 ROWS = 30
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def _power_of_two(context: Any, shifted: Any) -> Any:
     """2^k of k + 1.5 * 2^52: k stands in the last bits of that number."""
 
@@ -98,7 +98,7 @@ def _exp(x: float) -> float:
     p = p * r + 0.5
     p = p * r + 1.0
     p = p * r + 1.0
-    return p * _power_of_two(shifted)
+    return p * _power_of_two(shifted)  # type: ignore[call-arg]  # the typing context is passed by numba
 
 
 @njit(inline="always")
