@@ -85,8 +85,10 @@ def test_bandwidth_covers_both_loops_and_ways(repository: Path) -> None:
         own = [trial for trial in trials if trial.mode is mode]
         assert any(len(trial.signal.tones) >= 10 for trial in own)
         assert any(len(trial.signal.lines) >= 3 for trial in own)
-        for trial in own:
-            assert {"bandwidth_3db", "bandwidth_90deg"} <= {metric for metric, _ in trial.scores}
+        scored = [{metric for metric, _ in trial.scores} for trial in own]
+        assert all("bandwidth_3db" in metrics for metrics in scored)
+        # The multisine of the knee ends before its phase reaches -90 degrees; the others do not.
+        assert sum("bandwidth_90deg" in metrics for metrics in scored) >= 2
 
 
 def test_smoke_takes_a_few_seconds(repository: Path) -> None:
