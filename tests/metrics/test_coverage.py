@@ -4,6 +4,7 @@ import importlib.util
 import sys
 
 import pytest
+from scipy.stats import binom
 
 
 @pytest.fixture(scope="module")
@@ -22,8 +23,11 @@ def coverage(repository):
 def test_intervals_hold_the_truth(coverage, kind, level):
     noise = coverage.Noise("white", coverage.WHITE[kind][level])
     for line in coverage.cover(coverage.MAKERS[kind], noise, 300, 11):
-        # the standard error of 300 is 1.3 %; the benchmark itself holds 93 to 97 %
-        assert 0.90 <= line.coverage <= 0.985, line
+        # The benchmark itself holds 93 to 97 %; here 300 recordings may not refute it. From below
+        # the bound is the sharper one: an interval that promises too much is the worse fault.
+        held = round(line.coverage * line.scored)
+        assert line.coverage >= 0.90, line
+        assert binom.sf(held - 1, line.scored, 0.97) > 1e-3, line
         assert line.scored >= 0.9 * line.recordings or line.metric == "peak_time", line
 
 
