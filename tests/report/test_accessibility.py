@@ -2,10 +2,17 @@
 
 import gzip
 import json
+import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from chromium import Page
+
+import eha_bench as eb
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "comparison"))
+from results import folder, result
 
 AXE = Path(__file__).parent / "vendor" / "axe.min.js.gz"
 
@@ -35,6 +42,38 @@ def test_no_serious_finding(tab: Page, page_file: Path, width: int, scheme: str)
     tab.open(page_file, "#trial=pressure_step-20MPa&repeat=1")
     tab.wait("document.querySelector('.canvas[data-drawn]')")
     assert serious(tab) == []
+
+
+@pytest.fixture(scope="module")
+def nights_and_comparison(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The pages of a history with a jump in it, and of a comparison."""
+    nights = tmp_path_factory.mktemp("nights")
+    first = datetime(2025, 1, 1, 2, tzinfo=UTC)
+    for i in range(30):
+        value = (1.0 + 0.001 * (i * 7 % 5)) * (1.2 if i >= 20 else 1.0)
+        made = result([value], started=(first + timedelta(days=i)).isoformat(), revision=f"r{i}")
+        folder(nights / f"night-{i:02d}", made)
+        (nights / f"night-{i:02d}" / "report.html").write_text("a report", encoding="utf-8")
+    eb.history(nights)
+    sides = tmp_path_factory.mktemp("sides")
+    for name, factor in (("a", 1.0), ("b", 1.1)):
+        folder(sides / name, result([factor * (0.04 + 1e-5 * i) for i in range(5)]))
+    eb.compare(sides / "a", sides / "b", out=sides)
+    pages = [*nights.rglob("history/**/*.html"), sides / "comparison.html"]
+    assert len(pages) == 3
+    return pages
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_no_serious_finding_in_nights_and_comparisons(
+    tab: Page, nights_and_comparison: list[Path], width: int, scheme: str
+) -> None:
+    tab.emulate(width, scheme=scheme)
+    for page in nights_and_comparison:
+        tab.open(page)
+        assert serious(tab) == [], page.name
 
 
 @pytest.mark.slow

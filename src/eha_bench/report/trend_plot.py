@@ -57,7 +57,7 @@ def trend_svg(trend: Trend, names: Sequence[str], links: Sequence[str], *, title
         return HEIGHT - _BOTTOM - (HEIGHT - _TOP - _BOTTOM) * share
 
     parts = [
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-labelledby="plot-title" '
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="group" aria-labelledby="plot-title" '
         f'font-size="12"><title id="plot-title">{escape(title)}</title>'
     ]
     if limits:
