@@ -12,6 +12,7 @@ from typing import Any
 
 from eha_bench.comparison.side import Side
 from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.finite import finite_or_none
 from eha_bench.core.result import write_text
 
 SCHEMA_VERSION = 1
@@ -175,14 +176,14 @@ def _item(item: Compared) -> dict[str, Any]:
         "verdict": item.verdict.value,
         "baseline": _values(item.baseline),
         "candidate": _values(item.candidate),
-        "difference": _number(item.difference),
-        "low": _number(item.low),
-        "high": _number(item.high),
-        "share": _number(item.share),
-        "matters": _number(item.margin),
+        "difference": finite_or_none(item.difference),
+        "low": finite_or_none(item.low),
+        "high": finite_or_none(item.high),
+        "share": finite_or_none(item.share),
+        "matters": finite_or_none(item.margin),
         "matters_text": item.margin_text,
-        "p_difference": _number(item.p_difference),
-        "p_same": _number(item.p_same),
+        "p_difference": finite_or_none(item.p_difference),
+        "p_same": finite_or_none(item.p_same),
         "more_repeats": item.more_repeats,
         "method": item.method,
         "reason": item.reason,
@@ -191,13 +192,9 @@ def _item(item: Compared) -> dict[str, Any]:
 
 def _values(values: Values) -> Mapping[str, Any]:
     return {
-        "value": _number(values.mean),
+        "value": finite_or_none(values.mean),
         "values": list(values.values),
         "runs": values.runs,
         "not_scored": values.missing,
         "reasons": list(values.reasons),
     }
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.finite import finite_or_none
 from eha_bench.core.score import Measure, Score, ScoreStatus
 
 SCHEMA_VERSION = 1
@@ -114,10 +115,6 @@ def write_text(path: Path, text: str) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
 def _to_dict(result: Result) -> dict[str, Any]:
     return {
         "schema_version": SCHEMA_VERSION,
@@ -147,9 +144,9 @@ def _score_to_dict(score: Score) -> dict[str, Any]:
     return {
         "metric": score.metric,
         "channel": score.channel,
-        "value": _number(score.measure.value),
-        "low": _number(score.measure.low),
-        "high": _number(score.measure.high),
+        "value": finite_or_none(score.measure.value),
+        "low": finite_or_none(score.measure.low),
+        "high": finite_or_none(score.measure.high),
         "unit": score.unit,
         "limit": score.limit,
         "matters": score.matters,

@@ -10,6 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from eha_bench.core.finite import finite_or_none
 from eha_bench.core.result import write_text
 from eha_bench.diagnosis.errors_by_channel import ChannelError
 from eha_bench.diagnosis.replay import Replay
@@ -128,8 +129,8 @@ class Diagnosis:
                         name: estimate_to_dict(e) for name, e in item.parameters.items()
                     },
                     "settings": dict(item.settings),
-                    "share": _number(item.share),
-                    "p_value": _number(item.p_value),
+                    "share": finite_or_none(item.share),
+                    "p_value": finite_or_none(item.p_value),
                 }
                 for item in self.effects
             ],
@@ -137,7 +138,7 @@ class Diagnosis:
                 "equation": self.unknown.equation,
                 "variables": list(self.unknown.variables),
                 "description": self.unknown.description,
-                "share": _number(self.unknown.share),
+                "share": finite_or_none(self.unknown.share),
                 "period": self.unknown.period or None,
                 "when": [list(pair) for pair in self.unknown.when],
             },
@@ -146,9 +147,9 @@ class Diagnosis:
             "ranking": [
                 {
                     "id": line.id,
-                    "score": _number(line.score),
-                    "p_value": _number(line.p_value),
-                    "error_after": _number(line.error_after),
+                    "score": finite_or_none(line.score),
+                    "p_value": finite_or_none(line.p_value),
+                    "error_after": finite_or_none(line.error_after),
                     "reason": line.reason,
                 }
                 for line in self.ranking
@@ -159,7 +160,7 @@ class Diagnosis:
             "undetermined": list(self.undetermined),
             "notes": list(self.notes),
             "complete": self.complete,
-            "seconds": _number(self.seconds),
+            "seconds": finite_or_none(self.seconds),
         }  # fmt: skip
 
     def to_json(self) -> str:
@@ -179,16 +180,12 @@ class Diagnosis:
         write_text(folder / "diagnosis.json", self.to_json())
 
 
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
 def estimate_to_dict(item: Estimate) -> dict[str, Any]:
     """Return an estimate as it stands in JSON."""
     return {
-        "value": _number(item.value),
-        "low": _number(item.low),
-        "high": _number(item.high),
+        "value": finite_or_none(item.value),
+        "low": finite_or_none(item.low),
+        "high": finite_or_none(item.high),
         "unit": item.unit,
     }
 
@@ -197,16 +194,16 @@ def errors_to_dict(items: Mapping[str, ChannelError]) -> dict[str, Any]:
     """Return errors by channel as they stand in JSON."""
     return {
         name: {
-            "before": _number(item.before),
-            "after": _number(item.after),
-            "noise_floor": _number(item.noise_floor),
+            "before": finite_or_none(item.before),
+            "after": finite_or_none(item.after),
+            "noise_floor": finite_or_none(item.noise_floor),
             "unit": item.unit,
-            "uncalibrated": _number(item.uncalibrated),
-            "before_predict": _number(item.before_predict),
-            "after_predict": _number(item.after_predict),
-            "before_windows": _number(item.before_windows),
-            "after_windows": _number(item.after_windows),
-            "start": _number(item.start),
+            "uncalibrated": finite_or_none(item.uncalibrated),
+            "before_predict": finite_or_none(item.before_predict),
+            "after_predict": finite_or_none(item.after_predict),
+            "before_windows": finite_or_none(item.before_windows),
+            "after_windows": finite_or_none(item.after_windows),
+            "start": finite_or_none(item.start),
         }
         for name, item in items.items()
     }

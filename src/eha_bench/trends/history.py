@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from eha_bench.core.errors import EhaBenchError, InputError, Place
+from eha_bench.core.finite import finite_or_none
 from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, metric_spec
 from eha_bench.core.result import write_text
@@ -183,25 +184,25 @@ def _trend(trend: Trend, places: dict[int, int]) -> dict[str, Any]:
         "worse": trend.worse if trend.state.drifted else None,
         "count": len(trend.nights),
         "missed": trend.missed,
-        "newest": _number(float(trend.values[-1])),
-        "level": _number(trend.level),
-        "limits": [_number(limit) for limit in trend.limits],
-        "sigma": _number(trend.course.sigma),
-        "drift_since_change": _number(trend.drift),
-        "slope_per_night": _number(trend.course.slope),
-        "matters": _number(trend.margin),
+        "newest": finite_or_none(float(trend.values[-1])),
+        "level": finite_or_none(trend.level),
+        "limits": [finite_or_none(limit) for limit in trend.limits],
+        "sigma": finite_or_none(trend.course.sigma),
+        "drift_since_change": finite_or_none(trend.drift),
+        "slope_per_night": finite_or_none(trend.course.slope),
+        "matters": finite_or_none(trend.margin),
         "changes": [
             {
                 "night": change.start,
                 "kind": "step" if change.kind is Kind.STEP else trend.course.kink_word(change),
-                "size": _number(change.size),
-                "p_value": _number(change.p_value),
+                "size": finite_or_none(change.size),
+                "p_value": finite_or_none(change.p_value),
                 "before": _place(trend.nights[change.start - 1]),
                 "at": _place(trend.nights[change.start]),
             }
             for change in trend.course.changes
         ],
-        "values": [_number(float(value)) for value in trend.values],
+        "values": [finite_or_none(float(value)) for value in trend.values],
         "at": [places[night.id] for night in trend.nights],
     }
 
@@ -215,7 +216,3 @@ def _place(night: Night) -> dict[str, str]:
         "host": night.host,
         "suite_sha256": night.suite_sha256,
     }
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
