@@ -43,16 +43,38 @@ class Transport(ABC):
         """Let go of it."""
 
 
-class Terminal(Transport):
+class SlcanTransport(Transport):
+    """An adapter's side of slcan, on a stream of bytes."""
+
+    def __init__(self) -> None:
+        self._adapter = Adapter()
+
+    def send(self, frames: list[Frame]) -> None:
+        """Send frames, if a host has opened the channel."""
+        if self._adapter.open:
+            self._write(b"".join(written(frame) for frame in frames))
+
+    def _fed(self, data: bytes) -> list[Frame]:
+        """Return the frames in what the host wrote, and answer it."""
+        frames, answer = self._adapter.feed(data)
+        self._write(answer)
+        return frames
+
+    @abstractmethod
+    def _write(self, data: bytes) -> None:
+        """Write what can be written without waiting."""
+
+
+class Terminal(SlcanTransport):
     """slcan on a pseudo-terminal, as a USB adapter shows itself."""
 
     def __init__(self, link: Path | None = None) -> None:
         """Open a terminal, and let `link` point to it."""
+        super().__init__()
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self._name = os.ttyname(self._slave)
-        self._adapter = Adapter()
         self._link = link
         if link is not None:
             if link.is_symlink():
@@ -68,14 +90,7 @@ class Terminal(Transport):
         """Return the frames that have come."""
         if not select.select([self._master], [], [], max(timeout, 0.0))[0]:
             return []
-        frames, answer = self._adapter.feed(os.read(self._master, _MOST_BYTES))
-        self._write(answer)
-        return frames
-
-    def send(self, frames: list[Frame]) -> None:
-        """Send frames, if the host has opened the channel."""
-        if self._adapter.open:
-            self._write(b"".join(written(frame) for frame in frames))
+        return self._fed(os.read(self._master, _MOST_BYTES))
 
     def _write(self, data: bytes) -> None:
         with suppress(BlockingIOError):
@@ -90,11 +105,12 @@ class Terminal(Transport):
                 os.close(descriptor)
 
 
-class LoopbackSocket(Transport):
+class LoopbackSocket(SlcanTransport):
     """slcan on a TCP port of 127.0.0.1, for pyserial's `socket://`; one host at a time."""
 
     def __init__(self, port: int) -> None:
         """Listen on a port; 0 takes a free one."""
+        super().__init__()
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -108,7 +124,6 @@ class LoopbackSocket(Transport):
         self._listener.setblocking(False)
         self._port = self._listener.getsockname()[1]
         self._host: socket.socket | None = None
-        self._adapter = Adapter()
 
     @property
     def name(self) -> str:
@@ -148,14 +163,7 @@ class LoopbackSocket(Transport):
         if not data:
             self._drop()
             return []
-        frames, answer = self._adapter.feed(data)
-        self._write(answer)
-        return frames
-
-    def send(self, frames: list[Frame]) -> None:
-        """Send frames, if a host has opened the channel."""
-        if self._adapter.open:
-            self._write(b"".join(written(frame) for frame in frames))
+        return self._fed(data)
 
     def _write(self, data: bytes) -> None:
         if self._host is None or not data:
