@@ -10,7 +10,7 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
@@ -114,7 +114,7 @@ def base_exponents(unit: str) -> dict[str, int]:
         UnitError: the unit is unknown.
     """
     base = _registry().get_base_units(_parsed(unit, ""))[1]
-    return {name: int(float(str(power))) for name, power in base._units.items()}
+    return {name: int(cast("float", power)) for name, power in base._units.items()}
 
 
 def _expected(si_unit: str) -> str:
