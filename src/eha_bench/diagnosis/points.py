@@ -34,6 +34,7 @@ from eha_bench.diagnosis.replay import Replay
 from eha_bench.diagnosis.revise import revised
 from eha_bench.diagnosis.uncertainty import Estimate
 from eha_bench.plants.model import Model
+from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.static_plant import StaticPlant
 
 FloatArray = NDArray[np.float64]
@@ -186,8 +187,8 @@ def _fitted(
 
     done, spread = begin, {}
     if free:
-        low = np.array([_bounds(layout.by_key[keys[at]], start, at)[0] for at in free])
-        high = np.array([_bounds(layout.by_key[keys[at]], start, at)[1] for at in free])
+        bounds = [_bounds(layout.by_key[keys[at]], start, at) for at in free]
+        low, high = np.array(bounds).T
         first = np.clip(begin[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low)) \
             if np.isfinite(high - low).all() else np.clip(begin[free], low, high)  # fmt: skip
         scale = np.maximum(np.abs(first), 1e-3 * np.where(np.isfinite(high), np.abs(high), 1.0))
@@ -205,10 +206,10 @@ def _fitted(
     return Tried(start, done, left, stretched(done) ** 2, chance, spread)
 
 
-def _bounds(parameter: object, start: Start | None, at: int) -> tuple[float, float]:
+def _bounds(parameter: Parameter, start: Start | None, at: int) -> tuple[float, float]:
     if start is not None and at == start.strength_at:
         return start.low, start.high
-    return float(parameter.low), float(parameter.high)  # type: ignore[attr-defined]
+    return float(parameter.low), float(parameter.high)
 
 
 def _cost(item: Tried) -> float:
