@@ -103,6 +103,7 @@ def _charge_pressure(model: Model) -> float | None:
     for effect in model.effects:
         if effect.id == "anti_cavitation":
             parameter = model.plant.layout.effect(effect.id).parameter("charge_pressure")
+            # a quantity's value and default are numbers; only a choice's are text
             return float(effect.values.get("charge_pressure", parameter.default))  # type: ignore[arg-type]
     return None
 

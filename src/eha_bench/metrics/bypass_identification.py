@@ -151,7 +151,7 @@ class BypassMetric(Metric):
             and not trial.signal.lines
         )
 
-    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:  # noqa: ARG002
+    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:  # noqa: ARG002 - the base class asks for it
         """Return the constant; the recording as a whole is its channel."""
         curve = stribeck_curve(recording, trial)
         value = float(curve.parameters[self.index])

@@ -155,7 +155,7 @@ class LockedMetric(Metric):
             and not trial.signal.lines
         )
 
-    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:  # noqa: ARG002
+    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:  # noqa: ARG002 - the base class asks for it
         """Return the constant; the recording as a whole is its channel."""
         if not trial.signal.edges:
             raise NotScored("the signal holds no level: a staircase of currents is needed")

@@ -28,7 +28,7 @@ class LoopOverruns(Metric):
         """Every trial runs on a clock."""
         return trial.sample_rate > 0.0
 
-    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:  # noqa: ARG002
+    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:  # noqa: ARG002 - the base class asks for it
         """Return a count; it is exact, so low = high = value."""
         counted = recording.metadata.get("loop_overruns")
         if counted is not None:

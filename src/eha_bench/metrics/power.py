@@ -41,7 +41,7 @@ class DerivedMetric(Metric):
         """Whether the signal lasts at all."""
         return trial.duration > 0.0
 
-    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:  # noqa: ARG002
+    def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:  # noqa: ARG002 - the base class asks for it
         """Return the value; the recording as a whole is its channel."""
         line = timeline(recording, trial)
         window = line.between(0.0, trial.duration)

@@ -131,8 +131,8 @@ def replacing(target: Path) -> Iterator[BinaryIO]:
         handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
         with os.fdopen(handle, "wb") as stream:
             yield stream
-        os.chmod(temporary, 0o666 & ~_umask())  # noqa: PTH101
-        os.replace(temporary, target)  # noqa: PTH105
+        os.chmod(temporary, 0o666 & ~_umask())  # noqa: PTH101 - a path as text, by mkstemp
+        os.replace(temporary, target)  # noqa: PTH105 - the same
     except OSError as error:
         raise RecordingError(
             f"cannot be written ({error.strerror or error})",

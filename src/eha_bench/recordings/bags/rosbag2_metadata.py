@@ -77,7 +77,7 @@ def write_rosbag2_metadata(folder: str | Path) -> Path:
     text = StringIO()
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style = False
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # annotated None
     yaml.dump(content, text)
     target = place / "metadata.yaml"
     with replacing(target) as stream:

@@ -223,7 +223,7 @@ class McapSink:
         offset_start = start + builder.count
         for offset in offsets:
             offset.write(builder)
-        summary: bytes = builder.end()  # type: ignore[no-untyped-call]
+        summary: bytes = builder.end()  # type: ignore[no-untyped-call]  # mcap gives no types here
         crc = crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start), crc32(summary))
         self._put(summary)
         self._record(
@@ -247,7 +247,7 @@ class McapSink:
     def _record(self, record: Any) -> int:
         builder = RecordBuilder()
         record.write(builder)
-        content: bytes = builder.end()  # type: ignore[no-untyped-call]
+        content: bytes = builder.end()  # type: ignore[no-untyped-call]  # mcap gives no types here
         self._put(content)
         return len(content)
 

@@ -59,7 +59,7 @@ class Bus:
         serial_port = getattr(self._bus, "serialPortOrig", None)
         if serial_port is not None:
             self._port = _BufferedPort(serial_port)
-            self._bus.serialPortOrig = self._port  # type: ignore[attr-defined]
+            self._bus.serialPortOrig = self._port  # type: ignore[attr-defined]  # slcan only
         self._closed = False
 
     @property
