@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -44,9 +45,15 @@ class Extreme:
     threshold: float
 
 
+# three metrics ask for it; forgotten together with the response
+_highest: WeakKeyDictionary[StepResponse, Extreme] = WeakKeyDictionary()
+
+
 def highest(step: StepResponse) -> Extreme:
     """Return the highest place of the response."""
-    return _extreme(step, 1.0)
+    if step not in _highest:
+        _highest[step] = _extreme(step, 1.0)
+    return _highest[step]
 
 
 def lowest(step: StepResponse) -> Extreme:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from eha_bench.metrics.noise import Noise
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 _GROWTH = 1.3
 _LARGEST = 4000
@@ -51,6 +53,12 @@ class Smooth:
     half: int
 
 
+@cache
+def _parabola(half: int) -> FloatArray:
+    """Return the weights of a moving parabola over 2 half + 1 samples; they are asked for often."""
+    return np.asarray(savgol_coeffs(2 * half + 1, 2))
+
+
 def smooth(values: FloatArray, noise: Noise, target: float, widest: int) -> Smooth:
     """Return (n,) values smoothed until the noise is below `target`, or the window is `widest`."""
     half = 0
@@ -61,7 +69,7 @@ def smooth(values: FloatArray, noise: Noise, target: float, widest: int) -> Smoo
         if half < 2:
             half = 0
             break
-        deviation = math.sqrt(noise.variance(savgol_coeffs(2 * half + 1, 2)))
+        deviation = math.sqrt(noise.variance(_parabola(half)))
     if half < 2:
         return Smooth(values, noise.sd, 0)
     return Smooth(savgol_filter(values, 2 * half + 1, 2, mode="interp"), deviation, half)
@@ -85,46 +93,66 @@ class Fit:
 
     def value(self, time: float) -> float:
         """Return the polynomial at `time` (s)."""
-        return float(self._powers(time) @ self.coefficients)
+        return float(self.values(np.array([time]))[0])
+
+    def values(self, times: FloatArray) -> FloatArray:
+        """Return the polynomial at (k,) times."""
+        found: FloatArray = self.powers(times) @ self.coefficients
+        return found
 
     def slope(self, time: float) -> float:
         """Return its derivative at `time`, per s."""
-        return float(self._slopes(time) @ self.coefficients) / self.scale
+        return float(self.slopes(np.array([time]))[0])
 
-    def weights(self, time: float) -> FloatArray:
-        """Return the weight of every sample in the value at `time`, (m,)."""
-        row: FloatArray = self._powers(time) @ self.operator
-        return row
+    def slopes(self, times: FloatArray) -> FloatArray:
+        """Return its derivative at (k,) times, per s."""
+        found: FloatArray = self.derivatives(times) @ self.coefficients
+        return found
 
-    def slope_weights(self, time: float) -> FloatArray:
-        """Return the weight of every sample in the slope at `time`, (m,), per s."""
-        row: FloatArray = self._slopes(time) @ self.operator / self.scale
-        return row
+    def powers(self, times: FloatArray) -> FloatArray:
+        """Return the weight of every coefficient in the value at (k,) times, (k, order + 1)."""
+        return np.vander((times - self.origin) / self.scale, self.coefficients.size, True)
 
-    def _powers(self, time: float) -> FloatArray:
-        x = (time - self.origin) / self.scale
-        return np.asarray(x ** np.arange(self.coefficients.size), dtype=np.float64)
-
-    def _slopes(self, time: float) -> FloatArray:
-        x = (time - self.origin) / self.scale
-        orders = np.arange(self.coefficients.size)
-        powers = np.zeros(orders.size)
-        powers[1:] = orders[1:] * x ** (orders[1:] - 1)
-        return powers
+    def derivatives(self, times: FloatArray) -> FloatArray:
+        """Return the weight of every coefficient in the slope at (k,) times, (k, order + 1)."""
+        found = np.zeros((times.size, self.coefficients.size))
+        orders = np.arange(1, self.coefficients.size)
+        found[:, 1:] = self.powers(times)[:, :-1] * orders / self.scale
+        return found
 
 
-def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: int) -> Fit:
-    """Fit the samples within `half` samples of `centre` (s), at least order + 1 of them."""
+def _window(time: FloatArray, centre: float, half: int, order: int) -> slice:
+    """Return the samples within `half` samples of `centre` (s), at least order + 1 of them."""
     index = int(np.searchsorted(time, centre))
     first, last = max(0, index - half), min(time.size, index + half)
     while last - first < min(order + 1, time.size):
         first, last = max(0, first - 1), min(time.size, last + 1)
-    order = min(order, last - first - 1)
-    stamps = time[first:last] - centre
+    return slice(first, last)
+
+
+def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: int) -> Fit:
+    """Fit the samples within `half` samples of `centre` (s), at least order + 1 of them."""
+    window = _window(time, centre, half, order)
+    stamps = time[window] - centre
     scale = float(np.max(np.abs(stamps))) or 1.0
-    design = np.vander(stamps / scale, order + 1, increasing=True)
+    design = np.vander(stamps / scale, min(order, stamps.size - 1) + 1, increasing=True)
     operator: FloatArray = np.asarray(np.linalg.pinv(design), dtype=np.float64)
-    return Fit(centre, scale, operator @ values[first:last], operator)
+    return Fit(centre, scale, operator @ values[window], operator)
+
+
+def _line(
+    time: FloatArray, values: FloatArray, centre: float, half: int
+) -> tuple[float, FloatArray]:
+    """Return the value at `centre` of a straight line through its window, and its weights."""
+    window = _window(time, centre, half, 1)
+    stamps = time[window] - centre
+    middle = float(stamps.mean())
+    away = stamps - middle
+    power = float(away @ away)
+    weights = np.full(away.size, 1.0 / away.size)
+    if power > 0.0:
+        weights -= middle / power * away
+    return float(weights @ values[window]), weights
 
 
 def half_width(
@@ -144,9 +172,8 @@ def half_width(
     half, chosen = 2, 2
     widest = max(min(widest, _LARGEST), 2)
     while True:
-        line = fit(time, values, centre, half, 1)
-        spread = 2.0 * math.sqrt(noise.variance(line.weights(centre)))
-        estimate = line.value(centre)
+        estimate, weights = _line(time, values, centre, half)
+        spread = 2.0 * math.sqrt(noise.variance(weights))
         low, high = max(low, estimate - spread), min(high, estimate + spread)
         if low > high:
             return min(max(2, round(share * chosen)), widest)
@@ -184,10 +211,12 @@ class Crossing:
             return low, high
         local, target = self.around, self.around.value(self.time)
 
-        def near(time: float) -> bool:
-            own = _PLACED * noise.variance(local.weights(time))
-            spread = math.sqrt(own + level_variance)
-            return abs(local.value(time) - target) <= noise.quantile() * spread
+        spread, quantile = noise.spread(local.operator), noise.quantile()
+
+        def near(times: FloatArray) -> BoolArray:
+            own = _PLACED * spread.variances(local.powers(times))
+            reach = quantile * np.sqrt(own + level_variance)
+            return np.asarray(np.abs(local.values(times) - target) <= reach)
 
         first, last = holds_around(local, self.time, near)
         inside = (local.origin - local.scale, local.origin + local.scale)
@@ -232,33 +261,38 @@ def refined(
     real = roots[np.abs(roots.imag) < 1e-9].real
     real = real[np.abs(real) <= 1.0]
     same = [x for x in real if local.slope(local.origin + x * local.scale) * guess.slope > 0.0]
+    place = local.origin + float(min(same, key=abs)) * local.scale if same else guess.time
+    at_place = local.powers(np.array([place]))
+    variance = _PLACED * float(noise.spread(local.operator).variances(at_place)[0])
     if not same:
-        variance = _PLACED * noise.variance(local.weights(guess.time))
         return Crossing(guess.time, guess.slope, variance)
-    place = local.origin + float(min(same, key=abs)) * local.scale
-    variance = _PLACED * noise.variance(local.weights(place))
     return Crossing(place, local.slope(place), variance, local)
 
 
-def holds_around(local: Fit, place: float, near: Callable[[float], bool]) -> tuple[float, float]:
+def holds_around(
+    local: Fit, place: float, near: Callable[[FloatArray], BoolArray]
+) -> tuple[float, float]:
     """Return how far from a place, within the window, a condition holds without a break."""
     ends = []
     for side in (-1.0, 1.0):
-        stamps = np.linspace(place, local.origin + side * local.scale, 33).tolist()
-        end = place
-        for stamp in stamps[1:]:
-            if (stamp - place) * side <= 0.0:
-                break
-            if not near(stamp):
-                end = _between(end, stamp, near)
-                break
-            end = stamp
-        ends.append(end)
+        edge = local.origin + side * local.scale
+        if (edge - place) * side <= 0.0:
+            ends.append(place)
+            continue
+        stamps = np.linspace(place, edge, 33)
+        held = near(stamps[1:])
+        if np.all(held):
+            ends.append(edge)
+            continue
+        first = int(np.argmin(held))
+        ends.append(_between(float(stamps[first]), float(stamps[first + 1]), near))
     return ends[0], ends[1]
 
 
-def _between(yes: float, no: float, near: Callable[[float], bool]) -> float:
-    for _ in range(12):
-        middle = 0.5 * (yes + no)
-        yes, no = (middle, no) if near(middle) else (yes, middle)
+def _between(yes: float, no: float, near: Callable[[FloatArray], BoolArray]) -> float:
+    for _ in range(2):  # into 64 parts each: as fine as halving twelve times
+        stamps = np.linspace(yes, no, 65)
+        held = near(stamps[1:-1])
+        first = 63 if np.all(held) else int(np.argmin(held))
+        yes, no = float(stamps[first]), float(stamps[first + 1])
     return yes

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.metrics.local import Fit, fit, half_width, holds_around
-from eha_bench.metrics.noise import Noise
+from eha_bench.metrics.local import BoolArray, Fit, fit, half_width, holds_around
+from eha_bench.metrics.noise import Noise, Spread
 
 FloatArray = NDArray[np.float64]
 
@@ -46,35 +46,38 @@ def peak(time: FloatArray, values: FloatArray, index: int, noise: Noise, widest:
             break
         centre = place
     value = local.value(place)
-    variance = noise.variance(local.weights(place))
+    spread = noise.spread(local.operator)
+    at_place = np.array([place])
+    variance = float(spread.variances(local.powers(at_place))[0])
     curvature = _curvature(local, place)
     if curvature < 0.0:
         # the maximum of a noisy parabola lies above the true one by this much on average
-        excess = noise.variance(local.slope_weights(place)) / (-2.0 * curvature)
+        excess = float(spread.variances(local.derivatives(at_place))[0]) / (-2.0 * curvature)
         excess = min(excess, math.sqrt(variance))
         value -= excess
         variance += 2.0 * excess**2  # the square of a normal slope varies as much
-    earliest, latest = _flat(local, place, noise)
+    earliest, latest = _flat(local, place, spread, noise.quantile())
     return Peak(value, place, variance, earliest, latest)
 
 
-def _flat(local: Fit, place: float, noise: Noise) -> tuple[float, float]:
+def _flat(local: Fit, place: float, spread: Spread, quantile: float) -> tuple[float, float]:
     """Return where around a place the slope cannot be told from zero (Fieller's interval)."""
 
-    def flat(time: float) -> bool:
-        spread = math.sqrt(noise.variance(local.slope_weights(time)))
-        return abs(local.slope(time)) <= noise.quantile() * spread
+    def reach(times: FloatArray) -> FloatArray:
+        return quantile * np.sqrt(spread.variances(local.derivatives(times)))
+
+    def flat(times: FloatArray) -> BoolArray:
+        return np.asarray(np.abs(local.slopes(times)) <= reach(times))
 
     earliest, latest = holds_around(local, place, flat)
     curvature = _curvature(local, place)
     if curvature < 0.0:
         # flat up to the end of the window: the straight line of the slope goes on
-        spread = math.sqrt(noise.variance(local.slope_weights(place)))
-        reach = noise.quantile() * spread / -curvature
+        further = float(reach(np.array([place]))[0]) / -curvature
         if earliest <= local.origin - 0.999 * local.scale:
-            earliest = min(earliest, place - reach)
+            earliest = min(earliest, place - further)
         if latest >= local.origin + 0.999 * local.scale:
-            latest = max(latest, place + reach)
+            latest = max(latest, place + further)
     return earliest, latest
 
 

@@ -60,6 +60,10 @@ class _Holds:
 
 
 def _holds(recording: Recording, trial: Trial) -> _Holds:
+    return remembered(recording, trial, "holds", lambda: _find_holds(recording, trial))
+
+
+def _find_holds(recording: Recording, trial: Trial) -> _Holds:
     line = timeline(recording, trial)
     spans = tuple(line.between(edge.time, edge.until) for edge in commanded_edges(line, trial))
     speed = recording["motor_speed"]
@@ -112,21 +116,15 @@ def _break_aways(recording: Recording, trial: Trial) -> BreakAways:
 
 def _slips(holds: _Holds, span: slice, sign: float) -> list[int]:
     """Return samples at which the rotor, after a rest, has come to four times the quiet speed."""
-    resting = holds.resting[span]
-    least = round(_REST / holds.line.period)
-    slips = []
-    rested = 0
-    armed = False
-    for offset in range(resting.size):
-        if resting[offset]:
-            rested += 1
-            armed = armed or rested >= least
-            continue
-        rested = 0
-        if armed and sign * holds.speed[span.start + offset] >= 4.0 * holds.quiet:
-            slips.append(span.start + offset)
-            armed = False
-    return slips
+    resting, fast = holds.resting[span], sign * holds.speed[span] >= 4.0 * holds.quiet
+    turns = np.diff(np.concatenate([[False], resting, [False]]).astype(np.int8))
+    starts, ends = np.flatnonzero(turns == 1), np.flatnonzero(turns == -1)
+    rested = ends[ends - starts >= round(_REST / holds.line.period)]
+    moving = np.flatnonzero(~resting & fast)
+    # the first fast sample after each rest; rests without one in between share theirs
+    after = np.searchsorted(moving, rested)
+    slips = np.unique(moving[after[after < moving.size]])
+    return [span.start + int(offset) for offset in slips]
 
 
 def _onset(holds: _Holds, index: int, sign: float) -> float:

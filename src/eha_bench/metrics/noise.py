@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+from scipy.signal import fftconvolve, lfilter
 from scipy.special import stdtrit
 
 FloatArray = NDArray[np.float64]
@@ -21,7 +21,35 @@ FloatArray = NDArray[np.float64]
 _FEWEST = 8
 _HIGHEST_ORDER = 12
 _LONGEST = 2000
+_FEW_LAGS = 40  # up to which adding lag by lag is quicker than a transform
 _PENALTY = 4.0  # per coefficient: Akaike's 2 would find correlation in a third of all white noise
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The covariance of k linear functions of the data, (k, k).
+
+    Attributes:
+        total: by the whole autocovariance.
+        white: by the variance of the samples alone.
+    """
+
+    total: FloatArray
+    white: FloatArray
+
+    def variance(self, weights: FloatArray) -> float:
+        """Return the variance of sum(weights * functions), (k,)."""
+        return float(self.variances(weights[None, :])[0])
+
+    def variances(self, weights: FloatArray) -> FloatArray:
+        """Return the variance of every row's sum, (m, k) -> (m,)."""
+        total, white = (
+            np.einsum("mi,ij,mj->m", weights, matrix, weights)
+            for matrix in (self.total, self.white)
+        )
+        # the cut-off autocovariance is not positive definite for every weight vector
+        found: FloatArray = np.maximum(total, 1e-3 * white)
+        return found
 
 
 @dataclass(frozen=True)
@@ -48,14 +76,24 @@ class Noise:
 
     def variance(self, weights: FloatArray) -> float:
         """Return the variance of sum(weights * data) over consecutive samples."""
-        lags = min(self.autocovariance.size, weights.size)
-        total = float(weights @ weights) * float(self.autocovariance[0])
-        for lag in range(1, lags):
-            pair = float(weights[lag:] @ weights[:-lag])
-            total += 2.0 * pair * float(self.autocovariance[lag])
-        # the cut-off autocovariance is not positive definite for every weight vector
-        white = float(weights @ weights) * float(self.autocovariance[0])
-        return max(total, 1e-3 * white)
+        return self.spread(weights[None, :]).variance(np.ones(1))
+
+    def spread(self, operator: FloatArray) -> Spread:
+        """Return how operator @ data scatters over consecutive samples, operator (k, n)."""
+        white = operator @ operator.T * float(self.autocovariance[0])
+        lags = self.autocovariance[: operator.shape[1]]
+        if lags.size == 1:
+            return Spread(white, white)
+        if lags.size <= _FEW_LAGS:
+            total = white.copy()
+            for lag in range(1, lags.size):
+                pair = operator[:, lag:] @ operator[:, :-lag].T
+                total += float(lags[lag]) * (pair + pair.T)
+            return Spread(total, white)
+        kernel = np.concatenate([lags[:0:-1], lags])
+        blurred = fftconvolve(operator, kernel[None, :], axes=1)[:, lags.size - 1 :]
+        total = operator @ blurred[:, : operator.shape[1]].T
+        return Spread(0.5 * (total + total.T), white)
 
     def variance_of_mean(self, count: int) -> float:
         """Return the variance of the mean of `count` consecutive samples."""
@@ -147,7 +185,7 @@ def _correlation(coefficients: FloatArray) -> FloatArray:
     impulse = np.zeros(2 * length)
     impulse[0] = 1.0
     response = lfilter([1.0], np.concatenate([[1.0], -coefficients]), impulse)
-    covariance = np.correlate(response, response, "full")[2 * length - 1 :][:length]
+    covariance = fftconvolve(response, response[::-1])[2 * length - 1 :][:length]
     result: FloatArray = covariance / covariance[0]
     return result
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import fftconvolve, savgol_coeffs, savgol_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.noise import Noise
@@ -173,9 +173,4 @@ def _covariance(parameters: FloatArray, time: FloatArray, noise: Noise) -> Float
         shift[k] = 1e-5 * size
         columns.append((curve(parameters + shift) - curve(parameters - shift)) / (2.0 * shift[k]))
     operator = np.linalg.pinv(np.column_stack(columns), rcond=1e-12)
-    lags = noise.autocovariance[: time.size]
-    kernel = np.concatenate([lags[:0:-1], lags])
-    spread = fftconvolve(operator, kernel[None, :], axes=1)
-    spread = spread[:, lags.size - 1 : lags.size - 1 + time.size]
-    found: FloatArray = operator @ spread.T
-    return (found + found.T) / 2.0
+    return noise.spread(operator).total

@@ -37,9 +37,11 @@ _RESOLVED = 4  # samples from 25 to 75 % below which a polynomial cannot follow 
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StepResponse:
     """What one channel does between an edge of the command and the next.
+
+    Compared and hashed by identity, so that what is found in it can be kept beside it.
 
     Attributes:
         edge: as commanded; time in s of the signal, levels in SI.

@@ -7,7 +7,6 @@ from abc import abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve
 
 from eha_bench.core.metric import Better, MetricSpec
@@ -35,32 +34,37 @@ class TrackingLagCompensated(TrackingMetric):
     def of(self, error: TrackingError) -> Measure:
         """Return the least RMS over lags from 0 to a quarter of the scored time."""
         reference, measured = error.reference, error.reference - error.error
-        count = reference.size
-        longest = max(int(_LONGEST * count), 1)
-
-        def rms(lag: float) -> float:
-            whole = math.floor(lag)
-            share = lag - whole
-            later = measured[whole:]
-            moved = later if share == 0.0 else (1.0 - share) * later[:-1] + share * later[1:]
-            rest = reference[: moved.size] - moved
-            return math.sqrt(float(rest @ rest) / rest.size)
-
+        longest = max(int(_LONGEST * reference.size), 1)
         tried = _rms_of_lags(reference, measured, longest)
         # a periodic reference fits again a period later: the first minimum as good as any
         low = tried <= float(tried.min()) + 0.05 * float(np.ptp(tried))
         first = int(np.argmax(low))
         end = first + (int(np.argmin(low[first:])) if not np.all(low[first:]) else low.size - first)
         best = first + int(np.argmin(tried[first:end]))
-        found = minimize_scalar(
-            rms, bounds=(max(best - 1, 0), min(best + 1, count - 2)), method="bounded"
-        )
-        lag, value = min(
-            ((float(found.x), float(found.fun)), (float(best), rms(float(best)))),
-            key=lambda pair: pair[1],
+        at_best = reference[: reference.size - best] - measured[best:]
+        value, lag = min(
+            (math.sqrt(float(at_best @ at_best) / at_best.size), float(best)),
+            *(
+                _between_lags(reference, measured, whole)
+                for whole in range(max(best - 1, 0), min(best + 1, reference.size - 2))
+            ),
         )
         reason = f"RMS after a lag of {lag * error.period:.4g} s is taken off"
         return Measure(value * error.scale, reason=reason)
+
+
+def _between_lags(reference: FloatArray, measured: FloatArray, whole: int) -> tuple[float, float]:
+    """Return the least RMS over lags from `whole` to `whole` + 1 samples, and the lag.
+
+    With the measurement interpolated by straight lines, the rest is linear in the share of a
+    sample, and its mean square a parabola.
+    """
+    here, next_one = measured[whole:-1], measured[whole + 1 :]
+    rest, change = reference[: here.size] - here, next_one - here
+    power = float(change @ change)
+    share = min(max(float(rest @ change) / power, 0.0), 1.0) if power > 0.0 else 0.0
+    rest -= share * change
+    return math.sqrt(float(rest @ rest) / rest.size), whole + share
 
 
 def _rms_of_lags(reference: FloatArray, measured: FloatArray, longest: int) -> FloatArray:
