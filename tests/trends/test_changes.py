@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
+from scipy.signal import lfilter
 
 from eha_bench.trends.changes import course_of
-from eha_bench.trends.tails import chance
+from eha_bench.trends.noise import noise_of
+from eha_bench.trends.tails import FURTHEST, chance_of_sum, reach
 from eha_bench.trends.terms import Kind, Term, design, gains, pair_gains
 from eha_bench.trends.trend import State, judge
 
@@ -132,10 +135,76 @@ def test_the_newest_night_is_held_against_those_before() -> None:
     assert judge(values, family=10, margin=0.05, scored=False)[3] is State.NOT_SCORED
 
 
-def test_chance_is_a_bound_on_a_binomial_tail() -> None:
-    residuals = np.array([1.0] * 10 + [0.0] * 90) - 0.1
-    # 4 of 5 ones where every tenth is one: 5 * 0.1^4 * 0.9 + 0.1^5
-    exact = 5 * 0.1**4 * 0.9 + 0.1**5
-    assert exact <= chance(residuals, 5, 0.7) <= 5 * exact
-    assert chance(residuals, 5, 0.0) == pytest.approx(1.0)
-    assert math.isclose(chance(residuals, 1, 5.0), 0.0, abs_tol=1e-9)
+def test_a_change_says_between_which_nights_it_began() -> None:
+    rng = np.random.default_rng(12)
+    inside = 0
+    for _ in range(60):
+        values = rng.normal(size=200)
+        values[120:] += 0.15 * np.arange(1, 81)  # too slow to be placed to the night
+        change = min(course_of(values, alpha=1e-3).changes, key=lambda c: abs(c.start - 120))
+        assert change.earliest <= change.start <= change.latest
+        inside += change.earliest <= 120 <= change.latest
+    assert inside >= 51  # 57 of 60 are meant; fewer than 51 by chance once in 500
+    (step,) = course_of(np.where(np.arange(50) < 30, 3.0, 9.0), alpha=1e-3).changes
+    assert (step.earliest, step.latest) == (30, 30)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise_of_a_night", ["t5", "log-normal", "alike"])
+def test_wild_skewed_and_correlated_nights_make_no_change(noise_of_a_night: str) -> None:
+    rng = np.random.default_rng(3)
+    false = 0
+    for _ in range(150):
+        if noise_of_a_night == "t5":
+            values = rng.standard_t(5, 365)
+        elif noise_of_a_night == "log-normal":
+            values = rng.lognormal(0.0, 0.7, 365)
+        else:
+            values = lfilter([1.0], [1.0, -0.5], rng.normal(size=465))[100:]
+        course, _, _, state = judge(values, family=1, margin=0.0, scored=True)
+        false += bool(course.changes) or state.drifted
+    assert false <= 6  # 2 % of 150 are 3; more than 6 by chance once in 30 at 2 %
+
+
+def test_correlation_of_neighbours_is_seen_and_steps_are_not_taken_for_it() -> None:
+    rng = np.random.default_rng(6)
+    alike = lfilter([1.0], [1.0, -0.6], rng.normal(size=1100))[100:]
+    assert noise_of(alike).widening == pytest.approx(2.0, rel=0.2)  # sqrt(1.6 / 0.4)
+    values = rng.normal(size=1000)
+    values[300:] += 6.0
+    values[700:] -= 9.0
+    found = noise_of(values)
+    assert found.widening < 1.2
+    assert found.sigma == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_sum_of_normal_noise_has_the_normal_distributions_tail() -> None:
+    quantiles = stats.norm.ppf((np.arange(4000) + 0.5) / 4000.0)
+    noise = np.clip(quantiles, -FURTHEST, FURTHEST)
+    weights = np.concatenate((np.full(150, 1.0), np.full(250, -0.6)))
+    error = noise.std() * math.sqrt(float(weights @ weights))
+    for sigmas in (1.0, 3.0, 5.0):
+        found = chance_of_sum(weights, -sigmas * error, noise)
+        assert found == pytest.approx(stats.norm.sf(sigmas), rel=0.15)
+
+
+def test_a_sum_of_counts_has_the_binomial_tail() -> None:
+    ones = 2.0 * (np.arange(2000) % 10 == 0)  # every tenth
+    weights = np.concatenate((np.ones(12), np.zeros(48)))
+    exact = stats.binom.sf(5, 12, 0.1)  # six or more of twelve
+    total = 2.0 * (6.0 - 1.2)
+    assert exact / 3.0 <= chance_of_sum(weights, total, ones - 0.2) <= 3.0 * exact
+    assert chance_of_sum(weights, 30.0, ones - 0.2) < 1e-30  # further than all can be
+
+
+def test_the_reach_of_a_night_is_longer_where_nights_are_wild_or_few() -> None:
+    rng = np.random.default_rng(7)
+    below, above = reach(rng.normal(size=1000), 1e-4)
+    assert below == pytest.approx(3.7, rel=0.3)  # of a normal distribution
+    assert above == pytest.approx(3.7, rel=0.3)
+    heavy = reach(rng.standard_t(3, 1000), 1e-4)
+    assert min(heavy) > 2.5 * 3.7  # 22.2 of the distribution itself
+    skewed = reach(rng.exponential(size=1000) - 1.0, 1e-4)
+    assert skewed[1] > 2.0 * skewed[0]
+    assert max(reach(rng.normal(size=20), 1e-4)) > 1.5 * below
+    assert reach(np.zeros(10), 1e-4) == (0.0, 0.0)

@@ -104,9 +104,14 @@ def sparkline(trend: Trend) -> Markup:
 
 
 def _range(values: FloatArray, line: FloatArray, limits: Sequence[float]) -> tuple[float, float]:
-    """Return what is shown: all but a few wild nights, and the limits."""
-    drawn = np.concatenate((values[-1:], line, limits, np.quantile(values, (0.005, 0.995))))
+    """Return what is shown: all but a few wild nights, and the limits unless they are far off."""
+    drawn = np.concatenate((values[-1:], line, np.quantile(values, (0.005, 0.995))))
     low, high = float(drawn.min()), float(drawn.max())
+    span = high - low
+    low, high = (
+        min([low, *(max(limit, low - span) for limit in limits)]),
+        max([high, *(min(limit, high + span) for limit in limits)]),
+    )
     pad = 0.06 * (high - low) or 0.05 * abs(high) or 1.0
     return low - pad, high + pad
 

@@ -23,12 +23,14 @@ from eha_bench.report.engineering import (
 from eha_bench.report.page import Fact, write_page
 from eha_bench.report.run_report import moment
 from eha_bench.report.trend_plot import sparkline, trend_svg, unit_of
+from eha_bench.trends.changes import Change
 from eha_bench.trends.history import History
 from eha_bench.trends.index import Night
 from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import State, Trend
 
 INDEX_NAME: Final = "index.html"
+_ALIKE: Final = 1.4  # widening from which on it is said: nights correlated by a third
 _LOOKS: Final = {
     State.OUT_OF_LIMITS: ("failed", "✕"),
     State.STEPPED: ("failed", "⤒"),
@@ -44,6 +46,7 @@ class ChangeView:
     """A change as a table shows it."""
 
     when: str
+    between: str
     kind: str
     size: str
     before: str
@@ -170,6 +173,7 @@ def _view(
     changes = tuple(
         ChangeView(
             when=names[trend.nights[change.start].id],
+            between=_between(trend, change, names),
             kind="Step"
             if change.kind is Kind.STEP
             else trend.course.kink_word(change).capitalize(),
@@ -207,6 +211,14 @@ def _view(
         last=names[trend.nights[-1].id],
         spark=sparkline(trend),
     )
+
+
+def _between(trend: Trend, change: Change, names: dict[int, str]) -> str:
+    """Return between which nights a change began, "" where it is known to the night."""
+    if change.earliest == change.latest:
+        return ""
+    first, last = (names[trend.nights[at].id] for at in (change.earliest, change.latest))
+    return f"{first} … {last}"
 
 
 def _rig(before: Night, after: Night) -> str:
@@ -250,7 +262,7 @@ def _write_trend(
         "facts": facts,
         "margin": number(unit_of(trend).difference(trend.margin)) + unit_of(trend).suffix,
         "sigma": number(unit_of(trend).difference(trend.course.sigma)) + unit_of(trend).suffix,
-        "correlated": trend.course.widening > 1.0,
+        "correlated": trend.course.widening > _ALIKE,
     }
     write_page(folder / view.page, "trend.html.j2", content, title=title)
 

@@ -20,9 +20,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.signal import lfilter
 
 from eha_bench.trends.noise import noise_of, without_outliers
-from eha_bench.trends.tails import chance
+from eha_bench.trends.tails import FURTHEST, chance_of_sum
 from eha_bench.trends.terms import Kind, Term, design, gains, pair_gains
 
 FloatArray = NDArray[np.float64]
@@ -32,8 +33,8 @@ FEWEST: Final = 8
 
 _MOST_TERMS: Final = 16
 _ROUNDS: Final = 8
+_CONFIDENCE: Final = 0.95
 _HOPE: Final = 1.4  # how much more a pair may gain at its own length than at a listed one
-_LONG: Final = 60
 _LENGTHS: Final = (3, 5, 8, 13, 21, 34, 55, 89, 144)
 
 
@@ -46,12 +47,15 @@ class Change:
         kind: whether level or slope changed.
         size: of the step in the series' unit, or of the slope in its unit a night.
         p_value: corrected for all places looked at.
+        earliest, latest: between these indices it started, with 95 % confidence.
     """
 
     start: int
     kind: Kind
     size: float
     p_value: float
+    earliest: int
+    latest: int
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,7 @@ def course_of(values: FloatArray, *, alpha: float) -> Course:
     line = matrix @ sizes
     p_values = search.p_values(terms)
     changes = tuple(
-        Change(term.start, term.kind, float(size) * found.sigma, p)
+        Change(term.start, term.kind, float(size) * found.sigma, p, *search.places(term, terms))
         for term, size, p in sorted(
             zip(terms, sizes[1:], p_values, strict=True), key=lambda entry: entry[0]
         )
@@ -117,6 +121,10 @@ def course_of(values: FloatArray, *, alpha: float) -> Course:
         search.sigma(terms) * found.sigma,
         found.widening,
     )
+
+
+def _bounded(residuals: FloatArray) -> FloatArray:
+    return np.clip(residuals, -FURTHEST, FURTHEST)
 
 
 def _slopes(terms: list[Term]) -> bool:
@@ -153,13 +161,13 @@ class _Search:
         degrees = max(1, self._values.size - 1 - len(terms))
         return float(np.sqrt(self._squares(terms) / degrees))
 
-    def _p_value(self, squares: float, gain: float, degrees: int) -> float:
+    def _p_value(self, squares: float, gain: float, degrees: int, inflation: float) -> float:
         """Return the corrected p-value of a term that lowers `squares` by `gain`."""
         if degrees < 1:
             return 1.0
         # a night scatters by at least what its neighbours say, in units of which all this is
         floor = 0.5 * degrees
-        error = self._widening**2 * max(squares - gain, floor) / degrees
+        error = inflation * max(squares - gain, floor) / degrees
         p = 2.0 * float(stats.t.sf(np.sqrt(gain / error), degrees))
         return min(1.0, self._looks * p)
 
@@ -203,7 +211,7 @@ class _Search:
         """Return the corrected p-value of all that was added at once."""
         degrees = self._values.size - 1 - before - len(further)
         if len(further) == 1:
-            return self._p_value(squares, gain, degrees)
+            return self._p_value(squares, gain, degrees, self._widening**2)
         if degrees < 1:
             return 1.0
         error = self._widening**2 * max(squares - gain, 0.5 * degrees) / degrees
@@ -228,26 +236,55 @@ class _Search:
         """Return the corrected p-value of each term given the others."""
         matrix = design(terms, self._values.size)
         sizes = np.linalg.lstsq(matrix, self._values, rcond=None)[0]
-        residuals = self._raw - matrix @ sizes
         whole = float(np.sum((self._values - matrix @ sizes) ** 2))
         degrees = self._values.size - 1 - len(terms)
         found = []
-        for term, size in zip(terms, sizes[1:], strict=True):
-            without = self._squares([other for other in terms if other is not term])
-            p = self._p_value(without, without - whole, degrees)
-            found.append(max(p, self._by_tails(term, terms, float(size), residuals)))
+        noise = _bounded(self._raw - matrix @ sizes) * np.sqrt(self._values.size / max(1, degrees))
+        for term in terms:
+            others = [other for other in terms if other is not term]
+            without = self._squares(others)
+            column = self._own_column(term, others)
+            inflation = self._inflation(column)
+            p = self._p_value(without, without - whole, degrees, inflation)
+            found.append(max(p, self._by_tails(column, others, noise, inflation)))
         return found
 
-    def _by_tails(self, term: Term, terms: list[Term], size: float, residuals: FloatArray) -> float:
-        """Return the corrected p-value of a short stretch beside a step, 0 where it is long."""
-        if term.kind is not Kind.STEP:
-            return 0.0
-        ends = sorted({0, self._values.size, *(other.start for other in terms)})
-        place = ends.index(term.start)
-        shorter = min(ends[place + 1] - term.start, term.start - ends[place - 1])
-        if shorter >= _LONG:
-            return 0.0
-        return min(1.0, self._looks * chance(residuals, shorter, size))
+    def _own_column(self, term: Term, others: list[Term]) -> FloatArray:
+        """Return what a term adds that no combination of the others does, shape (n,)."""
+        basis, _ = np.linalg.qr(design(others, self._values.size))
+        column = term.column(self._values.size)
+        own: FloatArray = column - basis @ (basis.T @ column)
+        return own
+
+    def _inflation(self, column: FloatArray) -> float:
+        """Return by how much correlation raises the variance of a sum with these weights."""
+        square = self._widening**2
+        alike = (square - 1.0) / (square + 1.0)
+        damped = lfilter([1.0], [1.0, -alike], column)
+        return max(1.0, float(2.0 * column @ damped / (column @ column)) - 1.0)
+
+    def places(self, term: Term, terms: list[Term]) -> tuple[int, int]:
+        """Return between which nights a term starts, the others held (profile likelihood)."""
+        others = [other for other in terms if other is not term]
+        found = gains(self._values, others, term.kind)
+        first = max((other.start + 1 for other in others if other.start < term.start), default=0)
+        after = min((other.start for other in others if other.start > term.start), default=None)
+        likely = found[first:after] / (2.0 * (self._widening * self.sigma(terms)) ** 2)
+        share = np.exp(likely - likely.max())
+        order = np.argsort(share)[::-1]
+        held = np.cumsum(share[order]) / share.sum()
+        inside = first + order[: 1 + int(np.searchsorted(held, _CONFIDENCE))]
+        return int(inside.min()), int(inside.max())
+
+    def _by_tails(
+        self, column: FloatArray, others: list[Term], noise: FloatArray, inflation: float
+    ) -> float:
+        """Return the corrected p-value of a term by the series' own scatter."""
+        matrix = design(others, self._values.size)
+        line = matrix @ np.linalg.lstsq(matrix, self._values, rcond=None)[0]
+        total = float(column @ _bounded(self._raw - line))
+        chance = chance_of_sum(column, total, _bounded(noise), inflation=inflation)
+        return min(1.0, self._looks * chance)
 
     def _pruned(self, terms: list[Term]) -> list[Term]:
         """Return the terms without those that the others made superfluous."""

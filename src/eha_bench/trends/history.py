@@ -197,6 +197,8 @@ def _trend(trend: Trend, places: dict[int, int]) -> dict[str, Any]:
                 "kind": "step" if change.kind is Kind.STEP else trend.course.kink_word(change),
                 "size": finite_or_none(change.size),
                 "p_value": finite_or_none(change.p_value),
+                "earliest_night": change.earliest,
+                "latest_night": change.latest,
                 "before": _place(trend.nights[change.start - 1]),
                 "at": _place(trend.nights[change.start]),
             }

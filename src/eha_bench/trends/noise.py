@@ -1,6 +1,7 @@
 """How a series scatters from night to night, whatever steps and drifts it has.
 
-From quantiles of its differences, which a few steps do not move and a slow drift only shifts.
+From its differences, which a slow drift only shifts, by Huber's proposal 2 (1964,
+doi:10.1214/aoms/1177703732), which a few steps hardly move.
 """
 
 from __future__ import annotations
@@ -13,19 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from eha_bench.trends.tails import FURTHEST
+
 FloatArray = NDArray[np.float64]
 
-_QUANTILE: Final = 0.8
-_TO_SIGMA: Final = 1.0 / 1.2816  # of a normal distribution's 80 % of magnitudes
+_BEND: Final = 1.5  # standard deviations beyond which a difference counts no more
+_OF_NORMAL: Final = 0.77846  # mean of min(z^2, 1.5^2) of a normal distribution
+_FEWEST_THAT_DIFFER: Final = 0.5
+_ROUNDS: Final = 12
 _LAST_DIGIT: Final = 1e-9
 _WINDOW: Final = 9
-_FURTHEST: Final = 2.5
 _LONG: Final = 30
 _VERY_LONG: Final = 80
 # a step spoils as many differences as the lag is long: of few nights only short lags are taken
 _LAGS: Final = (4, 5, 6, 7)
 _SHORT_LAGS: Final = (2, 3)
 _MOST_CORRELATED: Final = 0.9
+_TRIED: Final = np.linspace(0.0, 0.99, 100)
+_DOUBT: Final = 1.0  # standard errors by which the correlation may be larger than it seems
 
 
 @dataclass(frozen=True)
@@ -48,25 +54,35 @@ def noise_of(values: FloatArray) -> Noise:
     if values.size < _LONG:
         return Noise(sigma)
     lags = _LAGS if values.size >= _VERY_LONG else _SHORT_LAGS
-    # neighbours that are alike differ by less than nights further apart
-    far = float(np.median([_spread(values, lag) for lag in lags]))
-    alike = 1.0 - (sigma / far) ** 2 if far > sigma else 0.0
-    alike -= 1.0 / math.sqrt(values.size)  # what chance alone makes of it
-    if alike <= 0.0:
-        return Noise(sigma)
-    alike = min(alike, _MOST_CORRELATED)
-    return Noise(far, math.sqrt((1.0 + alike) / (1.0 - alike)))
+    spreads = [_spread(values, lag) for lag in lags]
+    alike = float(np.median([
+        _alike(sigma / max(spread, sigma), lag) for lag, spread in zip(lags, spreads, strict=True)
+    ]))  # fmt: skip
+    alike = min(alike + _DOUBT / math.sqrt(values.size), _MOST_CORRELATED)
+    sigma = max(sigma, float(np.median(spreads)))
+    return Noise(sigma, math.sqrt((1.0 + alike) / (1.0 - alike)))
+
+
+def _alike(ratio: float, lag: int) -> float:
+    """Return the correlation of neighbours whose differences are smaller than those at a lag.
+
+    Of a first-order autoregression the variances of the differences are to each other as
+    1 - r to 1 - r^lag.
+    """
+    found = np.interp(-(ratio**2), -(1.0 - _TRIED) / (1.0 - _TRIED**lag), _TRIED)
+    return float(found)
 
 
 def _spread(values: FloatArray, lag: int) -> float:
     """Return the standard deviation of a night by the differences to the night `lag` before."""
     differences = values[lag:] - values[:-lag]
-    centred = np.abs(differences - np.median(differences))
-    spread = _TO_SIGMA * float(np.quantile(centred, _QUANTILE)) / math.sqrt(2.0)
-    if spread > 0.0:
-        return spread
-    # most nights are exactly alike (counts, a simulator without noise)
-    return math.sqrt(float(np.mean(centred**2)) / 2.0)
+    squares = (differences - np.median(differences)) ** 2
+    square = float(np.mean(squares))
+    if np.count_nonzero(squares) > _FEWEST_THAT_DIFFER * squares.size:
+        for _ in range(_ROUNDS):
+            square *= float(np.mean(np.minimum(squares / square, _BEND**2))) / _OF_NORMAL
+    # else most nights are exactly alike (counts, a simulator without noise)
+    return math.sqrt(square / 2.0)
 
 
 def without_outliers(values: FloatArray, sigma: float) -> FloatArray:
@@ -77,5 +93,5 @@ def without_outliers(values: FloatArray, sigma: float) -> FloatArray:
     if values.size < _WINDOW:
         return values
     middle = median_filter(values, size=_WINDOW, mode="nearest")
-    clipped: FloatArray = np.clip(values, middle - _FURTHEST * sigma, middle + _FURTHEST * sigma)
+    clipped: FloatArray = np.clip(values, middle - FURTHEST * sigma, middle + FURTHEST * sigma)
     return clipped

@@ -9,19 +9,16 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from eha_bench.trends.changes import FEWEST, Change, Course, course_of
 from eha_bench.trends.index import Night
-from eha_bench.trends.tails import chance
+from eha_bench.trends.tails import reach
 from eha_bench.trends.terms import Kind, Term, design
 
 FloatArray = NDArray[np.float64]
 
 ALPHA: Final = 0.005
 """Of a false change in any metric of a history, and of a false alarm in any metric of a night."""
-
-_WILDER: Final = 1.5
 
 RECENT: Final = 7
 """Nights for which a step is news."""
@@ -90,8 +87,9 @@ class Trend:
             return self.drift
         if self.state is State.STEPPED:
             return self.course.changes[-1].size
-        middle = sum(self.limits) / 2.0
-        return float(self.values[-1]) - middle if self.values.size else math.nan
+        if self.values.size < FEWEST:
+            return math.nan
+        return float(self.values[-1] - self.course.line[-2])
 
     @property
     def worse(self) -> bool | None:
@@ -121,7 +119,7 @@ def judge(
         state = State.NOT_SCORED
     elif values.size < FEWEST:
         state = State.TOO_FEW
-    elif _is_out(values, course, limits, margin, ALPHA / family):
+    elif _is_out(values, course, limits, margin):
         state = State.OUT_OF_LIMITS
     elif _has_stepped(course, values.size, margin):
         state = State.STEPPED
@@ -139,39 +137,27 @@ def _limits(values: FloatArray, course: Course, alpha: float) -> tuple[float, fl
     matrix = design(terms, count)
     before, newest = matrix[:-1], matrix[-1]
     # what is drawn is the line through clipped values: one wild night does not move the limits
-    reach = 3.0 * course.sigma
-    known = np.clip(values, course.line - reach, course.line + reach)[:-1]
+    far = 3.0 * course.sigma
+    known = np.clip(values, course.line - far, course.line + far)[:-1]
     sizes = np.linalg.lstsq(before, known, rcond=None)[0]
     leverage = float(newest @ np.linalg.pinv(before.T @ before) @ newest)
-    degrees = max(1, count - 1 - before.shape[1])
     expected = float(newest @ sizes)
-    residual = known - before @ sizes
-    sigma = math.sqrt(float(residual @ residual) / degrees)
     floor = 1e-9 * max(abs(expected), float(np.abs(values).max()))
-    half = max(sigma * math.sqrt(1.0 + leverage) * float(stats.t.isf(alpha / 2.0, degrees)), floor)
-    return expected - half, expected + half
+    below, above = (
+        max(math.sqrt(1.0 + leverage) * distance, floor)
+        for distance in reach(values[:-1] - before @ sizes, alpha / 2.0)
+    )
+    return expected - below, expected + above
 
 
 def _terms(changes: tuple[Change, ...], latest: int) -> list[Term]:
     return [Term(change.start, change.kind) for change in changes if change.start <= latest]
 
 
-def _is_out(
-    values: FloatArray, course: Course, limits: tuple[float, float], margin: float, alpha: float
-) -> bool:
+def _is_out(values: FloatArray, course: Course, limits: tuple[float, float], margin: float) -> bool:
     newest = float(values[-1])
-    away = newest - sum(limits) / 2.0
-    if limits[0] <= newest <= limits[1] or abs(away) < margin:
-        return False
-    if not course.sigma > 0.0:
-        return True
-    others = (values - course.line)[:-1] / course.sigma
-    # a night in 200 may be wild by itself; the newest has to be wilder than the others were
-    same_side = np.sort(others * np.sign(away))
-    wildest = float(same_side[-1 - values.size // 200])
-    if abs(away) / course.sigma < _WILDER * wildest:
-        return False
-    return chance(others, 1, away / course.sigma) <= alpha
+    away = abs(newest - float(course.line[-2]))
+    return not limits[0] <= newest <= limits[1] and away >= margin
 
 
 def _has_stepped(course: Course, count: int, margin: float) -> bool:
