@@ -48,10 +48,16 @@ def installed(folder: Path, points: str) -> Iterator[None]:
     (info / "entry_points.txt").write_text(f"[eha_bench.signals]\n{points}")
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(folder))
-        plugins._entry_points.cache_clear()
+        forget()
         yield
     sys.modules.pop("foreign_square", None)
+    forget()
+
+
+def forget() -> None:
+    """Have the installed packages looked at anew."""
     plugins._entry_points.cache_clear()
+    plugins._group.cache_clear()
 
 
 @pytest.fixture

@@ -16,7 +16,8 @@ from eha_bench.core.near_miss import suggest
 class StrictModel(BaseModel):
     """Base of all file formats: unknown keys are errors, instances are immutable."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    # built when first used: most are parts of others, which build them again
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
 
 
 DEEPEST = 40

@@ -7,10 +7,13 @@ import statistics
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import Bounds
-from eha_bench.core.result import Result
+
+if TYPE_CHECKING:
+    from eha_bench.core.result import Result
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,8 @@ class Baseline:
                 where=self.place,
                 hint="give the suite 'baseline: path/to/result.json'",
             )
+        from eha_bench.core.result import Result  # most suites have no baseline
+
         return Result.read(self.path / "result.json" if self.path.is_dir() else self.path)
 
     def value(self, trial: str, metric: str, channel: str, where: Place) -> float:
