@@ -156,9 +156,15 @@ def _done(function: Callable[[Item], Value], index: int, item: Item) -> Outcome[
         return Outcome(index, error=WorkError(told, trace=traceback.format_exc(), status=3))
 
 
+_LOST = {
+    "TerminatedWorkerError", "BrokenProcessPool",  # loky
+    "KilledWorker",  # Dask
+    "RayActorError", "WorkerCrashedError",  # Ray
+}  # fmt: skip
+
+
 def _is_lost_worker(error: Exception) -> bool:
-    names = {"TerminatedWorkerError", "BrokenProcessPool", "KilledWorker", "WorkerCrashedError"}
-    return any(kind.__name__ in names for kind in type(error).__mro__)
+    return any(kind.__name__ in _LOST for kind in type(error).__mro__)
 
 
 @dataclass(frozen=True)
@@ -271,8 +277,9 @@ class RayCluster(Workers):
         if not ray.is_initialized():
             try:
                 ray.init(address=self.address, log_to_driver=False)
-            except Exception as error:  # Ray raises errors of many kinds
-                raise InputError(f"no Ray cluster answers at {self.address} ({error})") from error
+            except Exception as error:  # Ray raises errors of many kinds, some of many lines
+                reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+                raise InputError(f"no Ray cluster answers at {self.address} ({reason})") from error
         register_ray()
 
     def _backend(self) -> AbstractContextManager[object]:
