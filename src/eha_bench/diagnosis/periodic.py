@@ -1,9 +1,11 @@
-"""Finds the count of an effect that is periodic in the shaft's angle.
+"""Finds the count and phase of an effect that is periodic in the shaft's angle.
 
-In a long replay a wrong angle loses the phase, and every count looks alike. So the count is scanned
-in windows of 40 ms, each with the shaft's angle integrated from the measured speed: for a fixed
-count the effect is nearly linear in its sine and cosine amplitudes, two simulations say what it
-would gain, and only the best counts are refined over long windows.
+A model that is a little off loses the angle in a long replay, and with it the phase: every count
+looks alike. The measured speed does not: its noise, integrated over seconds, is a hundredth of a
+radian. So while an effect is looked for, the angle is taken from there (`anchored`). For a fixed
+count the effect is then nearly linear in its sine and cosine amplitudes: two simulations say what
+it would gain. Only the best counts are refitted, over short windows, then over long ones, and last
+with the model's own angle.
 
 A periodic effect is one with parameters `count` and `phase`; its strength is the amplitude.
 """
@@ -18,21 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.diagnosis.candidates import Start
-from eha_bench.diagnosis.fit import free_parameters, jacobian, levenberg_marquardt
+from eha_bench.diagnosis.fit import Fit
 from eha_bench.diagnosis.gate import Measured
 from eha_bench.diagnosis.problem import Problem, soften
-from eha_bench.diagnosis.windows import Window, shaft_angle, window_at
+from eha_bench.diagnosis.windows import shaft_angle
 from eha_bench.plants.assembly import Layout
 from eha_bench.plants.effect import Effect
 
 FloatArray = NDArray[np.float64]
 
-SHORT = 0.04
-"""Length of a window in which the phase cannot be lost, s."""
-_BUDGET = 4.0
+ANGLE = "shaft_angle"
 _COUNTS = (*range(1, 49), 54, 56, 60, 66, 72, 80, 84, 90, 96)
-_KEEP = 3
-_ENOUGH = 60
+_KEEP = 2
 
 
 def is_periodic(effect: Effect) -> bool:
@@ -41,103 +40,81 @@ def is_periodic(effect: Effect) -> bool:
     return {"count", "phase"} <= names
 
 
-def short_problem(problem: Problem, noise: dict[str, float]) -> Problem | None:
-    """Return the problem over short windows while the shaft turns, or None without a speed."""
-    runs: dict[str, Measured] = {}
+def anchored(problem: Problem) -> Problem:
+    """Return a problem with the shaft's angle as measured; it needs `prepare`.
+
+    Where no speed is measured, or an angle drives the model anyway, nothing changes.
+    """
+    runs: dict[int, Measured] = {}
     for window in problem.windows:
-        runs.setdefault(window.measured.run.name, window.measured)
-    places: list[tuple[Measured, int, int]] = []
-    for measured in runs.values():
-        angle = shaft_angle(measured)
-        if angle is None:
+        own = window.measured
+        if id(own) in runs:
             continue
-        time = measured.time
-        length = max(5, round(SHORT / float(np.median(np.diff(time)))))
-        for first in range(length, time.size - length, length):
-            if time[first + length - 1] - time[first] > 2.0 * SHORT:
-                continue
-            if abs(angle[first + length] - angle[first]) > 5.0 * SHORT:
-                places.append((measured, first, first + length))
-    if not places:
-        return None
-    most = round(_BUDGET / SHORT)
-    chosen = np.unique(np.linspace(0, len(places) - 1, min(most, len(places))).round().astype(int))
-    windows: list[Window] = []
-    for k in chosen:
-        measured, first, last = places[k]
-        windows.append(window_at(measured, first, last, noise))
-    return Problem(problem.plant, windows, noise, problem.step)
+        angle = None if ANGLE in own.inputs else shaft_angle(own)
+        driven = own.inputs if angle is None else {**own.inputs, ANGLE: angle}
+        runs[id(own)] = replace(own, inputs=driven)
+    windows = [replace(window, measured=runs[id(window.measured)]) for window in problem.windows]
+    other = Problem(problem.plant, windows, problem.noise, problem.step)
+    other.soft = problem.soft
+    return other
 
 
-def scan(
-    short: Problem, vector: FloatArray, keys: Sequence[str], layout: Layout, starts: Sequence[Start]
-) -> list[Start]:
-    """Return the best starting points of one periodic effect, the most promising first.
+def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) -> list[Start]:
+    """Return the best counts of one periodic effect in each of its forms, the best first.
 
     Args:
-        short: problem over short windows.
-        vector: calibrated parameters. keys: what is calibrated anyway.
-        layout: of the plant. starts: the effect's own starting points; one for each of its choices
-            is used, at every count.
+        problem: anchored, over short windows. fit: without the effect, on these windows.
+        layout: of the plant. starts: the effect's own starting points.
     """
-    if not starts:
-        return []
-    name = starts[0].candidate
-    at_count, at_phase = layout.index[f"{name}.count"], layout.index[f"{name}.phase"]
-    short.prepare(vector)
-    base = short.residual(vector)
-    short.scale_to(base)
-    free = free_parameters(layout, keys, vector)
-    columns_of = jacobian(short, vector, free, base)
-    known = {item.key: columns_of[:, k] for k, item in enumerate(free)}
-    # every count is looked at in every other window, and the best ones in all
-    few = range(0, len(short.windows), 2 if len(short.windows) >= _ENOUGH else 1)
-    rows = short.rows_of(few)
-    fewer = short.subset(few)
-    soft, weight = soften(base[rows], short.soft)
-    matrix = columns_of[rows] * weight[:, None]
+    soft, weight = soften(fit.residual, problem.soft)
+    matrix = fit.jacobian * weight[:, None]
     norms = np.linalg.norm(matrix, axis=0)
     basis = np.linalg.qr(matrix[:, norms > 1e-6 * norms.max(initial=1e-300)])[0]
     target = soft - basis @ (basis.T @ soft)
-    counts = sorted({*_COUNTS, *(int(dict(s.settings)[at_count]) for s in starts)})
-    template = starts[0]
+    base = problem.residual(fit.vector)
     found: list[tuple[float, Start]] = []
-    for count in counts:
-        columns = []
-        for phase in (0.0, 0.5 * math.pi):
-            trial = _at(template, at_count, at_phase, float(count), phase)
-            change = (fewer.residual(trial.apply(vector)) - base[rows]) * weight
-            columns.append(change - basis @ (basis.T @ change))
-        pair = np.column_stack(columns)
-        normal = pair.T @ pair
-        if normal[0, 0] < 1e-6 or np.linalg.cond(normal) > 1e8:
-            continue
-        amplitude = -np.linalg.solve(normal, pair.T @ target)
-        gain = float(-(pair.T @ target) @ amplitude)
-        phase = math.atan2(float(amplitude[1]), float(amplitude[0]))
-        size = template.strength * float(np.hypot(*amplitude))
-        size = min(max(size, 1e-3 * template.strength), template.high)
-        best = replace(_at(template, at_count, at_phase, float(count), phase), strength=size)
-        found.append((gain, best))
+    for template in _forms(layout, starts):
+        name = template.candidate
+        at_count, at_phase = layout.index[f"{name}.count"], layout.index[f"{name}.phase"]
+        counts = sorted({*_COUNTS, *(int(dict(s.settings)[at_count]) for s in starts)})
+        # a small size stays where the change is proportional to it
+        small = replace(template, strength=0.2 * template.strength)
+        gains = []
+        for count in counts:
+            columns = []
+            for phase in (0.0, 0.5 * math.pi):
+                trial = _at(small, at_count, at_phase, float(count), phase)
+                change = (problem.residual(trial.apply(fit.vector)) - base) * weight
+                columns.append(change - basis @ (basis.T @ change))
+            pair = np.column_stack(columns)
+            normal = pair.T @ pair
+            if normal[0, 0] < 1e-6 or np.linalg.cond(normal) > 1e8:
+                continue
+            amplitude = -np.linalg.solve(normal, pair.T @ target)
+            gain = float(-(pair.T @ target) @ amplitude)
+            phase = math.atan2(float(amplitude[1]), float(amplitude[0]))
+            size = small.strength * float(np.hypot(*amplitude))
+            size = min(max(size, 1e-3 * template.strength), template.high)
+            best = _at(small, at_count, at_phase, float(count), phase)
+            # a shaft has a whole number of poles, slots or pistons: fixed, no phase runs away
+            keys = tuple(key for key in template.keys if key != f"{name}.count")
+            gains.append((gain, replace(best, strength=size, keys=keys)))
+        gains.sort(key=lambda item: -item[0])
+        found += gains[:_KEEP]
     found.sort(key=lambda item: -item[0])
-    refined = []
-    for _, start in found[:_KEEP]:
-        here = start.apply(vector)
-        # what is calibrated moves along: without the effect it had been bent to imitate it
-        together = (*free, *free_parameters(layout, start.keys, here))
-        moved = levenberg_marquardt(short, here, together, iterations=6, known=known, refresh=1)
-        strength = float(moved.vector[start.strength_at])
-        if strength == start.neutral:
-            continue
-        # a shaft has a whole number of poles, slots or pistons: with it the phase cannot run away
-        whole = float(round(moved.vector[at_count]))
-        settings = tuple(
-            (at, whole if at == at_count else float(moved.vector[at])) for at, _ in start.settings
-        )
-        settings += tuple((item.at, float(moved.vector[item.at])) for item in free)
-        keys = tuple(key for key in start.keys if key != f"{name}.count")
-        refined.append(replace(start, settings=settings, strength=strength, keys=keys))
-    return refined
+    return [start for _, start in found]
+
+
+def _forms(layout: Layout, starts: Sequence[Start]) -> list[Start]:
+    """Return one starting point for each combination of an effect's choices."""
+    forms: dict[tuple[float, ...], Start] = {}
+    for start in starts:
+        settings = dict(start.settings)
+        effect = layout.effect(start.candidate)
+        words = [p.name for p in effect.parameters if p.choices]
+        key = tuple(settings[layout.index[f"{effect.id}.{name}"]] for name in words)
+        forms.setdefault(key, start)
+    return list(forms.values())
 
 
 def _at(start: Start, at_count: int, at_phase: int, count: float, phase: float) -> Start:

@@ -11,6 +11,7 @@ from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, SCREENING, fr
 from eha_bench.diagnosis.candidates import Start
 from eha_bench.diagnosis.evidence import SOFT_MEAN, Comparison
 from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.periodic import anchored, is_periodic, scan
 from eha_bench.diagnosis.problem import Problem
 from eha_bench.diagnosis.screen import Screen, Screened
 from eha_bench.diagnosis.search_state import Search, Trial
@@ -80,7 +81,7 @@ def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> F
     for key in search.keys:
         again[layout.index[key]] = search.declared_vector[layout.index[key]]
     coarse = problem.at_step(COARSE)
-    short = medium_problem(coarse)
+    short = anchored(medium_problem(coarse))
     short.prepare(again)
     short.scale_to(short.residual(again))
     free = [item for item in free_of(search, again, extra) if item.key not in FRICTION_AT_REST]
@@ -108,7 +109,7 @@ class Near:
         vector = search.fit.vector.copy()
         for key in search.keys:
             vector[layout.index[key]] = search.declared_vector[layout.index[key]]
-        self.problem = medium_problem(search.problem.at_step(COARSE))
+        self.problem = anchored(medium_problem(search.problem.at_step(COARSE)))
         self._weigh(vector)
         free = self._free(vector, ())
         fit = levenberg_marquardt(self.problem, vector, free, iterations=6, refresh=1)
@@ -141,7 +142,10 @@ class Near:
         order = list(tried)[: most + 2]
         fits: list[tuple[Start, Fit]] = []
         for number, name in enumerate(order):
-            own = [self._fitted(item) for item in tried[name][: _KEEP if number < 3 else 1]]
+            own = [
+                self._fitted(item.start, started(item, self.fit.vector))
+                for item in tried[name][: _KEEP if number < 3 else 1]
+            ]
             fits.append(min(own, key=lambda pair: pair[1].cost))
         fits.sort(key=lambda pair: pair[1].cost)
         if not fits:
@@ -150,21 +154,52 @@ class Near:
         hopeful = [p for p in fits if self.fit.cost - p[1].cost > _HOPEFUL * best][:most]
         return [self._long(start, fit) for start, fit in hopeful]
 
-    def _fitted(self, item: Screened) -> tuple[Start, Fit]:
-        vector = started(item, self.fit.vector)
+    def turning(self, starts: Sequence[Start], most: int) -> list[Trial]:
+        """Return the best of what is periodic in the shaft's angle, refitted as `trials` does.
+
+        Args:
+            starts: of one effect or several. most: how many are taken to the long windows.
+        """
+        layout = self.search.problem.plant.layout
+        fits = [
+            self._fitted(start, start.apply(self.fit.vector))
+            for name in dict.fromkeys(start.candidate for start in starts)
+            for start in scan(
+                self.problem, self.fit, layout, [s for s in starts if s.candidate == name]
+            )
+        ]
+        fits.sort(key=lambda pair: pair[1].cost)
+        return [self._long(start, fit) for start, fit in fits[:most]]
+
+    def _fitted(self, start: Start, vector: FloatArray) -> tuple[Start, Fit]:
         known = known_of(self.fit)
-        free = self._free(vector, [item.start])
-        return item.start, levenberg_marquardt(
+        free = self._free(vector, [start])
+        return start, levenberg_marquardt(
             self.problem, vector, free, iterations=6, known=known, refresh=1
         )
 
     def _long(self, start: Start, near: Fit) -> Trial:
         """Fit over long windows from where short ones have led."""
+        layout = self.search.problem.plant.layout
+        added = [start, *(item.start for item in self.search.accepted)]
+        turns = any(not s.mundane and is_periodic(layout.effect(s.candidate)) for s in added)
+        problem = self.coarse
+        if turns:
+            problem = anchored(self.coarse)
+            problem.prepare(near.vector)
+            problem.scale_to(problem.residual(near.vector))
         free = self._free(near.vector, [start])
-        fit = levenberg_marquardt(self.coarse, near.vector, free, iterations=5, refresh=1)
+        rounds = 8 if turns else 5
+        fit = levenberg_marquardt(problem, near.vector, free, iterations=rounds, refresh=1)
         names = tuple(item.key for item in free if "[" not in item.key)
-        if fit.cost > _NOISE * SOFT_MEAN * self.coarse.size:
-            fit = friction_at_rest(self.coarse, fit, names)[0]
+        if fit.cost > _NOISE * SOFT_MEAN * problem.size:
+            fit = friction_at_rest(problem, fit, names)[0]
+        if turns:
+            # with the parameters right, the model keeps the phase by itself; a fast turn needs the
+            # finer step
+            own = self.search.problem
+            free = free_of(self.search, fit.vector, [start])
+            fit = levenberg_marquardt(own, fit.vector, free, iterations=6, refresh=1)
         return Trial(start, fit, Comparison(0, 0, 0, 0, 1, 0))
 
 

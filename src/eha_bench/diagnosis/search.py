@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.diagnosis.baseline import COARSE, SCREENING
-from eha_bench.diagnosis.candidates import Start, all_starts
+from eha_bench.diagnosis.candidates import all_starts
 from eha_bench.diagnosis.evidence import (
     SOFT_MEAN,
     Groups,
@@ -22,7 +22,7 @@ from eha_bench.diagnosis.evidence import (
     refined_noise,
 )
 from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.periodic import is_periodic, scan, short_problem
+from eha_bench.diagnosis.periodic import is_periodic
 from eha_bench.diagnosis.problem import Problem, soften
 from eha_bench.diagnosis.refit import Near, polish, refit, sticks
 from eha_bench.diagnosis.screen import Screen, Screened
@@ -44,6 +44,7 @@ MOST_EFFECTS = 4
 _SHORTLIST = 5
 _NEAREST = 4
 _FINALISTS = 3
+_TURNING = 3
 _BENT = 0.3
 """Excess, as a share of the noise's cost, from which calibrated parameters are bent by it."""
 _LEAST = 5.0
@@ -115,11 +116,8 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     floor = search.fit.cost - search.excess_left.total
     if _worth_a_look(search) and reached > floor + max(0.02 * search.excess_left.total, 30.0):
         own = [start for start in starts if start.candidate in turning]
-        # a fast turn needs the finer step, and the scan has fitted amplitude and parameters already
-        found = Screen(coarse, search.fit).all(_periodic(search, turning, own))
-        more = [replace(item, amplitude=1.0) for item in found]
-        screened = sorted([*screened, *more], key=lambda item: -item.gain)
-        finals += _confirm(search, coarse, more, None)
+        rough = (near or Near(search, coarse)).turning(own, _TURNING) if own else []
+        finals += _finished(search, _best_of_each(rough), afresh=False)
     best: dict[str, Screened] = {}
     for item in screened:
         best.setdefault(item.start.candidate, item)
@@ -155,6 +153,11 @@ def _confirm(
     shortlist = [best[name] for name in order[: _SHORTLIST - len(trials)]]
     shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
     trials = _best_of_each([*trials, *(refit(search, coarse, item) for item in shortlist)])
+    return _finished(search, trials, afresh=near is None)
+
+
+def _finished(search: Search, trials: Sequence[Trial], *, afresh: bool) -> list[Trial]:
+    """Refit those to the end that may win, the best first."""
     done: list[Trial] = []
     top = 0.0
     for number, trial in enumerate(trials):
@@ -163,24 +166,10 @@ def _confirm(
             done.append(trial)
             continue
         # where a rival has reached the noise already, a better place cannot beat it
-        again = near is None and top < 0.95 * search.excess_left.total
+        again = afresh and top < 0.95 * search.excess_left.total
         done.append(replace(trial, fit=polish(search, trial.fit, [trial.start], afresh=again)))
         top = max(top, search.fit.cost - done[-1].fit.cost)
     return done
-
-
-def _periodic(search: Search, names: Sequence[str], starts: Sequence[Start]) -> list[Start]:
-    """Return starts of effects periodic in the shaft's angle, as a scan of the count finds them."""
-    short = short_problem(search.problem, search.problem.noise) if starts else None
-    if short is None:
-        return []
-    layout = search.problem.plant.layout
-    keys = [item.key for item in search.fit.free if "[" not in item.key]
-    out: list[Start] = []
-    for name in names:
-        own = [start for start in starts if start.candidate == name]
-        out += scan(short.at_step(COARSE), search.fit.vector, keys, layout, own)
-    return out
 
 
 def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search) -> list[Ranked]:
@@ -190,7 +179,7 @@ def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search)
             min(item.comparison.share, item.comparison.share_out),
             item.comparison.p_value,
             item.fit.cost,
-            best[item.candidate].gain,
+            best[item.candidate].gain if item.candidate in best else item.comparison.gain,
             True,
         )
         for item in finals

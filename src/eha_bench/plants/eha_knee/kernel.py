@@ -39,6 +39,7 @@ from eha_bench.plants.eha_knee.equations import (
     PRESSURE_A,
     PRESSURE_B,
     TEMPERATURE,
+    THETA,
     V_A,
     V_B,
     VELOCITY,
@@ -71,8 +72,8 @@ Matrix = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 # channels that may be imposed instead of computed
-(IMPOSE_SPEED, IMPOSE_A, IMPOSE_B, IMPOSE_POSITION, IMPOSE_VELOCITY,
- IMPOSE_CURRENT) = range(6)  # fmt: skip
+(IMPOSE_SPEED, IMPOSE_A, IMPOSE_B, IMPOSE_POSITION, IMPOSE_VELOCITY, IMPOSE_CURRENT,
+ IMPOSE_ANGLE) = range(7)  # fmt: skip
 
 _GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 _MAX_SPLITS = 8
@@ -217,7 +218,7 @@ def settle(read: Flags, parameters: Vector, memory: Vector, Y: Vector) -> None:
     """Turn what the sensors read at the first sample into the state that they read it from.
 
     Args:
-        read: (6,) whether Y holds a reading of speed, p_a, p_b, x, v, current (else: the state).
+        read: (7,) whether Y holds a reading of what may be imposed (else: the state).
         parameters, memory, Y: vectors `P` and `S` of the layout; state (7,), changed.
     """
     P = parameter_record(parameters)
@@ -265,7 +266,8 @@ def simulate(
         times: (n,) s; commands: (n,) A, held from times[k] to times[k + 1].
         signals: (n, 2) measured external force on the rod, N, added to the parameter's, and
             oil temperature, K (NaN where it is not logged); linear between ticks.
-        imposed: (n, 6) measured speed, p_a, p_b, x, v, current where `is_imposed` (6,) is True.
+        imposed: (n, 7) measured speed, p_a, p_b, x, v, current, shaft angle where `is_imposed` (7,)
+            is True; between ticks the shaft turns on from its angle by the speed.
         locked, bypass_open: setup. h_max: largest substep, s.
         fresh: whether to set the effects' states from Y first.
         parameters, memory, Y: vectors `P` and `S` of the layout; state (7,). out: (n, 6).
@@ -296,6 +298,8 @@ def simulate(
             Y[VELOCITY] = imposed[k, IMPOSE_VELOCITY]
         if is_imposed[IMPOSE_CURRENT]:
             Y[CURRENT] = imposed[k, IMPOSE_CURRENT]
+        if is_imposed[IMPOSE_ANGLE]:
+            Y[THETA] = imposed[k, IMPOSE_ANGLE]
         measure(times[k], P, S, Y, out[k])
         if k == last:
             break

@@ -25,6 +25,7 @@ IMPOSED = (
     "piston_position",
     "piston_velocity",
     "current",
+    "shaft_angle",
 )
 _MEASURED = ("force", "oil_temperature")
 _STATE = {
@@ -40,7 +41,7 @@ _STATE = {
 
 @dataclass(frozen=True)
 class Inputs:
-    """A drive's inputs as arrays: commands (n,), signals (n, 2), imposed (n, 6) and which are."""
+    """A drive's inputs as arrays: commands (n,), signals (n, 2), imposed (n, 7) and which are."""
 
     time: FloatArray
     commands: FloatArray
