@@ -52,16 +52,17 @@ _highest: WeakKeyDictionary[StepResponse, Extreme] = WeakKeyDictionary()
 def highest(step: StepResponse) -> Extreme:
     """Return the highest place of the response."""
     if step not in _highest:
-        _highest[step] = _extreme(step, 1.0)
+        _highest[step] = _extreme(step, 1.0, 1.0)
     return _highest[step]
 
 
 def lowest(step: StepResponse) -> Extreme:
     """Return the lowest place of the response, turned upside down."""
-    return _extreme(step, -1.0)
+    return _extreme(step, -1.0, 0.0)
 
 
-def _extreme(step: StepResponse, side: float) -> Extreme:
+def _extreme(step: StepResponse, side: float, level: float) -> Extreme:
+    """Return the highest place of `side` times the response, which rises above `level`."""
     values, track = side * step.rise, tracked(step)
     first = step.landed
     index = first + int(np.argmax(side * track.values[first:]))
@@ -74,7 +75,8 @@ def _extreme(step: StepResponse, side: float) -> Extreme:
     # no polynomial follows a jump: of one that is not resolved, only what comes after it
     after = slice(first if not step.resolved else None, None)
     place = index - (0 if step.resolved else first)
-    found = peak(step.time[after], values[after], place, step.noise, 2 * step.transit)
+    height = side * float(track.values[index]) - level
+    found = peak(step.time[after], values[after], place, step.noise, step.transit, height)
     independent = max((values.size - first) / (2 * track.half + 1), 2.0)
     return Extreme(found, track.sd * math.sqrt(2.0 * math.log(independent)))
 

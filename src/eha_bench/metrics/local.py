@@ -84,12 +84,21 @@ class Fit:
         scale: half the window, s; the polynomial is in (t - origin) / scale.
         coefficients: ascending.
         operator: (order + 1, m): coefficients = operator @ samples.
+        rest: sum of squares that it leaves of the samples.
     """
 
     origin: float
     scale: float
     coefficients: FloatArray
     operator: FloatArray
+    rest: float
+
+    def follows(self, noise: Noise) -> bool:
+        """Return whether it leaves no more of its samples than noise would (4 sd of chi^2)."""
+        free = self.operator.shape[1] - self.coefficients.size
+        correlation = noise.autocovariance / max(noise.sd**2, 1e-300)
+        spread = math.sqrt(2.0 * free * (2.0 * float(correlation @ correlation) - 1.0))
+        return self.rest <= noise.sd**2 * (free + 4.0 * spread)
 
     def value(self, time: float) -> float:
         """Return the polynomial at `time` (s)."""
@@ -137,7 +146,9 @@ def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: i
     scale = float(np.max(np.abs(stamps))) or 1.0
     design = np.vander(stamps / scale, min(order, stamps.size - 1) + 1, increasing=True)
     operator: FloatArray = np.asarray(np.linalg.pinv(design), dtype=np.float64)
-    return Fit(centre, scale, operator @ values[window], operator)
+    coefficients = operator @ values[window]
+    rest = values[window] - design @ coefficients
+    return Fit(centre, scale, coefficients, operator, float(rest @ rest))
 
 
 def _line(

@@ -8,10 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.metrics.local import BoolArray, Fit, fit, half_width, holds_around
+from eha_bench.metrics.local import BoolArray, Fit, fit, holds_around
 from eha_bench.metrics.noise import Noise, Spread
 
 FloatArray = NDArray[np.float64]
+
+_NARROWEST = 4
+_WIDEST = 1.5  # transits
+_SHRUNK = 1.3
 
 
 @dataclass(frozen=True)
@@ -32,19 +36,29 @@ class Peak:
     latest: float
 
 
-def peak(time: FloatArray, values: FloatArray, index: int, noise: Noise, widest: int) -> Peak:
-    """Return the maximum of a local polynomial around sample `index` of (n,) samples."""
+def peak(
+    time: FloatArray, values: FloatArray, index: int, noise: Noise, transit: int, height: float
+) -> Peak:
+    """Return the maximum of a local polynomial around sample `index` of (n,) samples.
+
+    `transit` is how many samples the response takes from 25 to 75 %, its own scale of time;
+    `height` is roughly how far the peak rises above the level that it stands on.
+    """
     centre = float(time[index])
-    half = half_width(time, values, centre, noise, widest) + 1
-    for _ in range(3):  # the window follows the maximum that it finds
-        local = fit(time, values, centre, half, 3)
-        grid = np.linspace(-0.9, 0.9, 181)
-        heights = np.polynomial.polynomial.polyval(grid, local.coefficients)
-        best = float(grid[int(np.argmax(heights))])
-        place = min(max(local.origin + best * local.scale, float(time[0])), float(time[-1]))
-        if abs(best) < 0.2:
+    half = _half(noise, transit, height)
+    while True:
+        for _ in range(3):  # the window follows the maximum that it finds
+            local = fit(time, values, centre, half, 3)
+            grid = np.linspace(-0.9, 0.9, 181)
+            heights = local.values(local.origin + grid * local.scale)
+            best = float(grid[int(np.argmax(heights))])
+            place = min(max(local.origin + best * local.scale, float(time[0])), float(time[-1]))
+            if abs(best) < 0.2:
+                break
+            centre = place
+        if half <= _NARROWEST or local.follows(noise):
             break
-        centre = place
+        half, centre = max(int(half / _SHRUNK), _NARROWEST), float(time[index])
     value = local.value(place)
     spread = noise.spread(local.operator)
     at_place = np.array([place])
@@ -58,6 +72,18 @@ def peak(time: FloatArray, values: FloatArray, index: int, noise: Noise, widest:
         variance += 2.0 * excess**2  # the square of a normal slope varies as much
     earliest, latest = _flat(local, place, spread, noise.quantile())
     return Peak(value, place, variance, earliest, latest)
+
+
+def _half(noise: Noise, transit: int, height: float) -> int:
+    """Return the window in which a cubic misses less of a peak than its noise.
+
+    By the sizes of noise and peak and by the response's speed, as for crossings: around the
+    overshoot of a second order (T = 0.9 / omega_n) a cubic over h samples misses a tenth of the
+    quartic term, about 0.0024 (h / T)^4 of the overshoot, and its noise is 1.1 sd / sqrt(h); the
+    former may be a thirtieth of the latter.
+    """
+    half = (14.0 * noise.sd / max(height, noise.sd) * transit**4) ** (1.0 / 4.5)
+    return int(min(max(half, _NARROWEST), max(_WIDEST * transit, _NARROWEST)))
 
 
 def _flat(local: Fit, place: float, spread: Spread, quantile: float) -> tuple[float, float]:

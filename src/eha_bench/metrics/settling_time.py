@@ -59,7 +59,7 @@ class SettlingTime(StepMetric):
         place = interpolated(step.time, track.values, edge, last + 1)
         if not step.exact and step.noise.known:
             place = _refined(step, edge, place, last + 1)
-        low, high = self._interval(step, distance, place, spread)
+        low, high = self._interval(step, distance, last, place, spread)
         convention = f"2 % of the step for good, {LEVELS}"
         return since_edge(step, Measure(place.time, low, high, said(step, convention)))
 
@@ -82,6 +82,7 @@ class SettlingTime(StepMetric):
     def _interval(
         step: StepResponse,
         distance: FloatArray,
+        last: int,
         place: Crossing,
         spread: float,
     ) -> tuple[float, float]:
@@ -94,10 +95,13 @@ class SettlingTime(StepMetric):
         own = 0.5 * (high - low)
         if step.exact:
             return low, high
-        # an oscillation that just clears the band, or just does not, moves the time by a period
+        # an oscillation that just clears the band, or just does not, moves the time by a period:
+        # the last excursion may be none, or the one after it may be one
+        if surely < _began(distance, last):
+            low = min(low, float(step.time[surely]))
         if step.time[perhaps] > high + 3.0 * own:
             high = float(step.time[perhaps])
-        return min(low, float(step.time[surely])), high
+        return low, high
 
 
 def _track(step: StepResponse) -> Smooth:
@@ -120,6 +124,12 @@ def _last_exit(distance: FloatArray, beyond: float) -> int:
     sure = _last_outside(distance, BAND + beyond)
     inside = np.flatnonzero(np.abs(distance[sure:]) <= BAND)
     return sure + int(inside[0]) - 1 if inside.size and inside[0] > 0 else distance.size - 1
+
+
+def _began(distance: FloatArray, last: int) -> int:
+    """Return the first sample of the excursion from the band that ends with sample `last`."""
+    inside = np.flatnonzero(np.abs(distance[:last]) <= BAND)
+    return int(inside[-1]) + 1 if inside.size else 0
 
 
 def _last_outside(distance: FloatArray, band: float) -> int:
