@@ -31,6 +31,8 @@ FloatArray = NDArray[np.float64]
 _STEADY = 0.5  # of the speed: what it may drift by along the final window ...
 _STEADY_UNCORRECTED = 0.003  # ... and where the inertia is not known that this costs torque
 _FEWEST = 5
+_NORMAL = 1.959964
+"""Two-sided 95 % quantile of the normal distribution."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,8 @@ class StribeckCurve:
     Attributes:
         parameters: T_cf (N*m), B_pm (N*m*s/rad), T_sf (N*m), omega_s (rad/s).
         covariance: (4, 4).
-        quantile: of Student's distribution, two-sided 95 %.
+        quantile: two-sided 95 %: Student's where the scatter of the levels tells the interval,
+            normal where their noise does.
         reason: how many levels it rests on.
     """
 
@@ -62,7 +65,7 @@ def stribeck_curve(recording: Recording, trial: Trial) -> StribeckCurve:
 
 def _curve(recording: Recording, trial: Trial) -> StribeckCurve:
     constant = known(recording, "torque_constant")
-    torque, speed, left_out = _settled(recording, trial, constant)
+    torque, speed, noise, left_out = _settled(recording, trial, constant)
     if speed.size < _FEWEST:
         raise NotScored(
             f"{speed.size} settled speeds ({left_out} not settled or at rest), 5 needed"
@@ -86,6 +89,12 @@ def _curve(recording: Recording, trial: Trial) -> StribeckCurve:
     jacobian = np.asarray(best.jac, dtype=np.float64)
     curvature = jacobian.T @ jacobian
     scatter = 2.0 * float(best.cost) / max(freedom, 1)
+    quantile = float(stdtrit(freedom, 0.975)) if freedom > 0 else math.nan
+    # so few levels may lie close to the curve by chance: not closer than their noise lets them
+    slope = _slope(best.x, speed / fast) * size / fast
+    expected = float(np.mean(noise[:, 0] + slope**2 * noise[:, 1])) / size**2
+    if quantile**2 * scatter < _NORMAL**2 * expected:
+        scatter, quantile = expected, _NORMAL
     inner = scatter * np.linalg.pinv(curvature)
     # T_sf = T_cf + what is above it at rest
     turn = np.diag([size, size / fast, size, fast])
@@ -94,21 +103,32 @@ def _curve(recording: Recording, trial: Trial) -> StribeckCurve:
     return StribeckCurve(
         parameters,
         turn @ inner @ turn.T,
-        float(stdtrit(freedom, 0.975)) if freedom > 0 else math.nan,
+        quantile,
         f"Eq. (23), {speed.size} settled speeds, {left_out} levels left out",
     )
 
 
+def _slope(x: FloatArray, share: FloatArray) -> FloatArray:
+    """Return the curve's slope at (n,) shares of the highest speed."""
+    _, viscous, extra, stribeck = x
+    bend = 2.0 * share / stribeck**2 * np.exp(-((share / stribeck) ** 2))
+    return np.asarray(viscous - extra * bend)
+
+
 def _settled(
     recording: Recording, trial: Trial, constant: float
-) -> tuple[FloatArray, FloatArray, int]:
-    """Return torque and speed, both positive, of every hold that ends at a constant speed."""
+) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """Return torque and speed of every hold that ends at a constant speed, how many do not.
+
+    Both (n,) and positive; between them and the count their variances by the noise, (n, 2).
+    """
     line = timeline(recording, trial)
     speeds, currents = recording["motor_speed"], recording["current"]
     displacement = known(recording, "pump_displacement")
     inertia = declared(recording, "rotor_inertia")
     steady = _STEADY if math.isfinite(inertia) else _STEADY_UNCORRECTED
     found: list[tuple[float, float]] = []
+    variances: list[tuple[float, float]] = []
     edges = commanded_edges(line, trial)
     for edge in edges:
         window = final_window(line, edge)
@@ -123,17 +143,19 @@ def _settled(
             continue
         if abs(speed.drift) > drift_limit or abs(speed.value) < 0.5:
             continue
-        # what pressure the open valve leaves acts on the pump as well
-        left = 0.0
+        drive = constant * currents[window]
         if "pressure_difference" in recording:
-            left = displacement * float(recording["pressure_difference"][window].mean())
+            # what pressure the open valve leaves acts on the pump as well
+            drive = drive - displacement * recording["pressure_difference"][window]
         length = float(line.time[window][-1] - line.time[window][0])
-        spent = inertia * speed.drift / length if math.isfinite(inertia) else 0.0
-        torque = constant * float(currents[window].mean()) - left - spent
+        share = inertia / length if math.isfinite(inertia) else 0.0
+        torque = float(drive.mean()) - share * speed.drift
         if torque * speed.value > 0.0:
             found.append((abs(torque), abs(speed.value)))
+            own = estimate([drive]).variance_of_mean(drive.size)
+            variances.append((own + share**2 * speed.drift_variance, speed.variance))
     torques, turning = (np.array([pair[k] for pair in found]) for k in (0, 1))
-    return torques, turning, len(edges) - len(found)
+    return torques, turning, np.array(variances), len(edges) - len(found)
 
 
 class BypassMetric(Metric):

@@ -98,7 +98,7 @@ class Fit:
         free = self.operator.shape[1] - self.coefficients.size
         correlation = noise.autocovariance / max(noise.sd**2, 1e-300)
         spread = math.sqrt(2.0 * free * (2.0 * float(correlation @ correlation) - 1.0))
-        return self.rest <= noise.sd**2 * (free + 4.0 * spread)
+        return bool(self.rest <= noise.sd**2 * (free + 4.0 * spread))
 
     def value(self, time: float) -> float:
         """Return the polynomial at `time` (s)."""
