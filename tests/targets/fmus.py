@@ -1,11 +1,15 @@
 """FMUs built while the tests run, of FMI 2 and FMI 3, with a plant that has a known answer."""
 
 import importlib
+import shutil
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 SCRIPT = '''
 import math
 import os
+import time
 
 from @package@ import *
 @more@
@@ -19,12 +23,13 @@ class Line(Fmi@v@Slave):
         self.i_cmd = self.x_start = self.x = self.p = self.speed = 0.0
         self.gain, self.tau = 1.0, 0.02
         self.fails_at = self.broken_from = self.crashes_at = 1e9
+        self.raises_at = self.hangs_at = 1e9
         self.locked = False
         self.steps = 0
         parameter = Fmi@v@Causality.parameter
         tunable = Fmi@v@Variability.tunable
         for name in ("gain", "tau", "fails_at", "broken_from", "crashes_at",
-                     "x_start"):
+                     "raises_at", "hangs_at", "x_start"):
             self.register_variable(@Real@(name, causality=parameter, variability=tunable))
         self.register_variable(Boolean("locked", causality=parameter, variability=tunable))
         self.register_variable(@Real@("i_cmd", causality=Fmi@v@Causality.input))
@@ -53,6 +58,10 @@ class Line(Fmi@v@Slave):
             return @failed@
         if current_time >= self.crashes_at - 1e-9:
             os.abort()
+        if current_time >= self.raises_at - 1e-9:
+            raise RuntimeError("the pump has seized")
+        if current_time >= self.hangs_at - 1e-9:
+            time.sleep(60.0)
         share = math.exp(-step_size / self.tau)
         self.p = share * self.p + (1.0 - share) * self.gain * self.i_cmd
         self.speed = 0.0 if self.locked else 60.0 * self.i_cmd
@@ -97,3 +106,12 @@ def build_line(version: int, folder: Path, **options: bool) -> Path:
     builder = importlib.import_module(f"pythonfmu{'3' if version == 3 else ''}.builder")
     built = builder.FmuBuilder.build_FMU(script, dest=folder, **options)
     return built.rename(folder / f"line{version}.fmu")
+
+
+def rewritten(fmu: Path, change: Callable[[str, bytes], tuple[str, bytes]]) -> None:
+    """Change names or contents of what an FMU holds."""
+    part = fmu.with_suffix(".part")
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(part, "w") as new:
+        for name in old.namelist():
+            new.writestr(*change(name, old.read(name)))
+    shutil.move(part, fmu)

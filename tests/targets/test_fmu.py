@@ -1,6 +1,7 @@
 """Trials on FMUs of FMI 2 and 3: known answers, maps that are wrong, FMUs that fail."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.targets.resolve import open_target
 
 pytest.importorskip("fmpy")
-from fmus import build_line
+from fmus import build_line, rewritten
 
 TARGET = """\
 target: fmu
@@ -116,6 +117,7 @@ def test_a_first_value_reaches_the_fmu_in_its_unit(folder: Path, version: int) -
         ("fails_at: 0.02", "at 0.02 s"),
         ("broken_from: 0.02", "pressure_difference ('p') as nan"),
         ("crashes_at: 0.02", "crashed the process that it ran in at 0.02 s (SIGABRT)"),
+        ("raises_at: 0.02", "RuntimeError('the pump has seized')"),
     ],
 )
 def test_an_error_of_the_fmu_is_a_fault(
@@ -208,6 +210,54 @@ def test_an_fmu_of_a_fixed_step_is_held_to_it(version: int, tmp_path: Path) -> N
     (tmp_path / "suite.yaml").write_text(SUITE)
     # without a declared step size any fixed step is allowed: a tick
     assert eha_bench.run(tmp_path / "suite.yaml", out=tmp_path / "out").status.value == "passed"
+
+
+def test_an_fmu_that_does_not_come_back_is_a_fault(
+    folder: Path, version: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eha_bench.targets.fmu.process.SILENCE", 5.0)
+    target = written(folder, version, "gain: 2.0", "gain: 2.0\n  hangs_at: 0.01")
+    result = eha_bench.run(folder / "suite.yaml", target, folder / "hangs")
+    assert result.status.value == "fault"
+    assert "the FMU does not answer at 0.01 s: waited 5 s" in result.trials[0].reason
+
+
+@pytest.mark.parametrize(
+    ("step", "says"),
+    [("0.0007", "the FMU steps by 0.7 ms only"), ("0", "gives it as '0' s"), ("-1", "'-1' s"),
+     ("soon", "'soon' s")],
+)  # fmt: skip
+def test_a_fixed_step_that_does_not_fit_is_told_first(
+    version: int, tmp_path: Path, step: str, says: str
+) -> None:
+    fmu = build_line(version, tmp_path, canHandleVariableCommunicationStepSize=False)
+
+    def declare(name: str, content: bytes) -> tuple[str, bytes]:
+        if name != "modelDescription.xml":
+            return name, content
+        without = re.sub(r"<DefaultExperiment[^>]*/>", "", content.decode())
+        where = "<ModelVariables>"
+        return name, without.replace(
+            where, f'<DefaultExperiment stepSize="{step}"/>{where}'
+        ).encode()
+
+    rewritten(fmu, declare)
+    (tmp_path / "line.yaml").write_text(TARGET.format(version=version))
+    (tmp_path / "suite.yaml").write_text(SUITE)
+    with pytest.raises(InputError) as caught:
+        eha_bench.run(tmp_path / "suite.yaml", out=tmp_path / "out")
+    assert says in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_fmu_for_another_machine_is_refused(version: int, tmp_path: Path) -> None:
+    fmu = build_line(version, tmp_path)
+    here, there = ("linux64", "win64") if version == 2 else ("x86_64-linux", "x86_64-windows")
+    rewritten(fmu, lambda name, content: (name.replace(f"/{here}/", f"/{there}/"), content))
+    (tmp_path / "line.yaml").write_text(TARGET.format(version=version))
+    with pytest.raises(InputError) as caught:
+        open_target(tmp_path / "line.yaml")
+    assert f"no binary for this machine ({here}); it has: {there}" in str(caught.value)
 
 
 def test_an_fmu_that_may_exist_once_is_reset_or_says_so(version: int, tmp_path: Path) -> None:

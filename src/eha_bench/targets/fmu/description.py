@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -73,7 +75,7 @@ class Description:
             from fmpy.model_description import read_model_description
         except ImportError as error:
             raise InputError("an FMU needs FMPy", where=where, hint=INSTALL) from error
-        self.path = path
+        self.path, self._where = path, where
         try:
             with zipfile.ZipFile(path) as archive:
                 names = archive.namelist()
@@ -103,6 +105,7 @@ class Description:
                 hint=f"it has: {', '.join(have) or 'none'}; export it on, or for, this platform",
             )
         self._variables = {variable.name: variable for variable in self.content.modelVariables}
+        _ = self.fixed_step  # says what is wrong with it
 
     @property
     def version(self) -> int:
@@ -116,7 +119,7 @@ class Description:
         once = bool(found.canBeInstantiatedOnlyOncePerProcess)
         return Binary(self.version, str(self.content.guid), str(found.modelIdentifier), once)
 
-    @property
+    @cached_property
     def fixed_step(self) -> float | None:
         """The only communication step that the FMU can take, s; None where any will do."""
         if self.interface.canHandleVariableCommunicationStepSize:
@@ -124,7 +127,19 @@ class Description:
         fixed = self.interface.fixedInternalStepSize
         experiment = self.content.defaultExperiment
         said = fixed or (experiment.stepSize if experiment is not None else None)
-        return float(said) if said else None
+        if said is None:
+            return None
+        try:
+            step = float(said)
+        except ValueError:
+            step = math.nan
+        if not 0.0 < step < math.inf:
+            raise InputError(
+                f"{self.path} can take one communication step only, and gives it as '{said}' s",
+                where=self._where,
+                hint="export it with a step above 0, or with one that may vary",
+            )
+        return step
 
     def output(self, name: str, unit: str | None, si_unit: str, places: Places) -> Variable:
         """Return a variable that may be read.

@@ -18,6 +18,8 @@ from eha_bench.targets.fmu.description import Binary, Variable
 
 _PATIENCE = 5.0
 """Time for a process to leave by itself, s."""
+SILENCE = 300.0
+"""Time for an FMU to answer, s: large models take minutes to start, and none a night for a step."""
 
 
 class Process:
@@ -90,6 +92,10 @@ class Process:
     def _ask(self, name: str, *arguments: Any, time: float | None = None) -> Any:
         try:
             self._connection.send((name, arguments))
+            if not self._connection.poll(SILENCE):
+                self._process.kill()
+                at = f" at {time:.6g} s" if time is not None else ""
+                raise TargetFault(f"the FMU does not answer{at}: waited {SILENCE:g} s")
             fault, value = self._connection.recv()
         except (EOFError, OSError) as error:
             raise TargetFault(self._crash(time)) from error
