@@ -18,6 +18,7 @@ import traceback
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,6 @@ from fixtures.rig.__main__ import conditions_from, parser
 from fixtures.rig.case import record_case
 from fixtures.rig.hidden import LEVELS
 from fixtures.rig.plans import make_plans
-from joblib import Parallel, delayed
 from ruamel.yaml import YAML
 
 from eha_bench.core.workers import workers_from
@@ -314,20 +314,20 @@ def main() -> None:
     """Record, diagnose, compare, print."""
     args = arguments().parse_args()
     data: Path = args.data or args.out
+    workers = workers_from(args.workers or args.jobs)
     if args.data is None:
         plans = make_plans(
             args.seed, args.cases, args.two, args.none, args.foreign, args.effects, args.strength
         )
         conditions = conditions_from(args)
         missing = [p for p in plans if not (data / "truth" / f"{p.name}.yaml").exists()]
-        Parallel(n_jobs=args.jobs)(delayed(record_case)(p, data, conditions) for p in missing)
+        workers.map(partial(record_case, out=data, conditions=conditions), missing)
     cases = sorted(path.parent for path in (data / "cases").glob("*/dataset.yaml"))
     if not cases:
         sys.exit(f"no cases in {data}: ask for --cases, --two, --none or --foreign, or give --data")
     verdicts = args.out / "verdicts"
     began = time.perf_counter()
     threads = 1 if args.jobs > 1 else None
-    workers = workers_from(args.workers or args.jobs)
     tasks = [(case / "dataset.yaml", verdicts / case.name, threads) for case in cases]
     for count, outcome in enumerate(workers.outcomes(_diagnose, tasks), start=1):
         if outcome.error is not None:  # the case took its worker down
