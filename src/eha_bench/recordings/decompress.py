@@ -22,8 +22,25 @@ class DamagedChunk(Exception):
     """A chunk cannot be decompressed; says why."""
 
 
-def decompress(data: memoryview, compression: str, size: int, crc: int = 0) -> Bytes:
+class Room:
+    """Memory that one chunk after the other is decompressed into."""
+
+    def __init__(self) -> None:
+        self._memory: Bytes = np.empty(0, dtype=np.uint8)
+
+    def take(self, size: int) -> Bytes:
+        """Return `size` bytes; what was in them is overwritten."""
+        if size > self._memory.size:
+            self._memory = np.empty(size, dtype=np.uint8)
+        return self._memory[:size]
+
+
+def decompress(
+    data: memoryview, compression: str, size: int, crc: int = 0, room: Room | None = None
+) -> Bytes:
     """Return a chunk's `size` bytes, checked against `crc` (0 means there is none).
+
+    They may be in `room`, where the next chunk overwrites them.
 
     Raises:
         DamagedChunk: unknown compression, a size that cannot be, damaged data, or a wrong CRC.
@@ -35,7 +52,7 @@ def decompress(data: memoryview, compression: str, size: int, crc: int = 0) -> B
     if size > (len(data) + 64) * _RATIO[compression]:
         raise DamagedChunk(f"it declares {size} bytes, which {len(data)} bytes cannot hold")
     try:
-        raw = _whole(data, compression, size)
+        raw = _whole(data, compression, size, room)
     except (zstandard.ZstdError, RuntimeError, OSError, ValueError, EOFError) as error:
         raise DamagedChunk(f"it cannot be decompressed ({error})") from error
     if len(raw) != size:
@@ -66,15 +83,19 @@ def decompress_torn(data: memoryview, compression: str) -> Bytes:
     return np.frombuffer(b"".join(parts), dtype=np.uint8)
 
 
-def _whole(data: memoryview, compression: str, size: int) -> Any:
+def _whole(data: memoryview, compression: str, size: int, room: Room | None) -> Any:
     if compression in {"", "none"}:
         return data
     if not size:
         return b""
     if compression == "zstd":
         declared = zstandard.frame_content_size(data)
-        if declared == size:
+        if declared == size and room is None:
             return zstandard.ZstdDecompressor().decompress(data)
+        if declared == size and room is not None:
+            memory = room.take(size)
+            with zstandard.ZstdDecompressor().stream_reader(data, read_size=len(data)) as reader:
+                return memory[: reader.readinto(memory)]
         if declared >= 0:
             raise DamagedChunk(f"its frame holds {declared} bytes where {size} are declared")
         with zstandard.ZstdDecompressor().stream_reader(data) as reader:

@@ -6,7 +6,8 @@ from collections.abc import Collection, Iterator
 from functools import partial
 from itertools import pairwise
 
-from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
+from eha_bench.recordings.decompress import DamagedChunk, Room, decompress, decompress_torn
+from eha_bench.recordings.file_bytes import forget
 from eha_bench.recordings.mcap.demux import Split, Splitter
 from eha_bench.recordings.mcap.file import Chunk, McapFile, Stretch, message_index
 from eha_bench.recordings.source import Span
@@ -35,8 +36,8 @@ class ChunkReader:
                 self.lost += 1
                 self.notes.append(f"the chunk at byte {part.offset} is lost: {error}")
 
-    def open(self, chunk: Chunk, splitter: Splitter) -> Split:
-        """Return the records of a chunk.
+    def open(self, chunk: Chunk, splitter: Splitter, room: Room | None = None) -> Split:
+        """Return the records of a chunk, in `room` as long as no other chunk is opened into it.
 
         Raises:
             DamagedChunk: it cannot be decompressed, or its checksum is wrong.
@@ -45,7 +46,8 @@ class ChunkReader:
         if chunk.torn:
             buffer = decompress_torn(data, chunk.compression)
         else:
-            buffer = decompress(data, chunk.compression, chunk.uncompressed_size, chunk.crc)
+            buffer = decompress(data, chunk.compression, chunk.uncompressed_size, chunk.crc, room)
+            forget(self._file.buffer, chunk.offset, chunk.data_start + chunk.data_size)
         index = partial(message_index, self._file, chunk) if chunk.channels else None
         found = splitter.split(buffer, 0, buffer.size, index)
         found.chunk = chunk

@@ -7,6 +7,7 @@ the mcap library. The index at the end is not trusted and not needed: a torn fil
 from __future__ import annotations
 
 import struct
+import sys
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.encodings.payloads import Bytes
-from eha_bench.recordings.file_bytes import map_file
+from eha_bench.recordings.file_bytes import forget, map_file
 from eha_bench.recordings.mcap.demux import RECORD_HEAD
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -137,6 +138,7 @@ def open_mcap(path: Path) -> McapFile:
         raise RecordingError("this is not an MCAP file", where=Place(file=str(path)))
     file = McapFile(path, buffer)
     _scan(file)
+    forget(buffer, 0, buffer.size)
     return file
 
 
@@ -161,6 +163,7 @@ def _follow(file: McapFile, position: int) -> tuple[int, str]:
     """Take records from `position` on; return where and why it ended, '' at a proper end."""
     data = file.buffer.data
     size = file.buffer.size
+    scanned = position
     while True:
         if position + RECORD_HEAD > size:
             return position, "the file ends without a footer"
@@ -176,6 +179,8 @@ def _follow(file: McapFile, position: int) -> tuple[int, str]:
             return following, "" if whole else "the closing magic is missing"
         if opcode == Opcode.CHUNK:
             _intern(file)
+            forget(file.buffer, scanned, position)
+            scanned = position
             if not _add_chunk(file, position, start, following):
                 return position, "a chunk's frame is damaged"
         else:
@@ -291,7 +296,9 @@ def _add_chunk(file: McapFile, position: int, start: int, stop: int, torn: bool 
     content = name_start + name_size + 8
     if name_size > 64 or content > stop:
         return False
-    compression = bytes(data[name_start : name_start + name_size]).decode("utf-8", "replace")
+    compression = sys.intern(
+        bytes(data[name_start : name_start + name_size]).decode("utf-8", "replace")
+    )
     declared = struct.unpack_from("<Q", data, name_start + name_size)[0]
     if not torn and content + declared > stop:
         return False

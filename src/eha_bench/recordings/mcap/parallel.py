@@ -15,7 +15,7 @@ import numpy as np
 
 from eha_bench.recordings.batch_decoder import BatchDecoder, Part, in_order
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decompress import DamagedChunk
+from eha_bench.recordings.decompress import DamagedChunk, Room
 from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, PUBLISH_TIME, Split, Splitter
@@ -26,7 +26,7 @@ from eha_bench.recordings.track import Arena, Column, Stamps, Track
 _WORKERS = 2
 _FEWEST_CHUNKS = 4
 
-OpenChunk = Callable[[Chunk, Splitter], Split]
+OpenChunk = Callable[[Chunk, Splitter, Room], Split]
 """Decompresses, checks and splits a chunk; raises DamagedChunk."""
 
 
@@ -49,6 +49,7 @@ class _Worker:
 
     def __init__(self, wanted: Mapping[str, Wanted], encoded: Callable[[int], Encoded]) -> None:
         self.splitter = Splitter()
+        self.room = Room()
         self.decoders = {topic: BatchDecoder(what, encoded) for topic, what in wanted.items()}
 
 
@@ -154,7 +155,7 @@ class ParallelReader:
         starts: Mapping[str, np.ndarray],
     ) -> None:
         """Read one chunk into its places."""
-        found = self._open(self._chunks[number], worker.splitter)
+        found = self._open(self._chunks[number], worker.splitter, worker.room)
         groups: dict[str, list[tuple[int, Payloads]]] = {topic: [] for topic in targets}
         for channel, payloads in found.messages:
             if channel in self._ids:
