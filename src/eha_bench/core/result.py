@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from eha_bench.core.atomic_file import replacing
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.score import Measure, Score, ScoreStatus
@@ -106,13 +106,9 @@ class Result:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a whole text file or nothing: to a temporary neighbour, then rename."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    """Write a whole text file or nothing."""
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def _to_dict(result: Result) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from eha_bench.core.atomic_file import replacing
 from eha_bench.core.channels import unit_of
 from eha_bench.diagnosis.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.gate import Measured, admit, noise_of
@@ -48,12 +48,8 @@ class Prediction:
             [pa.field(name, pa.float64(), metadata={"unit": units[name]}) for name in columns]
         )
         table = pa.table({name: pa.array(values) for name, values in columns.items()}, schema)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            pq.write_table(table, temporary)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        with replacing(path) as part:
+            pq.write_table(table, part)
 
 
 def first_state(measured: Measured, model: Model) -> dict[str, float]:

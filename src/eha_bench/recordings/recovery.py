@@ -15,7 +15,7 @@ from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, Split
 from eha_bench.recordings.mcap.file import Chunk, McapFile, add_channel, add_schema, open_mcap
 from eha_bench.recordings.mcap.sink import Compressed, Index, McapSink
 from eha_bench.recordings.mcap.source import damage
-from eha_bench.recordings.writer import CHUNK_SIZE, replacing
+from eha_bench.recordings.writer import CHUNK_SIZE, writing
 
 _SCHEMA, _CHANNEL = 3, 4
 
@@ -73,7 +73,7 @@ def recover(source: str | Path, target: str | Path) -> RecoveryReport:
         )
     reader = ChunkReader(file)
     tally = _Tally()
-    with replacing(goal) as stream:
+    with writing(goal) as stream:
         profile = file.header.profile if file.header else "ros2"
         sink = McapSink(stream, profile=profile)
         for record in file.metadata:

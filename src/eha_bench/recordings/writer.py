@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections import deque
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
+from eha_bench.core.atomic_file import replacing
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
@@ -39,7 +38,7 @@ def write(path: str | Path, recording: Recording, *, level: int = 3) -> Path:
         RecordingError: the file cannot be written, or a time has no stamp.
     """
     target = Path(path)
-    with replacing(target) as stream:
+    with writing(target) as stream:
         units = sample.checked_units(recording.units, tuple(recording.values))
         message = Sample.of(units)
         sink = McapSink(stream)
@@ -120,32 +119,18 @@ def _records(
 
 
 @contextmanager
-def replacing(target: Path) -> Iterator[BinaryIO]:
+def writing(target: Path) -> Iterator[BinaryIO]:
     """Open a file beside `target` that takes its place when all went well.
 
     Raises:
         RecordingError: the file cannot be written.
     """
-    temporary = ""
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        with os.fdopen(handle, "wb") as stream:
+        with replacing(target) as part, part.open("wb") as stream:
             yield stream
-        os.chmod(temporary, 0o666 & ~_umask())  # noqa: PTH101 - a path as text, by mkstemp
-        os.replace(temporary, target)  # noqa: PTH105 - the same
     except OSError as error:
         raise RecordingError(
             f"cannot be written ({error.strerror or error})",
             where=Place(file=str(target)),
             hint="check that the folder exists, is writable and has room",
         ) from error
-    finally:
-        with suppress(FileNotFoundError):
-            if temporary:
-                Path(temporary).unlink()
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

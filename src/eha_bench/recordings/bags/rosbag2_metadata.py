@@ -12,7 +12,7 @@ from pathlib import Path
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.mcap.demux import LOG_TIME
 from eha_bench.recordings.mcap.source import McapSource
-from eha_bench.recordings.writer import replacing
+from eha_bench.recordings.writer import writing
 
 _VERSION = 5
 
@@ -80,7 +80,7 @@ def write_rosbag2_metadata(folder: str | Path) -> Path:
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # annotated None
     yaml.dump(content, text)
     target = place / "metadata.yaml"
-    with replacing(target) as stream:
+    with writing(target) as stream:
         stream.write(text.getvalue().encode())
     return target
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from eha_bench.core.atomic_file import replacing
 from eha_bench.core.errors import EhaBenchError, Place, TargetFault
 
 STATE = "EHA_BENCH_STATE"
@@ -146,16 +147,10 @@ class Hold:
             TargetFault: the latch cannot be written.
         """
         text = json.dumps({"reason": reason, "since": _now(), "pid": os.getpid()})
-        temporary = self._latch_path.with_suffix(f".{os.getpid()}.part")
         try:
-            with temporary.open("w", encoding="utf-8") as stream:
-                stream.write(text + "\n")
-                stream.flush()
-                os.fsync(stream.fileno())
-            temporary.replace(self._latch_path)
+            with replacing(self._latch_path, durable=True) as part:
+                part.write_text(text + "\n", encoding="utf-8")
         except OSError as error:
-            with suppress(OSError):
-                temporary.unlink()
             raise TargetFault(
                 f"the latch cannot be written ({error.strerror})",
                 where=Place(file=str(self._latch_path)),

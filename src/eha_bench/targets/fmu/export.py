@@ -11,6 +11,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eha_bench.core.atomic_file import replacing
 from eha_bench.core.errors import InputError
 from eha_bench.core.result import write_text
 from eha_bench.plants.model import Model, load_model
@@ -85,9 +86,8 @@ def export_fmu(model: Path, out: Path, version: int = 2) -> Path:
             needsExecutionTool=True,
             canHandleVariableCommunicationStepSize=True,
         )
-        part = out.with_name(f".{out.name}.part")
-        part.write_bytes(Path(built).read_bytes())
-        part.replace(out)
+        with replacing(out) as part:
+            part.write_bytes(Path(built).read_bytes())
     return out
 
 

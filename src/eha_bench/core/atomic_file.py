@@ -1,0 +1,43 @@
+"""Files that appear under their name only when they are whole."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(target: Path, *, durable: bool = False) -> Iterator[Path]:
+    """Yield a path beside `target` to write a file at; it takes the name when all went well.
+
+    Otherwise it is removed, and what was under the name stays.
+
+    Args:
+        target: the file's name; its folder must exist.
+        durable: whether it must still be there when the power goes right after this.
+
+    Raises:
+        OSError: the file cannot be written or renamed.
+    """
+    part = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
+    try:
+        yield part
+        if durable:
+            _to_disk(part)
+        part.replace(target)
+        if durable and os.name == "posix":  # elsewhere folders cannot be opened
+            _to_disk(target.parent)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _to_disk(path: Path) -> None:
+    """Ask the disk to keep a file, or a folder's list of names."""
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
