@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.diagnosis.problem import Problem, soften
+from eha_bench.diagnosis.problem import SLOPES, Problem, soften
 from eha_bench.plants.assembly import Layout
 
 FloatArray = NDArray[np.float64]
@@ -105,7 +105,14 @@ def jacobian(
     known: Mapping[str, FloatArray] | None = None,
     relative: float = 0.005,
 ) -> FloatArray:
-    """Return d residual / d (parameter / scale), (N, p), by one-sided differences."""
+    """Return d residual / d (parameter / scale), (N, p), by one-sided differences.
+
+    A slope needs no fine step: both ends are off by the same.
+    """
+    missing = [item for item in free if not (known and item.key in known)]
+    if missing and problem.step < SLOPES:
+        problem = problem.at_step(SLOPES)
+        base = problem.residual(vector)
     columns = []
     for item in free:
         if known and item.key in known:

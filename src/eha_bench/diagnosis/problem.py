@@ -29,6 +29,10 @@ FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
 WORKERS = max(1, min(4, os.cpu_count() or 1))
+SLOPES = 2e-4
+"""Integration step of slopes, s: both ends are off by the same."""
+_SHAKEN = 5e-4
+"""Integration step where a spread that is only estimated is carried on, s."""
 _SOFT = 5.0
 _BAD = 1e9
 
@@ -41,6 +45,7 @@ class _Prepared:
     drive: Drive
     columns: NDArray[np.intp]
     pick: NDArray[np.intp]
+    places: NDArray[np.intp]
     target: FloatArray
     scale: FloatArray
     basis: FloatArray
@@ -143,15 +148,16 @@ class Problem:
 
     def prepare(self, vector: FloatArray) -> None:
         """Linearise the windows' start states about a parameter vector."""
+        rough = self.at_step(max(self.step, _SHAKEN))
 
         def one(part: _Prepared) -> None:
-            base = self._weighted(part, vector, {})
+            base = rough._weighted(part, vector, {})
             columns = []
             for name, spread in part.window.spread.items():
                 if not np.isfinite(spread) or spread <= 0 or name not in self.plant.states:
                     continue
                 # half a spread: a compromise between noise of stick events and curvature
-                moved = self._weighted(part, vector, {name: 0.2 * spread})
+                moved = rough._weighted(part, vector, {name: 0.2 * spread})
                 columns.append((moved - base) / 0.2)
             if not columns:
                 part.basis = np.zeros((base.size, 0))
@@ -197,14 +203,22 @@ class Problem:
 
         Each is (ticks, outputs of the plant).
         """
-        return self._each(lambda part: self._simulated(part, vector, {}))
+        return self._each(lambda part: self._simulated(part, vector, {})[part.drive.first :])
 
     def _each(self, function: Callable[[_Prepared], T]) -> list[T]:
         checkpoint()
         if len(self._parts) < 2 or WORKERS == 1:
             return [function(part) for part in self._parts]
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return list(pool.map(function, self._parts))
+        # a few tasks of about the same length each: handing over every window costs more
+        lengths = np.array([part.drive.time.size for part in self._parts])
+        tasks = min(2 * WORKERS, len(self._parts))
+        edges = np.searchsorted(np.cumsum(lengths), lengths.sum() * np.arange(1, tasks) / tasks)
+        groups = np.split(np.arange(len(self._parts)), edges)
+
+        def several(group: NDArray[np.intp]) -> list[T]:
+            return [function(self._parts[k]) for k in group]
+
+        return [item for items in _pool(WORKERS).map(several, groups) for item in items]
 
     def _white(self, part: _Prepared, residual: FloatArray) -> FloatArray:
         if part.shrink.size == 0:
@@ -234,13 +248,16 @@ class Problem:
         valid = measured.valid[span][:, use]
         scale = np.array([self.noise[measured.outputs[at]] for at in use])
         pick = np.flatnonzero(valid.ravel())
+        columns = np.array([self._outputs[measured.outputs[at]] for at in use], dtype=np.intp)
+        ticks, channels = np.divmod(pick, columns.size)
         return _Prepared(
             window,
             drive,
-            np.array([self._outputs[measured.outputs[at]] for at in use], dtype=np.intp),
+            columns,
             pick,
+            (drive.first + ticks) * len(self.plant.outputs) + columns[channels],
             (measured.values[span][:, use] / scale).ravel()[pick],
-            scale,
+            scale[channels],
             np.zeros((pick.size, 0)),
             np.zeros(0),
         )
@@ -252,24 +269,24 @@ class Problem:
         initial = start_of(self.plant, vector, drive, part.window.initial)
         for name, change in shift.items():
             initial[name] = initial.get(name, 0.0) + change
-        full = Drive(
-            drive.time, drive.inputs, initial, drive.locked, drive.bypass_open, drive.first
-        )
-        out = self.plant.simulate(vector, full, self.step)
-        return out[drive.first :]
+        return self.plant.simulate(vector, drive.starting(initial), self.step)
 
     def _weighted(
         self, part: _Prepared, vector: FloatArray, shift: Mapping[str, float]
     ) -> FloatArray:
-        out = self._simulated(part, vector, shift)[:, part.columns] / part.scale
-        difference = part.target - out.ravel()[part.pick]
-        return np.clip(np.nan_to_num(difference, nan=_BAD, posinf=_BAD, neginf=-_BAD), -_BAD, _BAD)
+        out = self._simulated(part, vector, shift).ravel()[part.places]
+        out /= part.scale
+        difference = np.subtract(part.target, out, out=out)
+        if not np.abs(difference).max(initial=0.0) <= _BAD:
+            difference = np.nan_to_num(difference, nan=_BAD, posinf=_BAD, neginf=-_BAD)
+            difference = np.clip(difference, -_BAD, _BAD)
+        return difference
 
 
 @cache
-def _pool() -> ThreadPoolExecutor:
+def _pool(workers: int) -> ThreadPoolExecutor:
     """Return the threads that simulate windows; the kernel runs without the interpreter's lock."""
-    return ThreadPoolExecutor(WORKERS, thread_name_prefix="simulate")
+    return ThreadPoolExecutor(workers, thread_name_prefix="simulate")
 
 
 def start_of(
@@ -282,6 +299,8 @@ def start_of(
     """
     measured = {name: value for name, value in measured.items() if name in plant.states}
     initial = dict(measured)
+    if plant.layout.sensors_are_ideal(vector):
+        return initial
     first = drive.first
     tick = Drive(
         drive.time[: first + 1],

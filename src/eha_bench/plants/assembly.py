@@ -33,9 +33,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import PluginError
+from eha_bench.core.result import write_text
 from eha_bench.plants import compiled
 from eha_bench.plants.effect import Effect
 from eha_bench.plants.parameter import Parameter
+
+SENSOR = "measured_"
+"""How the names of the hooks begin where what a sensor reads is changed."""
 
 _VECTORS = ("P", "S")
 # functions of a hooks module that are no hooks: written anew for each layout
@@ -130,6 +134,21 @@ class Layout:
     def size(self) -> int:
         """Length of `P`."""
         return sum(parameter.size for _, parameter in self.items())
+
+    @cached_property
+    def _senses(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Places of the strengths of all effects on what sensors read, and where they are off."""
+        found = [
+            (self.index[f"{effect.id}.{effect.strength.name}"], effect.neutral)
+            for effect in self.effects
+            if any(hook.startswith(SENSOR) for hook in effect.action(self.plant).hooks)
+        ]
+        return np.array([at for at, _ in found], dtype=np.intp), np.array([off for _, off in found])
+
+    def sensors_are_ideal(self, vector: NDArray[np.float64]) -> bool:
+        """Whether every sensor reads the state itself with these parameters."""
+        places, neutral = self._senses
+        return bool((vector[places] == neutral).all())
 
     def defaults(self) -> NDArray[np.float64]:
         """Return `P` with the plant's defaults and every effect off."""
@@ -229,9 +248,7 @@ def _write_in(folder: Path, name: str, text: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.py"
     if not path.exists():
-        temporary = folder / f".{name}.{os.getpid()}.part"
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
+        write_text(path, text)
     return path
 
 

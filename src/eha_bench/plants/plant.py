@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -39,6 +39,14 @@ class Drive:
     locked: bool = False
     bypass_open: bool = False
     first: int = 0
+    laid_out: dict[str, object] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """What a plant keeps of the inputs between simulations, by its id."""
+
+    def starting(self, initial: Mapping[str, float]) -> Drive:
+        """Return the same drive from another first state; what is laid out is shared."""
+        other = replace(self, initial=initial)
+        object.__setattr__(other, "laid_out", self.laid_out)
+        return other
 
 
 class Plant(ABC):

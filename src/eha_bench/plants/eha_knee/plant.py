@@ -196,11 +196,17 @@ class EhaKnee(Plant):
         return out.transpose(2, 0, 1)[: len(vectors)]
 
     def _inputs(self, drive: Drive) -> Inputs:
-        """Return a drive's inputs as the kernels take them.
+        """Return a drive's inputs as the kernels take them, laid out once.
 
         Raises:
             InputError: an input that this plant does not have.
         """
+        kept = drive.laid_out.get(self.id)
+        if not isinstance(kept, Inputs):
+            kept = drive.laid_out[self.id] = self._laid_out(drive)
+        return kept
+
+    def _laid_out(self, drive: Drive) -> Inputs:
         n = drive.time.size
         imposed = np.zeros((n, len(IMPOSED)))
         is_imposed = np.zeros(len(IMPOSED), dtype=np.bool_)
