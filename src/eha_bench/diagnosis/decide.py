@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from eha_bench.diagnosis.diagnosis import Unknown, Verdict
-from eha_bench.diagnosis.evidence import SOFT_MEAN, Excess
+from eha_bench.diagnosis.evidence import SOFT_MEAN, is_unexplained
 from eha_bench.diagnosis.fit import Fit
 from eha_bench.diagnosis.learn import learn, times_of
 from eha_bench.diagnosis.problem import soften
@@ -15,9 +15,6 @@ from eha_bench.diagnosis.unknown import Located, Locator, locate_all
 
 Progress = Callable[[str, float], None]
 
-REST_RELATIVE = 0.03
-"""A rest below this share of the noise's cost is not worth a new cause."""
-REST_SIGNIFICANCE = 8.0
 _EXPLAINED = 0.5
 _TIED = 0.85
 
@@ -37,11 +34,6 @@ class Decision:
     notes: tuple[str, ...]
     unknown: Unknown | None
     learned: bool = False
-
-
-def is_unexplained(rest: Excess) -> bool:
-    """Whether a residual holds more than noise and what a nearly right model leaves."""
-    return rest.relative > REST_RELATIVE and rest.significance > REST_SIGNIFICANCE
 
 
 def decide(search: Search, step: float, progress: Progress) -> Decision:

@@ -34,6 +34,9 @@ def _soft_mean() -> float:
 
 
 _CONCERNED = 0.03
+REST_RELATIVE = 0.03
+"""A rest below this share of the noise's cost is not worth a new cause."""
+REST_SIGNIFICANCE = 8.0
 SOFT_MEAN = _soft_mean()
 """Mean soft-L1 cost of one residual that is standard normal noise."""
 
@@ -88,6 +91,11 @@ class Excess:
     def relative(self) -> float:
         """Excess as a share of the noise's cost."""
         return self.total / (SOFT_MEAN * self.size)
+
+
+def is_unexplained(rest: Excess) -> bool:
+    """Whether a residual holds more than noise and what a nearly right model leaves."""
+    return rest.relative > REST_RELATIVE and rest.significance > REST_SIGNIFICANCE
 
 
 def excess(problem: Problem, fit: Fit) -> Excess:

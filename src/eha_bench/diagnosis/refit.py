@@ -24,6 +24,8 @@ _POOR = 1.02
 _NOISE = 1.003
 _KEEP = 3
 _HOPEFUL = 0.3
+_WORTH = 0.1
+"""Least share of the short windows' excess that is worth a fit over long ones."""
 
 
 def free_of(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
@@ -119,6 +121,18 @@ class Near:
         )
         names = tuple(item.key for item in free if "[" not in item.key)
         self.fit = friction_at_rest(self.problem, fit, names)[0]
+        self._screened: dict[str, list[Screened]] = {}
+
+    def promising(self, starts: Sequence[Start], most: int) -> list[Start]:
+        """Screen candidates over the short windows, and return the best starts of each.
+
+        Args:
+            starts: of the candidates. most: how many of each are returned.
+        """
+        self._screened = {}
+        for item in Screen(self.problem.at_step(SCREENING), self.fit).all(starts):
+            self._screened.setdefault(item.start.candidate, []).append(item)
+        return [item.start for own in self._screened.values() for item in own[:most]]
 
     def _weigh(self, vector: FloatArray) -> None:
         self.problem.prepare(vector)
@@ -128,17 +142,14 @@ class Near:
         free = free_of(self.search, vector, extra)
         return tuple(item for item in free if item.key not in FRICTION_AT_REST)
 
-    def trials(self, starts: Sequence[Start], most: int) -> list[Trial]:
-        """Return the best candidates refitted, first over short windows, then over long ones.
+    def trials(self, most: int) -> list[Trial]:
+        """Return the best of the screened refitted, first over short windows, then long ones.
 
         Args:
-            starts: of the candidates. most: how many are taken to the long windows.
+            most: how many are taken to the long windows.
         """
-        screened = Screen(self.problem.at_step(SCREENING), self.fit).all(starts)
-        tried: dict[str, list[Screened]] = {}
-        for item in screened:
-            if item.gain > 0.0:
-                tried.setdefault(item.start.candidate, []).append(item)
+        tried = {name: [item for item in own if item.gain > 0.0]
+                 for name, own in self._screened.items() if own[0].gain > 0.0}  # fmt: skip
         order = list(tried)[: most + 2]
         fits: list[tuple[Start, Fit]] = []
         for number, name in enumerate(order):
@@ -169,7 +180,10 @@ class Near:
             )
         ]
         fits.sort(key=lambda pair: pair[1].cost)
-        return [self._long(start, fit) for start, fit in fits[:most]]
+        excess = self.fit.cost - SOFT_MEAN * self.problem.size
+        least = max(_WORTH * excess, _HOPEFUL * (self.fit.cost - fits[0][1].cost) if fits else 0.0)
+        hopeful = [pair for pair in fits if self.fit.cost - pair[1].cost > least][:most]
+        return [self._long(start, fit) for start, fit in hopeful]
 
     def _fitted(self, start: Start, vector: FloatArray) -> tuple[Start, Fit]:
         known = known_of(self.fit)

@@ -19,8 +19,10 @@ from eha_bench.diagnosis.evidence import (
     Groups,
     compare,
     excess,
+    is_unexplained,
     refined_noise,
 )
+from eha_bench.diagnosis.exchange import exchange
 from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.periodic import is_periodic
 from eha_bench.diagnosis.problem import Problem, soften
@@ -45,6 +47,9 @@ _SHORTLIST = 5
 _NEAREST = 4
 _FINALISTS = 3
 _TURNING = 3
+_PROMISING = 3
+_MOSTLY = 0.3
+"""Share of the excess that may be left before the scan of what turns with the shaft is worth it."""
 _BENT = 0.3
 """Excess, as a share of the noise's cost, from which calibrated parameters are bent by it."""
 _LEAST = 5.0
@@ -52,23 +57,41 @@ _LEAST = 5.0
 
 
 def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = None) -> None:
-    """Add effects to the search until nothing more is found."""
+    """Add effects to the search until nothing more is found, and look at them again together."""
     limits = thresholds or Thresholds()
-    for number in range(MOST_EFFECTS):
-        progress("search", number / MOST_EFFECTS)
-        if number > 0 and not _worth_a_look(search):
-            break
-        trials = look(search, first=number == 0)
-        search.looks.append(trials)
+    before = search.snapshot()
+    progress("search", 0.0)
+    _grow(search, limits, progress)
+    if not search.accepted and is_unexplained(search.excess_left):
+        # two effects may hide each other: the best of the first look may still be one of them
+        _grow(search, replace(limits, share=limits.part), progress)
+        left = search.excess_left.total / max(search.excess_base.total, 1.0)
+        if len(search.accepted) < 2 or left > 1.0 - limits.together:
+            search.restore(before)
+    several = len(search.effects) > 1
+    if search.effects and (several or is_unexplained(search.excess_left)):
+        progress("search", 0.8)
+        if exchange(search, limits):
+            _review(search, limits)
+            _grow(search, limits, progress)
+    progress("search", 1.0)
+
+
+def _grow(search: Search, limits: Thresholds, progress: Progress) -> None:
+    """Add one effect after the other until nothing more is found."""
+    for _ in range(MOST_EFFECTS - len(search.accepted)):
+        if search.looks and not _worth_a_look(search):
+            return
+        progress("search", len(search.accepted) / (MOST_EFFECTS + 1))
+        trials = _looked(search)
         chosen = _choose(trials, limits)
         if chosen is None:
-            break
+            return
         _add(search, chosen, trials)
         if _idle(search, limits):
             _drop_last(search)
             continue
         _review(search, limits)
-    progress("search", 1.0)
 
 
 def _idle(search: Search, limits: Thresholds) -> bool:
@@ -94,6 +117,15 @@ def _worth_a_look(search: Search) -> bool:
     return left.total > 0.01 * left.size or left.significance > 8.0
 
 
+def _looked(search: Search) -> list[Trial]:
+    """Return a look from where the search is, or the last one where nothing has changed since."""
+    if search.looks and search.looked_from is search.fit:
+        return search.looks[-1]
+    search.looked_from = search.fit
+    search.looks.append(look(search, first=not search.looks))
+    return search.looks[-1]
+
+
 def look(search: Search, *, first: bool) -> list[Trial]:
     """Screen everything, refit the most promising, and return these, the best first."""
     layout = search.problem.plant.layout
@@ -103,18 +135,22 @@ def look(search: Search, *, first: bool) -> list[Trial]:
         for start in all_starts(layout, search.fit.vector, [*search.declared, *used], search.keys)
         if start.candidate not in used
     ]
+    turning = [effect.id for effect in layout.effects if is_periodic(effect)]
+    still = [start for start in starts if start.candidate not in turning]
     # screening and first refits only compare candidates, so a coarser step is enough
     coarse = search.problem.coarser(COARSE, search.fit.vector, search.fit.residual)
     # what is small must not drown in the instants of sticking that a coarser step shifts
     much = search.excess_left.relative > _BENT
-    screen = Screen(search.problem.at_step(SCREENING) if much else coarse, search.fit)
-    turning = [effect.id for effect in layout.effects if is_periodic(effect)]
-    screened = screen.all([start for start in starts if start.candidate not in turning])
     near = Near(search, coarse) if much else None
+    if near is not None:
+        # over long windows only what promised most over short ones
+        still = near.promising(still, _PROMISING)
+    screen = Screen(search.problem.at_step(SCREENING) if much else coarse, search.fit)
+    screened = screen.all(still)
     finals = _confirm(search, coarse, screened, near)
     reached = min((item.fit.cost for item in finals), default=search.fit.cost)
     floor = search.fit.cost - search.excess_left.total
-    if _worth_a_look(search) and reached > floor + max(0.02 * search.excess_left.total, 30.0):
+    if _worth_a_look(search) and reached > floor + max(_MOSTLY * search.excess_left.total, 30.0):
         own = [start for start in starts if start.candidate in turning]
         rough = (near or Near(search, coarse)).turning(own, _TURNING) if own else []
         finals += _finished(search, _best_of_each(rough), afresh=False)
@@ -148,7 +184,7 @@ def _confirm(
     order = [name for name in best if best[name].gain > least]
     trials = []
     if near is not None:
-        trials = near.trials([item.start for item in screened], _NEAREST)
+        trials = near.trials(_NEAREST)
         order = [name for name in order if name not in {item.candidate for item in trials}]
     shortlist = [best[name] for name in order[: _SHORTLIST - len(trials)]]
     shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]

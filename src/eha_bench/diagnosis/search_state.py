@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,7 @@ class Search:
         keys: parameters that are always fitted.
         fit: current best. base: without any added effect.
         accepted: in the order added. ranking: of the first look.
+        looks: all that were taken, each the best first. looked_from: where the last one was.
         excess_base, excess_left: beyond noise before and after.
     """
 
@@ -84,6 +85,17 @@ class Search:
     accepted: list[Accepted] = field(default_factory=list)
     ranking: list[Ranked] = field(default_factory=list)
     looks: list[list[Trial]] = field(default_factory=list)
+    looked_from: Fit | None = None
+
+    def snapshot(self) -> Search:
+        """Return a copy that later additions leave as it is."""
+        return replace(self, accepted=list(self.accepted))
+
+    def restore(self, kept: Search) -> None:
+        """Go back to a snapshot; what was tried since stays in the looks."""
+        self.problem, self.base, self.fit = kept.problem, kept.base, kept.fit
+        self.excess_base, self.excess_left = kept.excess_base, kept.excess_left
+        self.accepted = list(kept.accepted)
 
     @property
     def effects(self) -> list[Accepted]:
@@ -116,9 +128,14 @@ class Thresholds:
         gain: least fall of the cost, fitted and left out (a cost of 1 is one sigma).
         share: least part of the present excess that it takes on runs left out.
         p_value: largest probability that it gains nothing on runs left out.
+        runs_better: least part of the runs that it changes for which it gains.
+        part: the share for the first of two effects, of which neither explains much alone.
+        together: least part of the excess that such two must explain in the end.
     """
 
     gain: float = 30.0
     share: float = 0.25
     p_value: float = 1e-3
     runs_better: float = 0.5
+    part: float = 0.08
+    together: float = 0.8
