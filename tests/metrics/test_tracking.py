@@ -104,3 +104,11 @@ def test_resampled_time_stamps_hide_late_ticks(kit):
     recording, trial = kit.sine(2.0)
     resampled = replace(recording, notes=("resampled onto the clock of /drive/state",))
     assert math.isnan(kit.measure("loop_overruns", resampled, trial, "").value)
+
+
+def test_a_log_of_another_rate_has_no_overruns(kit):
+    recording, trial = kit.sine(2.0, rate=100.0)
+    slower = replace(recording, metadata={"signal_start": "0.0"})
+    found = kit.measure("loop_overruns", slower, replace(trial, sample_rate=1000.0), "")
+    assert math.isnan(found.value)
+    assert "not at the trial's 1000 Hz" in found.reason

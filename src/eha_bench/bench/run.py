@@ -16,7 +16,7 @@ from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
-from eha_bench.bench.scoring import judge, judge_together
+from eha_bench.bench.scoring import judge, judge_together, summed_up
 from eha_bench.core.errors import RecordingError, TargetFault
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.result import Result, Status, TrialResult
@@ -62,6 +62,8 @@ class _Run:
             trials=trials,
             provenance={**self.provenance, "finished": now() if complete else ""},
             description=self.suite.description,
+            # not at every save of a long run
+            repeats=summed_up(trials) if complete else (),
         )
 
     def save(self, *, complete: bool) -> Result:

@@ -12,10 +12,12 @@ from eha_bench.bench.provenance import environment, file_sha256, now
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.recording import Recording
+from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.trial import Trial
 from eha_bench.metrics import judge_repeats, score
+from eha_bench.metrics.repeats_summary import summaries
 from eha_bench.recordings import read
 from eha_bench.suites import Suite, trial_from_source
 from eha_bench.suites.trial_source import definition_of
@@ -68,6 +70,17 @@ def judge_together(
     for place, scores in zip(scored, judged, strict=True):
         together[place] = replace(results[place], scores=scores, status=_status(scores))
     return together
+
+
+def summed_up(results: Sequence[TrialResult]) -> tuple[RepeatsSummary, ...]:
+    """Return every metric over the repeats of its trial, of repeats that came to their end."""
+    ended: dict[str, list[tuple[Score, ...]]] = {}
+    for result in results:
+        if result.status in (Status.PASSED, Status.FAILED):
+            ended.setdefault(result.id, []).append(result.scores)
+    return tuple(
+        summary for trial, repeats in ended.items() for summary in summaries(trial, repeats)
+    )
 
 
 def score_recordings(
@@ -133,6 +146,7 @@ def score_recordings(
         trials=trials,
         provenance=provenance,
         description=suite.description if suite else "",
+        repeats=summed_up(trials),
     )
     return result, used
 

@@ -13,6 +13,7 @@ from typing import Any
 from eha_bench.core.atomic_file import replacing
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
+from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.score import Measure, Score, ScoreStatus
 
 SCHEMA_VERSION = 1
@@ -53,7 +54,10 @@ class TrialResult:
 
 @dataclass(frozen=True)
 class Result:
-    """All trials of a suite on a target, with where they came from."""
+    """All trials of a suite on a target, with where they came from.
+
+    `repeats` sums up every metric over the repeats of its trial, where there are several.
+    """
 
     suite: str
     target: str
@@ -61,6 +65,7 @@ class Result:
     trials: tuple[TrialResult, ...]
     provenance: Mapping[str, str] = field(default_factory=dict)
     description: str = ""
+    repeats: tuple[RepeatsSummary, ...] = ()
 
     @staticmethod
     def overall(trials: tuple[TrialResult, ...], *, complete: bool) -> Status:
@@ -132,6 +137,7 @@ def _to_dict(result: Result) -> dict[str, Any]:
             }
             for trial in result.trials
         ],
+        "repeats": [summary.to_dict() for summary in result.repeats],
         "provenance": dict(result.provenance),
     }
 
@@ -193,4 +199,5 @@ def _from_dict(data: Mapping[str, Any]) -> Result:
         trials=trials,
         provenance={str(k): str(v) for k, v in (data.get("provenance") or {}).items()},
         description=str(data.get("description", "")),
+        repeats=tuple(RepeatsSummary.from_dict(item) for item in data.get("repeats") or ()),
     )

@@ -43,6 +43,11 @@ class LoopOverruns(Metric):
             raise NotScored("the time stamps were resampled: late ticks cannot be seen any more")
         if len(recording) < 2:
             raise NotScored(f"the recording has {len(recording)} sample(s)")
+        if recording.sample_period > LATE / trial.sample_rate:
+            raise NotScored(
+                f"recorded every {recording.sample_period:.4g} s, not at the trial's "
+                f"{trial.sample_rate:g} Hz: late ticks cannot be told"
+            )
         late = float(np.count_nonzero(np.diff(recording.time) > LATE / trial.sample_rate))
         reason = f"time stamps more than {LATE} periods of {trial.sample_rate:g} Hz apart"
         return Measure(late, late, late, reason)

@@ -28,6 +28,7 @@ from eha_bench.report.limits import (
     worst_first,
 )
 from eha_bench.report.page import Fact, write_page
+from eha_bench.report.repeats_table import RepeatsRow, repeats_rows
 from eha_bench.report.scene import scene_of
 from eha_bench.report.scene_figure import POINTS
 
@@ -85,6 +86,7 @@ class TrialView:
     kept: int
     first: RunView
     others: tuple[RunView, ...]
+    repeats: tuple[RepeatsRow, ...]
 
 
 def write_report(
@@ -220,6 +222,7 @@ def _trial_views(
                 kept=sum(not score.status.rejects for score in limited),
                 first=shown[0],
                 others=tuple(sorted(shown[1:], key=lambda view: view.repeat)),
+                repeats=repeats_rows(runs[0], result.repeats),
             )
         )
     return tuple(views)
