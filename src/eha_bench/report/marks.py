@@ -6,6 +6,7 @@ Everything here is read from the trial, its scores and the levels that it was sc
 from __future__ import annotations
 
 import math
+from abc import ABC
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -58,8 +59,8 @@ class TimeLine:
 
 
 @dataclass(frozen=True)
-class ValueBand:
-    """A range of values (SI) of a channel, from `start` to `stop` (s)."""
+class _Between(ABC):
+    """From `low` to `high` (SI) on a channel, from `start` to `stop` (s)."""
 
     channel: str
     low: float
@@ -68,6 +69,14 @@ class ValueBand:
     stop: float
     role: Role
     label: str = ""
+
+
+class ValueBand(_Between):
+    """A range of values of a channel."""
+
+
+class Tube(_Between):
+    """Lines at two distances from what the reference asks."""
 
 
 @dataclass(frozen=True)
@@ -88,19 +97,6 @@ class Point:
     time: float
     value: float
     label: str
-
-
-@dataclass(frozen=True)
-class Tube:
-    """Lines at `low` and `high` (SI) from what the reference asks, from `start` to `stop` (s)."""
-
-    channel: str
-    low: float
-    high: float
-    start: float
-    stop: float
-    role: Role
-    label: str = ""
 
 
 Mark = LevelLine | TimeLine | ValueBand | TimeBand | Point | Tube

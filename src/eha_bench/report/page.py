@@ -29,7 +29,9 @@ from eha_bench.core.result import write_text
 
 _STYLES: Final = ("uPlot.min.css", "report.css")
 _EARLY_SCRIPTS: Final = ("guard.js",)
-_SCRIPTS: Final = ("uPlot.iife.min.js", "unpack.js", "pinch.js", "charts.js", "bode.js")
+_SCRIPTS: Final = (
+    "uPlot.iife.min.js", "unpack.js", "pinch.js", "drawing.js", "charts.js", "bode.js",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

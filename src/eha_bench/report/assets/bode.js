@@ -2,38 +2,22 @@
 // Draws Bode plots over their static pictures: gain, phase and coherence share frequency and cursor.
 (() => {
   if (typeof uPlot === "undefined") return;
-  const FONT = '11px system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", "DejaVu Sans", sans-serif';
-  const MINUS = "\u2212";
+  const { MINUS, make, button } = drawing;
   const shade = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
   const text = (value, decimals) => value.toFixed(decimals).replace("-", MINUS);
-  const make = (tag, className, content) => {
-    const element = document.createElement(tag);
-    if (className) element.className = className;
-    if (content !== undefined) element.textContent = content;
-    return element;
-  };
 
   class Panel {
     constructor(figure, data, last) {
       this.figure = figure;
       this.data = data;
       this.last = last;
-      this.element = make("div", "panel");
-      const head = make("div", "panel-head");
-      head.append(make("p", "panel-name", data.unit ? `${data.heading} / ${data.unit}` : data.heading));
       const readings = make("div", "toggles");
       this.outputs = data.curves.map((curve) => {
-        const item = make("span", "toggle");
-        const swatch = make("span", curve.dashed ? "swatch dashed" : "swatch");
-        swatch.style.color = `var(--${curve.colour})`;
-        const output = make("span", "reading");
-        item.append(swatch, ...(data.curves.length > 1 ? [make("span", "", curve.label)] : []), output);
+        const { item, output } = drawing.entry("span", curve, true);
         readings.append(item);
         return output;
       });
-      head.append(readings);
-      this.canvas = make("div", "canvas");
-      this.element.append(head, this.canvas);
+      ({ element: this.element, canvas: this.canvas } = drawing.body(data, readings));
     }
 
     draw() {
@@ -54,11 +38,6 @@
     }
 
     options() {
-      const axis = {
-        stroke: shade("muted"), font: FONT,
-        grid: { stroke: shade("grid"), width: 1 },
-        ticks: { stroke: shade("axis"), width: 1, size: 4 },
-      };
       const named = (_, splits) => splits.map((value) => (value === null ? "" : String(Number(value.toPrecision(3)))));
       // 1, 2 and 5 times the powers of ten
       const rounds = (_u, _axis, min, max) => {
@@ -71,20 +50,12 @@
         }
         return found;
       };
-      const below = this.last
-        ? { values: named, label: "frequency / Hz", labelFont: FONT, labelSize: 18, labelGap: 0, size: 24, gap: 3 }
-        : { values: (_, splits) => splits.map(() => ""), size: 6 };
+      const shades = Object.fromEntries(["muted", "grid", "axis"].map((name) => [name, shade(name)]));
+      const below = { values: named, splits: rounds, filter: (_, splits) => splits };
+      const left = { values: (_, splits) => splits.map((value) => String(value).replace("-", MINUS)) };
       return {
-        width: Math.max(50, this.canvas.clientWidth),
-        height: Math.max(40, this.canvas.clientHeight),
-        padding: [6, 8, 0, 0],
-        legend: { show: false },
-        cursor: { y: false, drag: { x: true, y: false, dist: 4 }, points: { size: 6 } },
+        ...drawing.options(this.canvas, shades, "frequency / Hz", this.last, below, left),
         scales: { x: { time: false, distr: 3, range: () => this.figure.range }, y: { range: () => this.heights() } },
-        axes: [
-          { ...axis, ...below, splits: rounds, filter: (_, splits) => splits },
-          { ...axis, size: 56, gap: 4, space: 28, ticks: { show: false }, values: (_, splits) => splits.map((value) => String(value).replace("-", MINUS)) },
-        ],
         series: [
           {},
           ...this.data.curves.map((curve) => ({
@@ -104,18 +75,8 @@
       };
     }
 
-    clipped(u, paint) {
-      const { ctx, bbox } = u;
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-      ctx.clip();
-      paint(ctx, bbox, (f) => u.valToPos(f, "x", true), (v) => u.valToPos(v, "y", true), devicePixelRatio || 1);
-      ctx.restore();
-    }
-
     intervals(u) {
-      this.clipped(u, (ctx, box, x, y, dpr) => {
+      drawing.clipped(u, (ctx, box, x, y, dpr) => {
         ctx.globalAlpha = 0.35;
         ctx.lineWidth = 3 * dpr;
         for (const curve of this.data.curves) {
@@ -132,13 +93,13 @@
     }
 
     marks(u) {
-      this.clipped(u, (ctx, box, x, y, dpr) => {
-        ctx.font = FONT.replace("11px", `${11 * dpr}px`);
-        ctx.lineWidth = dpr;
+      drawing.clipped(u, (ctx, box, x, y, dpr) => {
+        drawing.font(ctx, dpr);
         let row = 1;
         for (const mark of this.data.marks) {
           const colour = shade(mark.role);
           ctx.strokeStyle = colour;
+          ctx.lineWidth = dpr;
           ctx.setLineDash([dpr, 3 * dpr]);
           ctx.beginPath();
           let at, down, align;
@@ -154,14 +115,8 @@
             ctx.lineTo(place, box.top + box.height);
           }
           ctx.stroke();
-          ctx.setLineDash([]);
           ctx.textAlign = align;
-          ctx.lineWidth = 3 * dpr;
-          ctx.strokeStyle = shade("paper");
-          ctx.strokeText(mark.label, at, down);
-          ctx.lineWidth = dpr;
-          ctx.fillStyle = colour;
-          ctx.fillText(mark.label, at, down);
+          drawing.write(ctx, mark.label, at, down, colour, shade("paper"), dpr);
         }
       });
     }
@@ -182,25 +137,12 @@
       this.whole = [data.frequency[0] / 1.08, data.frequency.at(-1) * 1.08];
       this.range = this.whole;
       this.index = null;
-      const charts = make("div", "charts");
-      charts.tabIndex = 0;
-      charts.setAttribute("role", "group");
-      charts.setAttribute("aria-label", element.dataset.label);
-      const tools = make("div", "tools");
       this.where = make("span", "when");
-      const whole = make("button", "tool", "Whole");
-      whole.type = "button";
-      whole.title = "Whole: show all frequencies";
-      whole.setAttribute("aria-label", whole.title);
-      whole.addEventListener("click", () => this.zoom(...this.whole));
-      tools.append(this.where, whole);
+      const whole = button("Whole", "Whole: show all frequencies", () => this.zoom(...this.whole));
       this.panels = data.panels.map((panel, i) => new Panel(this, panel, i === data.panels.length - 1));
-      this.spoken = make("p", "for-readers");
-      this.spoken.setAttribute("role", "status");
-      const hint = make("p", "hint", "Drag to zoom, double-click for all frequencies. With the charts in focus: arrow keys move from point to point, 0 shows all.");
-      hint.id = `${element.dataset.key}-hint`;
-      charts.setAttribute("aria-describedby", hint.id);
-      charts.append(tools, ...this.panels.map((panel) => panel.element), hint, this.spoken);
+      const hint = "Drag to zoom, double-click for all frequencies. With the charts in focus: arrow keys move from point to point, 0 shows all.";
+      const { charts, spoken } = drawing.frame(element, [this.where, whole], this.panels, hint);
+      this.spoken = spoken;
       charts.addEventListener("keydown", (event) => this.key(event));
       charts.addEventListener("dblclick", () => this.zoom(...this.whole));
       charts.addEventListener("pointerleave", () => this.point(null));
@@ -231,29 +173,20 @@
     point(index, source) {
       this.pointing = true;
       this.index = index;
-      for (const panel of this.panels) {
-        if (panel.plot && panel !== source) {
-          panel.plot.setCursor({ left: index === null ? -10 : panel.plot.valToPos(this.frequency[index], "x"), top: index === null ? -10 : 10 }, false);
-        }
-        panel.show(index);
-      }
+      drawing.point(this.panels, source, index === null ? null : this.frequency[index]);
+      for (const panel of this.panels) panel.show(index);
       this.where.textContent = index === null ? "" : `${Number(this.frequency[index].toPrecision(4))} Hz`;
       this.pointing = false;
     }
 
     key(event) {
-      if (event.ctrlKey || event.altKey || event.metaKey) return;
       const move = (by) => {
         const from = this.index ?? (by > 0 ? -1 : this.frequency.length);
         this.point(Math.min(this.frequency.length - 1, Math.max(0, from + by)));
         this.spoken.textContent = `${this.where.textContent}: ${this.panels.flatMap((panel) => panel.data.curves.map((curve, i) =>
           (panel.outputs[i].textContent ? `${panel.data.heading} ${curve.label} ${panel.outputs[i].textContent} ${panel.data.unit}` : ""))).filter(Boolean).join(", ")}`;
       };
-      const actions = { ArrowLeft: () => move(-1), ArrowRight: () => move(1), 0: () => this.zoom(...this.whole), Escape: () => this.point(null) };
-      const action = actions[event.key];
-      if (!action) return;
-      event.preventDefault();
-      action();
+      drawing.press(event, { ArrowLeft: () => move(-1), ArrowRight: () => move(1), 0: () => this.zoom(...this.whole), Escape: () => this.point(null) });
     }
   }
 
@@ -276,17 +209,8 @@
       }
     }
   }, { rootMargin: "600px 0px" });
-  const sizes = new ResizeObserver(() => {
-    for (const figure of figures) {
-      for (const { plot, canvas } of figure.panels) {
-        if (plot && canvas.clientWidth && canvas.clientWidth !== plot.width) plot.setSize({ width: canvas.clientWidth, height: canvas.clientHeight });
-      }
-    }
-  });
-  for (const figure of figures) {
-    watcher.observe(figure.charts);
-    sizes.observe(figure.charts);
-  }
+  drawing.follow(figures);
+  for (const figure of figures) watcher.observe(figure.charts);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
     for (const figure of figures) if (figure.seen) figure.draw();
   });

@@ -10,8 +10,7 @@
 
   const ROLES = { level: "muted", band: "good", limit: "limit", safety: "safety", measured: "text", unscored: "muted" };
   const DASHES = { level: [1, 3], limit: [7, 3], safety: [7, 3, 1, 3], measured: [1, 3] };
-  const FONT = '11px system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", "DejaVu Sans", sans-serif';
-  const MINUS = "\u2212";
+  const { MINUS, make, button } = drawing;
 
   let shades = {};
   const readShades = () => {
@@ -32,20 +31,6 @@
     while (places < 12 && !whole(Math.abs(step) * 10 ** places)) places++;
     return places;
   };
-  const make = (tag, className, content) => {
-    const element = document.createElement(tag);
-    if (className) element.className = className;
-    if (content !== undefined) element.textContent = content;
-    return element;
-  };
-  const button = (label, name, action) => {
-    const element = make("button", "tool", label);
-    element.type = "button";
-    element.setAttribute("aria-label", name);
-    element.title = name;
-    element.addEventListener("click", action);
-    return element;
-  };
 
   class Panel {
     constructor(figure, data, last) {
@@ -55,30 +40,22 @@
       this.plot = null;
       this.wanted = false;
       this.shown = data.traces.map(() => true);
-      this.element = make("div", "panel");
-      const head = make("div", "panel-head");
-      head.append(make("p", "panel-name", data.unit ? `${data.heading} / ${data.unit}` : data.heading));
       const toggles = make("div", "toggles");
       this.outputs = data.traces.map((trace, i) => {
-        const toggle = make("button", "toggle");
-        toggle.type = "button";
-        toggle.setAttribute("aria-pressed", "true");
-        toggle.setAttribute("aria-label", data.traces.length > 1 ? `${data.heading}: ${trace.label}` : trace.label);
-        const swatch = make("span", trace.dashed ? "swatch dashed" : "swatch");
-        swatch.style.color = `var(--${trace.colour})`;
-        const output = make("span", "reading");
-        toggle.append(swatch, ...(data.traces.length > 1 ? [make("span", "", trace.label)] : []), output);
-        toggle.addEventListener("click", () => {
+        const several = data.traces.length > 1;
+        const { item, output } = drawing.entry("button", trace, several);
+        item.type = "button";
+        item.setAttribute("aria-pressed", "true");
+        item.setAttribute("aria-label", several ? `${data.heading}: ${trace.label}` : trace.label);
+        item.addEventListener("click", () => {
           this.shown[i] = !this.shown[i];
-          toggle.setAttribute("aria-pressed", String(this.shown[i]));
+          item.setAttribute("aria-pressed", String(this.shown[i]));
           if (this.plot) this.plot.setSeries(i + 1, { show: this.shown[i] });
         });
-        toggles.append(toggle);
+        toggles.append(item);
         return output;
       });
-      head.append(toggles);
-      this.canvas = make("div", "canvas");
-      this.element.append(head, this.canvas);
+      ({ element: this.element, canvas: this.canvas } = drawing.body(data, toggles));
     }
 
     async draw() {
@@ -112,26 +89,14 @@
     }
 
     options() {
-      const axis = {
-        stroke: shades.muted, font: FONT,
-        grid: { stroke: shades.grid, width: 1 },
-        ticks: { stroke: shades.axis, width: 1, size: 4 },
-      };
       const scaled = (factor) => (u, splits, _axis, _space, step) => {
         const decimals = digits(step * factor);
         return splits.map((value) => text(value * factor, decimals));
       };
-      const labelled = this.last
-        ? { values: scaled(this.figure.factor), label: `time / ${this.figure.timeUnit}`, labelFont: FONT, labelSize: 18, labelGap: 0, size: 24, gap: 3 }
-        : { values: (_, splits) => splits.map(() => ""), size: 6 };
+      const { factor, timeUnit } = this.figure;
       return {
-        width: Math.max(50, this.canvas.clientWidth),
-        height: Math.max(40, this.canvas.clientHeight),
-        padding: [6, 8, 0, 0],
-        legend: { show: false },
-        cursor: { y: false, drag: { x: true, y: false, dist: 4 }, points: { size: 6 } },
+        ...drawing.options(this.canvas, shades, `time / ${timeUnit}`, this.last, { values: scaled(factor) }, { values: scaled(1) }),
         scales: { x: { time: false }, y: { range: (u, low, high) => this.heights(low, high) } },
-        axes: [{ ...axis, ...labelled }, { ...axis, size: 56, gap: 4, space: 28, ticks: { show: false }, values: scaled(1) }],
         series: [
           {},
           ...this.data.traces.map((trace, i) => ({
@@ -163,18 +128,8 @@
       return [low - pad, high + pad];
     }
 
-    clipped(u, paint) {
-      const { ctx, bbox } = u;
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-      ctx.clip();
-      paint(ctx, bbox, (t) => u.valToPos(t, "x", true), (v) => u.valToPos(v, "y", true), devicePixelRatio || 1);
-      ctx.restore();
-    }
-
     bands(u) {
-      this.clipped(u, (ctx, box, x, y) => {
+      drawing.clipped(u, (ctx, box, x, y) => {
         for (const mark of this.data.marks) {
           if (mark.kind !== "TimeBand" && mark.kind !== "ValueBand") continue;
           const left = x(mark.start), width = x(mark.stop) - left;
@@ -188,9 +143,9 @@
     }
 
     lines(u) {
-      this.clipped(u, (ctx, box, x, y, dpr) => {
+      drawing.clipped(u, (ctx, box, x, y, dpr) => {
         const taken = [];
-        ctx.font = FONT.replace("11px", `${11 * dpr}px`);
+        drawing.font(ctx, dpr);
         ctx.textBaseline = "bottom";
         ctx.textAlign = "left";
         for (const mark of this.data.marks) {
@@ -266,12 +221,7 @@
       const box = free.find((candidate) => !this.covers(u, candidate)) ?? free[0];
       if (!box) return;
       taken.push(box);
-      ctx.setLineDash([]);
-      ctx.lineWidth = 3 * dpr;
-      ctx.strokeStyle = shades.paper;
-      ctx.strokeText(words, box.left, box.bottom);
-      ctx.fillStyle = shade;
-      ctx.fillText(words, box.left, box.bottom);
+      drawing.write(ctx, words, box.left, box.bottom, shade, shades.paper, dpr);
     }
 
     covers(u, box) {
@@ -325,14 +275,9 @@
     }
 
     build() {
-      const charts = make("div", "charts");
-      charts.tabIndex = 0;
-      charts.setAttribute("role", "group");
-      charts.setAttribute("aria-label", this.element.dataset.label);
-      const tools = make("div", "tools");
       this.when = make("span", "when");
       this.link = make("a", "permalink", "Link to this view");
-      tools.append(
+      const tools = [
         this.when,
         button("\u2190", "Earlier", () => this.pan(-0.25)),
         button("\u2192", "Later", () => this.pan(0.25)),
@@ -340,14 +285,11 @@
         button(MINUS, "Zoom out", () => this.zoom(2)),
         button("Whole", "Show the whole run", () => this.showWhole()),
         this.link,
-      );
-      const hint = make("p", "hint", `Drag to zoom, double-click for the whole run; on a touch screen, pinch and double-tap. With the charts in focus: arrow keys move the cursor, + and ${MINUS} zoom, 0 shows the whole run.`);
-      hint.id = `${this.element.dataset.key}-hint`;
-      charts.setAttribute("aria-describedby", hint.id);
-      this.spoken = make("p", "for-readers");
-      this.spoken.setAttribute("role", "status");
+      ];
       this.panels = this.scene.panels.map((data, i) => new Panel(this, data, i === this.scene.panels.length - 1));
-      charts.append(tools, ...this.panels.map((panel) => panel.element), hint, this.spoken);
+      const hint = `Drag to zoom, double-click for the whole run; on a touch screen, pinch and double-tap. With the charts in focus: arrow keys move the cursor, + and ${MINUS} zoom, 0 shows the whole run.`;
+      const { charts, spoken } = drawing.frame(this.element, tools, this.panels, hint);
+      this.spoken = spoken;
       charts.addEventListener("keydown", (event) => this.key(event));
       charts.addEventListener("pointerleave", (event) => { if (event.pointerType !== "touch") this.point(null); });
       pinch.attach(this, charts);
@@ -451,14 +393,9 @@
     point(time, source) {
       this.pointing = true;
       this.at = time;
+      drawing.point(this.panels, source, time);
       for (const panel of this.panels) {
-        const { plot } = panel;
-        if (!plot) continue;
-        if (panel !== source) {
-          const left = time === null ? -10 : plot.valToPos(time, "x");
-          plot.setCursor({ left, top: time === null ? -10 : 10 }, false);
-        }
-        panel.show(time === null ? null : plot.posToIdx(plot.valToPos(time, "x")));
+        if (panel.plot) panel.show(time === null ? null : panel.plot.posToIdx(panel.plot.valToPos(time, "x")));
       }
       this.when.textContent = time === null ? "" : `t = ${text(time * this.factor, decimalsFor((this.range[1] - this.range[0]) * this.factor))} ${this.timeUnit}`;
       this.pointing = false;
@@ -472,7 +409,6 @@
     }
 
     key(event) {
-      if (event.ctrlKey || event.altKey || event.metaKey) return;
       const [min, max] = this.range;
       const step = (event.shiftKey ? 0.1 : 0.01) * (max - min);
       const move = (by) => {
@@ -480,17 +416,13 @@
         this.point(Math.min(max, Math.max(min, from + by)));
         this.speak();
       };
-      const actions = {
+      drawing.press(event, {
         ArrowLeft: () => move(-step), ArrowRight: () => move(step),
         "+": () => this.zoom(0.5), "=": () => this.zoom(0.5),
         "-": () => this.zoom(2), [MINUS]: () => this.zoom(2),
         0: () => this.showWhole(),
         Escape: () => this.point(null),
-      };
-      const action = actions[event.key];
-      if (!action) return;
-      event.preventDefault();
-      action();
+      });
     }
   }
 
@@ -515,14 +447,7 @@
   }, { rootMargin: "600px 0px" });
   for (const element of panels.keys()) watcher.observe(element);
 
-  const sizes = new ResizeObserver(() => {
-    for (const { plot, canvas } of panels.values()) {
-      if (plot && canvas.clientWidth && canvas.clientWidth !== plot.width) {
-        plot.setSize({ width: canvas.clientWidth, height: canvas.clientHeight });
-      }
-    }
-  });
-  for (const figure of figures) sizes.observe(figure.charts);
+  drawing.follow(figures);
 
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
     readShades();
