@@ -191,7 +191,7 @@ SIMPLE: dict[str, Any] = {
         ("t,p\ns,bar\n0,1\n1,2\n", r"line 2 was taken as units \(s, bar\)"),
         ("t;p\n[s];[bar]\n0;1\n", r"line 2 was taken as units"),
         ("Logger;X\nSerial;12\nt;p\n0;1\n1;2\n", "2 lines before the table"),
-        ("Logger X\n\nt,p\n0,1\n1,2\n", "1 lines before the table"),
+        ("Logger X\n\nt,p\n0,1\n1,2\n", "one line before the table"),
         ("t p\n0  1\n1  2\n", ""),
         ("# t,p\n0,1\n1,2\n", ""),
         ("t,p\r0,1\r1,2\r", ""),

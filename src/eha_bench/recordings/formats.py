@@ -71,5 +71,7 @@ def raise_for_relatives(path: Path, head: bytes) -> None:
         raise RecordingError(
             "this is not a MAT file of version 5", where=where, hint="save it with save(..., '-v7')"
         )
+    if path.suffix.lower() in {".xls", ".xlsx", ".xlsm", ".ods"} and b"\0" in head:
+        raise RecordingError("this is a workbook", where=where, hint="save its sheet as CSV")
     if head.startswith((b"\x1f\x8b", b"PK\x03\x04")):
         raise RecordingError("this is an archive", where=where, hint="unpack it first")

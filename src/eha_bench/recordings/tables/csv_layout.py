@@ -13,10 +13,13 @@ from eha_bench.core.units import base_unit
 _DELIMITERS = ";\t|,"
 """Tried in this order: a comma may also be a decimal one."""
 _WINDOW = 200
+_HEADERS = 4
+"""Lines above the numbers that may hold names, units and descriptions."""
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 MISSING = ("-", "--")
 """What stands in a cell where nothing was measured, besides what pandas knows."""
-_NOTHING = {"", "nan", "na", "n/a", "null", "inf", "-inf", "+inf", *MISSING}
+_NOTHING = {"", "nan", "-nan", "na", "n/a", "<na>", "none", "null", "inf", "-inf", "+inf", *MISSING}
+_EXCEL_ERROR = re.compile(r"#[A-Z/0]+[!?]?")
 
 
 class NoTable(Exception):
@@ -74,13 +77,19 @@ class CsvLayout:
         left = start
         if len(above[1]) == cells or trailing:
             names, left = above[1], start - 1
-            if start > 1 and len(table[start - 2][1]) == len(names) and _are_units(names):
-                units = ", ".join(names)
-                names, left = table[start - 2][1], start - 2
+            units = _units_row(table[max(start - _HEADERS, 0) : start], len(names))
+            if units is not None:
+                place = start - units
+                names, left = table[place - 1][1], place - 1
                 notes.append(
-                    f"line {above[0] + 1} was taken as units ({units[:100]}); "
-                    "those of channels.yaml count"
+                    f"line {table[place][0] + 1} was taken as units "
+                    f"({', '.join(table[place][1])[:100]}); those of channels.yaml count"
                 )
+        elif len(above[1]) > cells and not any(map(_is_number, above[1])):
+            names, left = above[1][:cells], start - 1
+            notes.append(
+                f"nothing stands below the last names ({', '.join(above[1][cells:])[:100]})"
+            )
         elif len(above[1]) > 1:
             raise NoTable(
                 f"its lines hold {cells} cells, its line of names {len(above[1])}",
@@ -90,7 +99,11 @@ class CsvLayout:
         else:
             names = _names_in_comment(head[:number], delimiter, cells)
         if left:
-            notes.append(f"{left} lines before the table were left aside")
+            notes.append(
+                "one line before the table was left aside"
+                if left == 1
+                else f"{left} lines before the table were left aside"
+            )
         if not names:
             names = [str(k) for k in range(cells)]
             notes.append("it has no line of names: its columns are called 0, 1, 2, ...")
@@ -111,10 +124,21 @@ def _first_row(table: list[tuple[int, list[str]]], cells: int) -> int:
         if len(line) == cells
         and any(kinds[k])
         and all(
-            same == wanted or cell.lower() in _NOTHING
+            same == wanted or _is_nothing(cell)
             for cell, same, wanted in zip(line, kinds[k], usual, strict=True)
         )
     )
+
+
+def _units_row(heads: list[tuple[int, list[str]]], cells: int) -> int | None:
+    """Return how many lines above the numbers the units stand, below a line of names; or None."""
+    for back in range(1, len(heads)):
+        units, names = heads[-back][1], heads[-back - 1][1]
+        if not len(units) == len(names) == cells:
+            return None
+        if _are_units(units) and not _are_units(names):
+            return back
+    return None
 
 
 def _names_in_comment(lines: list[str], delimiter: str, cells: int) -> list[str]:
@@ -150,6 +174,10 @@ def _delimiter(lines: list[str]) -> tuple[str, int]:
             if delimiter != " " or numbers > 0.5 * len(lines):
                 return delimiter, cells
     return "", 0
+
+
+def _is_nothing(cell: str) -> bool:
+    return cell.lower() in _NOTHING or _EXCEL_ERROR.fullmatch(cell) is not None
 
 
 def _is_number(cell: str) -> bool:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.tables.csv_layout import MISSING, CsvLayout, NoTable
 from eha_bench.recordings.tables.table import TableSource
+from eha_bench.recordings.tables.times import NoTime, parse_times
 
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 
@@ -54,21 +55,23 @@ class CsvSource(TableSource):
         raise self._not_numbers(name, column)
 
     def clock(self, name: str) -> NDArray[Any]:
-        """Return a column of times, shape (n,): numbers, or dates as ISO 8601 writes them.
+        """Return a column of times, shape (n,): numbers, dates, or times of day.
 
         Raises:
-            RecordingError: a cell is neither.
+            RecordingError: a cell is none of these.
         """
         column = self._columns[name]
         if column.dtype.kind != "O":
             return self.column(name)
-        import pandas as pd
-
         try:
-            dates = pd.to_datetime(pd.Series(column), format="ISO8601", utc=True)
-        except (ValueError, TypeError):
-            raise self._not_numbers(name, column) from None
-        return dates.dt.tz_localize(None).to_numpy().astype("datetime64[ns]")
+            return parse_times(column)
+        except NoTime as error:
+            cell = str(column[error.row])[:40]
+            raise RecordingError(
+                f"'{cell}' in column '{name}' is neither a number nor a time",
+                where=Place(file=self.path, line=self._line(error.row)),
+                hint="write dates as 2025-03-01T12:00:00.5, or correct or remove the line",
+            ) from None
 
     def _kinds(self, kinds: dict[str, str]) -> dict[str, str]:
         """Text has no types: how an integer was stored is not known."""
@@ -105,6 +108,8 @@ class CsvSource(TableSource):
             raise RecordingError(str(error), where=where, hint=error.hint) from error
         self._notes += layout.notes
         text = self._without_torn_end(text)
+        if "#" in text:
+            text = _without_excel_errors(text, layout.delimiter)
         if layout.trailing:
             text = re.sub(re.escape(layout.delimiter) + r"$", "", text, flags=re.MULTILINE)
         # as bytes: pandas would turn text into four bytes a letter
@@ -184,6 +189,13 @@ class CsvSource(TableSource):
                     return self._layout.first + number + 1
                 left -= 1
         return self._layout.first + 1
+
+
+def _without_excel_errors(text: str, delimiter: str) -> str:
+    """Empty the cells that Excel could not compute (`#N/A`, `#DIV/0!`): these are no comments."""
+    between = re.escape(delimiter)
+    error = rf'(?<={between})[ ]*"?#[A-Z/0]+[!?]?"?[ ]*(?={between}|$)'
+    return re.sub(error, "", text, flags=re.MULTILINE)
 
 
 def _unique(names: tuple[str, ...]) -> list[str]:
