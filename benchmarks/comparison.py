@@ -15,24 +15,26 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import lfilter
+from benchmarks.line import Line, rate
+from benchmarks.nights import METRICS, NOISES, changed_histories, flat_histories
 
 import eha_bench as eb
 from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Comparison
-from eha_bench.comparison.sequential import FIRST_LOOK, shares
+from eha_bench.comparison.correction import holm
+from eha_bench.comparison.evidence import ALPHA, evidence
+from eha_bench.comparison.planning import more_repeats
+from eha_bench.comparison.sample import Sample
+from eha_bench.comparison.sequential import FIRST_LOOK, sequential, shares
 from eha_bench.comparison.side import Side
 from eha_bench.comparison.verdict import Verdict
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
-from eha_bench.trends.trend import judge
-
-FloatArray = NDArray[np.float64]
 
 SUITE = """\
 name: noise
@@ -50,19 +52,6 @@ trials:
     signal: {{kind: sine, amplitude: 4 MPa, offset: 10 MPa, frequency: 8 Hz, cycles: 4}}
 """
 SAID = (Verdict.WORSE, Verdict.BETTER, Verdict.CHANGED)
-METRICS = 20
-
-
-@dataclass(frozen=True)
-class Line:
-    """One line of the table; `kept` is None where there is no target, only a figure."""
-
-    what: str
-    tried: int
-    share: float
-    wanted: str = ""
-    kept: bool | None = None
-    also: str = ""
 
 
 def pool(repeats: int) -> Result:
@@ -112,43 +101,33 @@ def draws(
         yield side(a), side(b, factor)
 
 
-NOISES: dict[str, Callable[[np.random.Generator, tuple[int, int]], FloatArray]] = {
-    "normal": lambda rng, shape: rng.normal(size=shape),
-    "Student's t, 3 degrees": lambda rng, shape: rng.standard_t(3, shape),
-    "log-normal": lambda rng, shape: rng.lognormal(0.0, 0.7, shape),
-    "whole numbers": lambda rng, shape: rng.poisson(2.0, shape).astype(np.float64),
-}
+def drawn(
+    noise: str, repeats: tuple[int, int], pairs: int, *, lost: float = 0.0
+) -> Iterator[tuple[Side, Side]]:
+    """Yield pairs of sides of metrics with a noise of 1 % about the same value.
 
-
-def drawn(noise: str, repeats: int, pairs: int) -> Iterator[tuple[Side, Side]]:
-    """Yield pairs of sides of metrics with a noise of 1 % about the same value."""
-    rng = np.random.default_rng(repeats)
-    scale = 0.0 if noise == "whole numbers" else 100.0
+    Args:
+        noise: of `NOISES`.
+        repeats: of the baseline and of the candidate.
+        pairs: how many.
+        lost: share of the values that could not be scored.
+    """
+    rng = np.random.default_rng(repeats[0])
+    counted = noise == "whole numbers"
     for _ in range(pairs):
         both = []
-        for _ in range(2):
-            values = scale + NOISES[noise](rng, (repeats, METRICS))
+        for count in repeats:
+            values = NOISES[noise](rng, count * METRICS).reshape(count, METRICS)
+            values = (0.0 if counted else 100.0) + values
+            values[rng.random(values.shape) < lost] = np.nan
             runs = [
-                TrialResult(
-                    "drawn",
-                    i,
-                    Status.PASSED,
-                    "",
-                    "",
-                    tuple(
-                        Score(
-                            f"metric_{m}",
-                            "",
-                            Measure(float(v)),
-                            "s" if scale else "",
-                            ScoreStatus.PASSED,
-                            limit="<= 1 s",
-                        )
-                        for m, v in enumerate(row)
-                    ),
-                )
+                TrialResult("drawn", i, Status.PASSED, "", "", tuple(
+                    Score(f"metric_{m}", "", Measure(float(v), reason="lost"),
+                          "" if counted else "s", ScoreStatus.PASSED, limit="<= 1 s")
+                    for m, v in enumerate(row)
+                ))
                 for i, row in enumerate(values)
-            ]
+            ]  # fmt: skip
             both.append(side(runs))
         yield both[0], both[1]
 
@@ -161,11 +140,17 @@ def no_difference(whole: Result, pairs: int) -> Iterator[Line]:
     for repeats in (10, 5, 3, 1):
         hits = [said_something(compare_sides(a, b)) for a, b in draws(whole, repeats, pairs)]
         yield rate(f"no difference, simulator, {repeats} repeats", hits, most=0.05)
-    for noise in NOISES:
-        for repeats in (10, 5, 3):
-            some = max(1, pairs // 2)
-            hits = [said_something(compare_sides(a, b)) for a, b in drawn(noise, repeats, some)]
-            yield rate(f"no difference, {noise}, {repeats} repeats", hits, most=0.05)
+    some = max(1, pairs // 2)
+    noises = ("normal", "Student's t, 3 degrees", "log-normal", "whole numbers", "rounded")
+    cases = [(noise, (n, n), 0.0) for noise in noises for n in (10, 5, 3)]
+    cases += [("normal", (5, 10), 0.0), ("log-normal", (4, 12), 0.0), ("normal", (10, 10), 0.2)]
+    for noise, counts, lost in cases:
+        hits = [
+            said_something(compare_sides(a, b)) for a, b in drawn(noise, counts, some, lost=lost)
+        ]
+        counted = " and ".join(f"{n}" for n in dict.fromkeys(counts))
+        gone = f", {lost:.0%} of the values lost" if lost else ""
+        yield rate(f"no difference, {noise}, {counted} repeats{gone}", hits, most=0.05)
 
 
 def slow_downs(whole: Result, pairs: int) -> Iterator[Line]:
@@ -227,67 +212,53 @@ def interleaved(whole: Result, pairs: int) -> Iterator[Line]:
         yield replace(line, also=f"{np.mean(used):.1f} of 10 pairs used")
 
 
+def looked_at(sequences: int) -> Iterator[Line]:
+    """Pairs without a difference, looked at after every one of them, 10 metrics at once."""
+    looks, metrics = shares(10), 10
+    for noise in ("normal", "Student's t, 3 degrees", "log-normal"):
+        rng = np.random.default_rng(0)
+        for sigmas in (0.0, 1.0, 2.0):
+            false, found = [], []
+            for _ in range(sequences):
+                a, b = NOISES[noise](rng, 20 * metrics).reshape(2, metrics, 10)
+                b[0] += sigmas * float(np.std(NOISES[noise](np.random.default_rng(1), 10_000)))
+                # the least of all looks: what any of them would have said
+                p_values = holm([
+                    sequential(Sample.of(a[m]), Sample.of(b[m]), 0.0, family=metrics,
+                               counted=False, looks=looks).p_difference
+                    for m in range(metrics)
+                ])  # fmt: skip
+                found.append(p_values[0] <= ALPHA)
+                false.append(min(p_values[1:] if sigmas else p_values) <= ALPHA)
+            if not sigmas:
+                yield rate(f"ab, 10 pairs looked at 8 times, {noise}", false, most=0.05)
+            else:
+                line = rate(f"ab, one of 10 metrics moved by {sigmas:g} sigma, {noise}", found)
+                yield replace(line, also=f"another metric falsely named in {np.mean(false):.1%}")
+
+
+def planned(sequences: int) -> Iterator[Line]:
+    """As many repeats as are said to decide: how often they do (80 % is meant)."""
+    rng = np.random.default_rng(0)
+    for difference, margin in ((1.0, 0.5), (0.8, 0.5), (0.0, 1.0), (0.5, 1.0)):
+        for metrics in (1, 20):
+            alpha = ALPHA / metrics
+            more = more_repeats(difference, margin, 1.0, 4, alpha=alpha)
+            assert more is not None
+            hits = []
+            for _ in range(sequences):
+                a, b = rng.normal(size=(2, 4 + more))
+                found = evidence(Sample.of(a), Sample.of(b + difference), margin, family=metrics)
+                differs = found.p_difference <= alpha and abs(found.difference) >= margin
+                hits.append(differs or found.p_same <= alpha)
+            what = f"{difference:g} sigma, {margin:g} matter, {metrics} metrics"
+            yield rate(f"decided after {more} more repeats than 4, {what}", hits)
+
+
 def first(whole: Side, count: int) -> Side:
     result = whole.results[0][0]
     runs = tuple(run for run in result.trials if run.repeat < count)
     return Side(whole.name, ((replace(result, trials=runs), Path()),))
-
-
-def nights(noise: str, rng: np.random.Generator, count: int) -> FloatArray:
-    if noise == "alike neighbours":
-        made = lfilter([1.0], [1.0, -0.3], rng.normal(size=count + 50))[50:]
-        return np.asarray(made / np.std(made), dtype=np.float64)
-    values = NOISES[noise](rng, (1, count))[0]
-    return (values - values.mean()) / values.std()
-
-
-def flat_histories(histories: int) -> Iterator[Line]:
-    """Histories of 20 metrics: any change or alarm in any of them is a false one."""
-    for noise in (*NOISES, "alike neighbours"):
-        for count in (60, 365):
-            rng = np.random.default_rng(count)
-            hits = []
-            for _ in range(histories):
-                false = False
-                for _ in range(METRICS):
-                    values = 100.0 + nights(noise, rng, count)
-                    course, _, _, state = judge(values, family=METRICS, margin=0.5, scored=True)
-                    false |= bool(course.changes) or state.drifted
-                hits.append(false)
-            yield rate(
-                f"flat history of {METRICS} metrics, {noise}, {count} nights", hits, most=0.02
-            )
-
-
-def changed_histories(histories: int) -> Iterator[Line]:
-    """Histories of one metric among 20, changed at a random night."""
-    cases = [("step", size, 365) for size in (2.0, 3.0, 5.0)]
-    cases += [("drift a night", size, 365) for size in (0.1, 0.2, 0.3, 0.5)]
-    cases += [("step", 3.0, 60), ("drift a night", 0.3, 60)]
-    for kind, size, count in cases:
-        rng = np.random.default_rng(count)
-        near, found_at_all, extra = [], [], []
-        for _ in range(histories):
-            values = 100.0 + nights("normal", rng, count)
-            if kind == "step":
-                start = int(rng.integers(15, count - 15))
-                values[start:] += size
-            else:
-                start = int(rng.integers(15, count - 25))
-                length = min(60, count - start)
-                values[start:] += size * np.minimum(np.arange(1, count - start + 1), length)
-            course, *_ = judge(values, family=METRICS, margin=0.5, scored=True)
-            starts = [change.start for change in course.changes]
-            near.append(any(abs(found - start) <= 2 for found in starts))
-            found_at_all.append(bool(starts))
-            extra.append(len(starts) > (2 if kind != "step" else 1))
-        clear = size >= (3.0 if kind == "step" else 0.3)
-        line = rate(
-            f"{kind} of {size:g} sigma in {count} nights, within 2 nights", near,
-            least=0.9 if clear else None,
-        )  # fmt: skip
-        also = f"found at all {np.mean(found_at_all):.1%}, more than there is {np.mean(extra):.1%}"
-        yield replace(line, also=also)
 
 
 def building(count: int, metrics: int) -> Iterator[Line]:
@@ -318,17 +289,6 @@ def building(count: int, metrics: int) -> Iterator[Line]:
     yield Line(what, 1, wall, "< 10" if full else "", kept, f"{cpu:.1f} s of CPU")
 
 
-def rate(
-    what: str, hits: Sequence[bool], *, most: float | None = None, least: float | None = None
-) -> Line:
-    share = float(np.mean(hits))
-    if most is not None:
-        return Line(what, len(hits), share, f"<= {most:.0%}", share <= most)
-    if least is not None:
-        return Line(what, len(hits), share, f">= {least:.0%}", share >= least)
-    return Line(what, len(hits), share)
-
-
 def main() -> int:
     """Print every line as it is known; 1 if a target is missed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.comparison", description=__doc__)
@@ -339,17 +299,19 @@ def main() -> int:
         "--only",
         action="append",
         metavar="PART",
-        help="null, slower, ab, flat, changed or building",
+        help="null, slower, ab, looks, planned, flat, changed or building",
     )
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
     pairs, histories = (40, 20) if chosen.quick else (chosen.pairs, chosen.histories)
-    whole = pool(24 if chosen.quick else 60)
+    whole = cache(lambda: pool(24 if chosen.quick else 60))
     nights = (100, 20) if chosen.quick else (1000, 100)
     sections: dict[str, Callable[[], Iterator[Line]]] = {
-        "null": lambda: no_difference(whole, pairs),
-        "slower": lambda: slow_downs(whole, max(1, pairs // 2)),
-        "ab": lambda: interleaved(whole, max(1, pairs // 8)),
+        "null": lambda: no_difference(whole(), pairs),
+        "slower": lambda: slow_downs(whole(), max(1, pairs // 2)),
+        "ab": lambda: interleaved(whole(), max(1, pairs // 8)),
+        "looks": lambda: looked_at(max(1, pairs * 4 // 5)),
+        "planned": lambda: planned(max(1, pairs // 2)),
         "flat": lambda: flat_histories(max(1, histories // 3)),
         "changed": lambda: changed_histories(histories),
         "building": lambda: building(*nights),

@@ -13,7 +13,7 @@ from eha_bench.comparison.evidence import evidence
 from eha_bench.comparison.permutation import p_greater, p_greater_paired
 from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
-from eha_bench.comparison.sequential import shares
+from eha_bench.comparison.sequential import sequential, shares
 
 
 def test_holm_is_holms_own_example() -> None:
@@ -88,6 +88,32 @@ def test_more_repeats_are_told_as_far_as_they_can_be() -> None:
     assert more_repeats(0.5, 0.5, 0.0, 5, alpha=0.05) == 1
     assert more_repeats(1e-6, 1e-6, 1.0, 5, alpha=0.05) is None
     assert more_repeats(1.0, 0.5, math.nan, 5, alpha=0.05) is None
+
+
+@pytest.mark.parametrize(("difference", "margin"), [(1.0, 0.5), (0.8, 0.5), (0.0, 1.0), (0.5, 1.0)])
+def test_as_many_repeats_decide_four_times_of_five(difference: float, margin: float) -> None:
+    needed = more_repeats(difference, margin, 1.0, 4, alpha=0.05)
+    assert needed is not None
+    rng = np.random.default_rng(2)
+    size = (800, 4 + needed)
+    first, second = rng.normal(size=size), rng.normal(difference, 1.0, size)
+    seen = second.mean(axis=1) - first.mean(axis=1)
+    differs = stats.ttest_ind(second, first, axis=1).pvalue <= 0.05
+    above = stats.ttest_ind(second + margin, first, axis=1, alternative="greater").pvalue
+    below = stats.ttest_ind(second - margin, first, axis=1, alternative="less").pvalue
+    decided = (differs & (np.abs(seen) >= margin)) | (np.maximum(above, below) <= 0.05)
+    assert 0.75 <= decided.mean() <= 0.9
+
+
+def test_looking_often_never_says_more_than_its_share() -> None:
+    rng = np.random.default_rng(4)
+    said = 0
+    for _ in range(100):
+        first, second = (Sample.of(values) for values in rng.normal(size=(2, 10)))
+        # the least p-value of all looks, so that it says whether any of them would have acted
+        found = sequential(first, second, 0.1, family=1, counted=False, looks=shares(10))
+        said += found.p_difference <= 0.05
+    assert said <= 10  # 5 are allowed; more than 10 by chance once in 90
 
 
 @given(st.integers(1, 40))

@@ -36,10 +36,12 @@ def more_repeats(
     sizes = np.arange(max(2, have + 1), MOST + have + 1)
     degrees = sizes - 1.0 if paired else 2.0 * (sizes - 1.0)
     error = scatter * np.sqrt((1.0 if paired else 2.0) / sizes)
-    gain = stats.norm.ppf(_POWER)
-    beyond = abs(difference) >= margin
-    level, distance = (
-        (alpha / 2.0, abs(difference)) if beyond else (alpha, margin - abs(difference))
-    )
-    enough = (stats.t.isf(level, degrees) + gain) * error < distance
+    if abs(difference) >= margin:  # decided where it is significant and seen to matter
+        least = np.maximum(stats.t.isf(alpha / 2.0, degrees) * error, margin)
+        enough = abs(difference) - least >= stats.norm.ppf(_POWER) * error
+    else:  # decided where it is shown to be below the margin and above its opposite
+        steps = np.array([[margin - difference], [margin + difference]])
+        error = np.maximum(error, np.finfo(float).tiny)
+        beyond = stats.norm.cdf(steps / error - stats.t.isf(alpha, degrees))
+        enough = beyond.sum(axis=0) - 1.0 >= _POWER
     return int(sizes[int(np.argmax(enough))]) - have if enough.any() else None

@@ -1,0 +1,155 @@
+"""Histories made up for `benchmarks.comparison`: flat ones, changed ones, and what can be known.
+
+Thresholds were chosen on normal, Student's t and log-normal noise; the other noises are there to
+refute them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from benchmarks.line import Line, rate
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from eha_bench.trends.trend import judge
+
+FloatArray = NDArray[np.float64]
+Draw = Callable[[np.random.Generator, int], FloatArray]
+
+METRICS = 20
+LONGEST = 60
+"""Nights after which a drift that was put in ends, if the history does not end before."""
+
+
+def alike(correlation: float) -> Draw:
+    """Return noise whose neighbouring nights are correlated (first-order autoregression)."""
+    return lambda rng, count: np.asarray(
+        lfilter([1.0], [1.0, -correlation], rng.normal(size=count + 100))[100:], dtype=np.float64
+    )
+
+
+NOISES: dict[str, Draw] = {
+    "normal": lambda rng, count: rng.normal(size=count),
+    "Student's t, 3 degrees": lambda rng, count: rng.standard_t(3, count),
+    "Student's t, 5 degrees": lambda rng, count: rng.standard_t(5, count),
+    "Laplace": lambda rng, count: rng.laplace(size=count),
+    "uniform": lambda rng, count: rng.uniform(-1.0, 1.0, count),
+    "5 % wild nights": lambda rng, count: (
+        rng.normal(size=count) * np.where(rng.random(count) < 0.05, 10.0, 1.0)
+    ),
+    "rounded": lambda rng, count: np.round(rng.normal(size=count)),
+    "whole numbers": lambda rng, count: rng.poisson(2.0, count).astype(np.float64),
+    "log-normal": lambda rng, count: rng.lognormal(0.0, 0.7, count),
+    "neighbours alike by 0.3": alike(0.3),
+    "neighbours alike by 0.6": alike(0.6),
+}
+
+
+def flat_histories(histories: int) -> Iterator[Line]:
+    """Histories of 20 metrics: any change or alarm in any of them is a false one."""
+    for noise, draw in NOISES.items():
+        for count in (60, 365):
+            rng = np.random.default_rng(count)
+            found: list[tuple[bool, bool]] = []
+            for _ in range(histories * METRICS):
+                values = 100.0 + draw(rng, count)
+                course, _, _, state = judge(values, family=METRICS, margin=0.05, scored=True)
+                found.append((bool(course.changes), state.drifted))
+            each = np.array(found).reshape(histories, METRICS, 2)
+            line = rate(
+                f"flat history of {METRICS} metrics, {noise}, {count} nights",
+                each.any(axis=(1, 2)).tolist(), most=0.02,
+            )  # fmt: skip
+            yield replace(
+                line,
+                also=f"a metric {each.any(axis=2).mean():.2%}; by changes "
+                f"{each[..., 0].any(axis=1).mean():.1%}, by a wild newest night "
+                f"{(each[..., 1] & ~each[..., 0]).any(axis=1).mean():.1%} of histories",
+            )
+
+
+def changed_histories(histories: int) -> Iterator[Line]:
+    """Histories of one metric among 20, changed at a random night."""
+    steps = [("step", size, count) for size, count in ((2.0, 365), (3.0, 365), (3.0, 60))]
+    drifts = [("drift a night", size, 365) for size in (0.1, 0.15, 0.2, 0.3)]
+    drifts += [("drift a night", 0.3, 60), ("drift a night", 0.5, 60)]
+    for noise in ("normal", "Student's t, 3 degrees", "Laplace", "neighbours alike by 0.3"):
+        for kind, size, count in [*steps, *drifts]:
+            possible = best_possible(kind, size, count, 200) if noise == "normal" else 1.0
+            yield _changed(noise, kind, size, count, histories, possible)
+
+
+def _changed(
+    noise: str, kind: str, size: float, count: int, histories: int, possible: float
+) -> Line:
+    rng = np.random.default_rng(count)
+    near, held, nights, anything, extra = [], [], [], [], []
+    for _ in range(histories):
+        values = NOISES[noise](rng, count)
+        start = int(rng.integers(15, count - (15 if kind == "step" else 25)))
+        values = 100.0 + (values - values.mean()) / values.std() + shape(kind, size, start, count)
+        course, *_ = judge(values, family=METRICS, margin=0.05, scored=True)
+        nearest = min(course.changes, key=lambda c: abs(c.start - start), default=None)
+        near.append(nearest is not None and abs(nearest.start - start) <= 2)
+        anything.append(nearest is not None)
+        extra.append(len(course.changes) > (1 if kind == "step" else 2))
+        if nearest is not None:
+            held.append(nearest.earliest <= start <= nearest.latest)
+            nights.append(nearest.latest - nearest.earliest + 1)
+    # a target only where anybody could reach it
+    least = 0.9 if noise == "normal" and possible >= 0.95 else None
+    what = f"{kind} of {size:g} sigma in {count} nights, {noise}, within 2 nights"
+    most = f"; nobody could: {possible:.1%}" if noise == "normal" else ""
+    interval = f"; interval {np.mean(nights):.1f} nights, right in {np.mean(held):.1%}"
+    return replace(
+        rate(what, near, least=least),
+        also=f"found at all {np.mean(anything):.1%}, more than there is {np.mean(extra):.1%}"
+        f"{interval if nights else ''}{most}",
+    )
+
+
+def shape(kind: str, size: float, start: int, count: int) -> FloatArray:
+    """Return what a change adds to each night, shape (count,)."""
+    night = np.arange(count) - start + 1
+    if kind == "step":
+        return size * (night > 0)
+    return size * np.clip(night, 0, min(LONGEST, count - start)).astype(np.float64)
+
+
+def best_possible(kind: str, size: float, count: int, histories: int) -> float:
+    """Return how often a start is placed within 2 nights by whoever knows all but the numbers.
+
+    The noise is normal with a known standard deviation, and there is one change of a known kind;
+    unknown are level, size, start, and the end of a drift, all as likely beforehand. Named is the
+    start with most probability within 2 nights of it: on average nobody can do better.
+    """
+    rng = np.random.default_rng(1)
+    places = np.arange(5, count - 4)
+    night = np.arange(count)
+    if kind == "step":
+        columns = (night >= places[:, None]).astype(np.float64)
+        ends = np.zeros((1, count))
+    else:
+        columns = np.maximum(night - places[:, None] + 1.0, 0.0)
+        ends = np.concatenate((columns, np.zeros((1, count))))
+    columns -= columns.mean(axis=1, keepdims=True)
+    ends -= ends.mean(axis=1, keepdims=True)
+    squares = np.sum(columns**2, axis=1)[:, None] + np.sum(ends**2, axis=1) - 2.0 * columns @ ends.T
+    last = len(ends) - 1
+    apart = (np.arange(last + 1) >= np.arange(len(places))[:, None] + 5) | (
+        np.arange(last + 1) == last
+    )
+    squares = np.where(apart, squares, np.inf)
+    near = 0
+    for _ in range(histories):
+        start = int(rng.integers(15, count - (15 if kind == "step" else 25)))
+        values = shape(kind, size, start, count) + rng.normal(size=count)
+        onto = (columns @ values)[:, None] - ends @ values
+        likely = onto**2 / squares / 2.0 - np.log(squares) / 2.0
+        share = np.exp(likely - likely.max()).sum(axis=1)
+        named = places[int(np.argmax(np.convolve(share, np.ones(5), "same")))]
+        near += abs(int(named) - start) <= 2
+    return near / histories
