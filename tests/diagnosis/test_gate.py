@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from eha_bench.core.errors import InputError, MissingChannelError
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.dataset import Run, Use
-from eha_bench.diagnosis.gate import admit, noise_of, quantum_of
+from eha_bench.diagnosis.gate import admit, grouped, noise_of, quantum_of
 
 OUTPUTS = ("current", "motor_speed", "pressure_a", "pressure_b", "piston_position")
 
@@ -101,3 +102,16 @@ def test_nothing_to_compare_is_an_error():
     reading = Recording(np.arange(20.0), {"current_command": np.arange(20.0)})
     with pytest.raises(InputError, match="no channel"):
         admit(run(reading), reading, ["current_command"], OUTPUTS)
+
+
+def test_what_several_runs_say_alike_is_said_once():
+    one = admit(run(recording()), recording(), ["current_command"], OUTPUTS)
+    runs = [
+        replace(one, run=replace(one.run, name=name), notes=(f"{name}: 'current' has {gaps} gaps",))
+        for name, gaps in (("ramp", 3), ("steps", 12))
+    ]
+    alone = replace(one, run=replace(one.run, name="sine"), notes=("sine: the clock jumps",))
+    assert grouped([*runs, alone]) == (
+        "ramp, steps: 'current' has 3 to 12 gaps",
+        "sine: the clock jumps",
+    )

@@ -13,7 +13,7 @@ from eha_bench.core.interruption import checkpoints
 from eha_bench.diagnosis.dataset import Dataset
 from eha_bench.diagnosis.evidence import refined_noise
 from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.gate import Measured, admit, pooled_noise
+from eha_bench.diagnosis.gate import Measured, admit, grouped, pooled_noise
 from eha_bench.diagnosis.problem import Problem, soften
 from eha_bench.diagnosis.windows import Window, cut, split
 from eha_bench.plants.plant import Drive
@@ -236,7 +236,7 @@ def _calibrated(
 
 
 def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:
-    notes = tuple(note for item in measured for note in item.notes)
+    notes = grouped(measured)
     total = sum(float(item.time[-1]) for item in measured)
     if total > BUDGET:
         notes = (*notes, f"of {total:.0f} s of training data {BUDGET:.0f} s are simulated, evenly")

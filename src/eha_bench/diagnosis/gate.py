@@ -12,6 +12,7 @@ difference, Ann. Math. Stat. 12 (1941) 153, doi:10.1214/aoms/1177731746.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -30,6 +31,8 @@ _HELD = ("current_command", "reference", "voltage", "pulses")
 _ON_TOP = ("pulses",)
 _LOCKED_STILL = ("piston_position", "piston_velocity", "joint_angle")
 _STUCK = 40
+# a number on its own, not one in a name
+_NUMBER = re.compile(r"(?<![\w.#])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 # sum of the squares of (1, -3, 3, -1)
 _THIRD = 20.0
 _BLOCK = 100
@@ -72,6 +75,33 @@ class Measured:
         if not self.valid[:, at].any():
             return None
         return np.where(self.valid[:, at], self.values[:, at], np.nan)
+
+
+def grouped(measured: Sequence[Measured]) -> tuple[str, ...]:
+    """Return the notes of several runs: what several say alike is said once, for all of them.
+
+    Where they differ by a number only, its range stands in its place.
+    """
+    alike: dict[str, list[tuple[str, list[str]]]] = {}
+    for item in measured:
+        for note in item.notes:
+            text = note.removeprefix(f"{item.run.name}: ")
+            alike.setdefault(_NUMBER.sub("#", text), []).append(
+                (item.run.name, _NUMBER.findall(text))
+            )
+    found = []
+    for text, said in alike.items():
+        names = ", ".join(dict.fromkeys(name for name, _ in said))
+        numbers = zip(*(own for _, own in said), strict=True)
+        ranges = [*(_range_of(own) for own in numbers), ""]
+        pieces = zip(text.split("#"), ranges, strict=True)
+        found.append(f"{names}: " + "".join(piece + value for piece, value in pieces))
+    return tuple(found)
+
+
+def _range_of(numbers: Sequence[str]) -> str:
+    low, high = min(numbers, key=float), max(numbers, key=float)
+    return low if float(low) == float(high) else f"{low} to {high}"
 
 
 def noise_of(values: FloatArray) -> float:
