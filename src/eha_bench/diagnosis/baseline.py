@@ -42,6 +42,9 @@ FRICTION_AT_REST = {
     "creep_speed": (1e-5, 1e-4, 1e-3),
 }
 """How friction behaves at rest is nobody's declared knowledge: fitted always, never an effect."""
+_OF_THE_SHAFT = ("pump_creep_speed",)
+_TELLING = 20.0
+"""Fall of the cost that says that friction at rest is another one."""
 
 
 @dataclass
@@ -205,22 +208,16 @@ def _calibrated(
     )
     rough.scale_to(fit.residual)
     progress("calibrate", 0.4)
-    fit, nuisance = friction_at_rest(rough, fit, keys)
+    fit = at_rest(rough, fit)
     best.append(fit.vector)
     progress("calibrate", 0.6)
     noise = refined_noise(rough, fit.residual, noise)
     problem = Problem(plant, windows, noise, STEP)
     problem.prepare(fit.vector)
     problem.scale_to(problem.residual(fit.vector))
-    everything = (*keys, *nuisance)
-    known = {item.key: fit.jacobian[:, k] for k, item in enumerate(fit.free)}
+    nuisance = tuple(key for key in FRICTION_AT_REST if key in layout.index and key not in keys)
     fit = levenberg_marquardt(
-        problem,
-        fit.vector,
-        free_parameters(layout, everything, fit.vector),
-        known=known,
-        refresh=1,
-        watch=best.append,
+        problem, fit.vector, fit.free, known=fit.columns, refresh=1, watch=best.append
     )
     progress("calibrate", 1.0)
     return Baseline(
@@ -228,8 +225,8 @@ def _calibrated(
         measured,
         problem,
         fit,
-        everything,
-        tuple(nuisance),
+        (*keys, *nuisance),
+        nuisance,
         declared_cost,
         _notes(measured),
     )
@@ -253,51 +250,86 @@ def _as_far_as(
     """Return a baseline at a vector that no fit has finished with."""
     layout = dataset.model.plant.layout
     keys = tuple(dict.fromkeys(dataset.model.calibrate))
-    nuisance = tuple(
-        key
-        for key in FRICTION_AT_REST
-        if key in layout.index and key not in keys and vector[layout.index[key]] != 0.0
-    )
+    nuisance = tuple(key for key in FRICTION_AT_REST if key in layout.index and key not in keys)
     problem = Problem(dataset.model.plant, windows, noise, COARSE)
     problem.prepare(vector)
     problem.scale_to(problem.residual(vector))
-    free = free_parameters(layout, (*keys, *nuisance), vector)
+    creeps = (key for key in nuisance if vector[layout.index[key]] != 0.0)
+    free = free_parameters(layout, (*keys, *creeps), vector)
     fit = levenberg_marquardt(problem, vector, free, iterations=0)
     return Baseline(
         dataset, measured, problem, fit, (*keys, *nuisance), nuisance, np.nan, _notes(measured)
     )
 
 
-def friction_at_rest(problem: Problem, fit: Fit, keys: tuple[str, ...]) -> tuple[Fit, list[str]]:
-    """Try friction that creeps instead of sticking, and keep it where the data say so.
+def at_rest(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit with friction at rest as the data ask for: sticking, or creeping at any speed.
 
-    Returns:
-        The fit, and the names of what was added to it.
+    A start state spreads otherwise where friction creeps otherwise, so the problem is prepared anew
+    for what is compared, and for what is returned.
     """
     layout = problem.plant.layout
-    nuisance: list[str] = []
+    vector = fit.vector
     for key, sizes in FRICTION_AT_REST.items():
-        if key not in layout.index or key in keys:
+        if key not in layout.index:
+            continue
+        moving = [
+            k
+            for k, window in enumerate(problem.windows)
+            if key in _OF_THE_SHAFT or not window.measured.run.locked
+        ]
+        if not moving:
             continue
         at = layout.index[key]
-        if fit.vector[at] == 0.0:
-            best, cost = fit.vector, fit.cost
-            for size in sizes:
-                trial = fit.vector.copy()
-                trial[at] = size
-                soft, _ = soften(problem.residual(trial), problem.soft)
-                if float(soft @ soft) < cost:
-                    best, cost = trial, float(soft @ soft)
-            if best is fit.vector:
-                continue
-        else:
-            best = fit.vector
-        free = free_parameters(layout, (*keys, *nuisance, key), best)
-        known = {item.key: fit.jacobian[:, k] for k, item in enumerate(fit.free)}
-        trial_fit = levenberg_marquardt(problem, best, free, iterations=4, known=known, refresh=0)
-        if trial_fit.cost < fit.cost - 20.0:
-            fit = trial_fit
-            # back at 0 it sticks: free there, it would only spoil the fit of the others
-            if fit.vector[at] != 0.0:
-                nuisance.append(key)
-    return fit, nuisance
+        part = problem.subset(moving).apart()
+        costs = {}
+        for size in dict.fromkeys((float(vector[at]), *sizes)):
+            trial = vector.copy()
+            trial[at] = size
+            part.prepare(trial)
+            soft, _ = soften(part.residual(trial), part.soft)
+            costs[size] = float(soft @ soft)
+        size = min(costs, key=lambda size: costs[size])
+        if costs[size] < costs[float(vector[at])] - _TELLING:
+            vector = vector.copy()
+            vector[at] = size
+    if vector is fit.vector:
+        return fit
+    problem.prepare(vector)
+    return _along(problem, fit, vector)
+
+
+def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit with friction at rest as the data ask for, in a problem prepared as it is."""
+    layout = problem.plant.layout
+    for key, sizes in FRICTION_AT_REST.items():
+        if key not in layout.index:
+            continue
+        at = layout.index[key]
+        best, cost = fit.vector, fit.cost
+        for size in sizes:
+            trial = fit.vector.copy()
+            trial[at] = size
+            soft, _ = soften(problem.residual(trial), problem.soft)
+            if float(soft @ soft) < cost:
+                best, cost = trial, float(soft @ soft)
+        if best is not fit.vector:
+            moved = _along(problem, fit, best)
+            if moved.cost < fit.cost - _TELLING:
+                fit = moved
+    return fit
+
+
+def _along(problem: Problem, fit: Fit, vector: FloatArray) -> Fit:
+    """Return the fit from a vector whose friction at rest is another one."""
+    layout = problem.plant.layout
+    changed = [
+        key
+        for key in FRICTION_AT_REST
+        if key in layout.index and vector[layout.index[key]] != fit.vector[layout.index[key]]
+    ]
+    known = {key: column for key, column in fit.columns.items() if key not in changed}
+    creeps = [key for key in changed if vector[layout.index[key]] != 0.0]
+    free = [item for item in fit.free if item.key not in changed]
+    free += free_parameters(layout, creeps, vector)
+    return levenberg_marquardt(problem, vector, free, iterations=4, known=known, refresh=0)

@@ -62,6 +62,11 @@ class Fit:
     steps: int = 0
     soft: float = 1.0
 
+    @property
+    def columns(self) -> dict[str, FloatArray]:
+        """Return the Jacobian's columns by key."""
+        return {item.key: self.jacobian[:, k] for k, item in enumerate(self.free)}
+
     def values(self) -> dict[str, float]:
         """Return the fitted values by key."""
         return {item.key: float(self.vector[item.at]) for item in self.free}

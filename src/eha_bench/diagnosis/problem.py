@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from typing import TypeVar
@@ -112,6 +112,12 @@ class Problem:
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in other._parts])])
         other._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
         other.size = int(offsets[-1])
+        return other
+
+    def apart(self) -> Problem:
+        """Return the same problem with start-state bases of its own."""
+        other = self.subset(range(len(self.windows)))
+        other._parts = [replace(part) for part in self._parts]
         return other
 
     def at_step(self, step: float) -> Problem:

@@ -7,7 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, SCREENING, friction_at_rest
+from eha_bench.diagnosis.baseline import (
+    COARSE,
+    FRICTION_AT_REST,
+    SCREENING,
+    at_rest,
+    friction_at_rest,
+)
 from eha_bench.diagnosis.candidates import Start
 from eha_bench.diagnosis.evidence import SOFT_MEAN, Comparison
 from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
@@ -66,6 +72,10 @@ def polish(search: Search, rough: Fit, extra: Sequence[Start], *, afresh: bool =
         if other.cost < rough.cost:
             vector = other.vector
             known = known_of(other)
+    elif not afresh:
+        # what an effect left in the residual had bent friction at rest as well
+        better = at_rest(problem.at_step(COARSE), rough)
+        vector, known = better.vector, known_of(better)
     return levenberg_marquardt(
         problem, vector, free_of(search, vector, extra), known=known, refresh=1
     )
@@ -89,8 +99,7 @@ def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> F
     free = [item for item in free_of(search, again, extra) if item.key not in FRICTION_AT_REST]
     near = levenberg_marquardt(short, again, free, iterations=8, refresh=1)
     other = levenberg_marquardt(coarse, near.vector, free, iterations=4, refresh=0)
-    names = [item.key for item in free if "[" not in item.key]
-    return friction_at_rest(coarse, other, tuple(names))[0]
+    return friction_at_rest(coarse, other)
 
 
 class Near:
@@ -119,8 +128,7 @@ class Near:
         fit = levenberg_marquardt(
             self.problem, fit.vector, free, iterations=3, known=known_of(fit), refresh=0
         )
-        names = tuple(item.key for item in free if "[" not in item.key)
-        self.fit = friction_at_rest(self.problem, fit, names)[0]
+        self.fit = friction_at_rest(self.problem, fit)
         self._screened: dict[str, list[Screened]] = {}
 
     def promising(self, starts: Sequence[Start], most: int) -> list[Start]:
@@ -205,9 +213,8 @@ class Near:
         free = self._free(near.vector, [start])
         rounds = 8 if turns else 5
         fit = levenberg_marquardt(problem, near.vector, free, iterations=rounds, refresh=1)
-        names = tuple(item.key for item in free if "[" not in item.key)
         if fit.cost > _NOISE * SOFT_MEAN * problem.size:
-            fit = friction_at_rest(problem, fit, names)[0]
+            fit = friction_at_rest(problem, fit)
         if turns:
             # with the parameters right, the model keeps the phase by itself; a fast turn needs the
             # finer step
@@ -219,7 +226,7 @@ class Near:
 
 def known_of(fit: Fit) -> dict[str, FloatArray]:
     """Return the columns of a fit's Jacobian by key."""
-    return {item.key: fit.jacobian[:, k] for k, item in enumerate(fit.free)}
+    return fit.columns
 
 
 def started(item: Screened, vector: FloatArray) -> FloatArray:
