@@ -29,10 +29,10 @@ bench: setup ## run the paper's suite on the simulator; the last line is the rep
 	$(BIN)/eha-bench run $(SUITE) --out $(REPORT)
 
 test: setup ## run the fast tests
-	$(BIN)/python -m pytest -q -n $(WORKERS) $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)
 
 test-slow: setup ## run the slow tests
-	$(BIN)/python -m pytest -q -n $(WORKERS) -m slow $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m slow $(PYTEST_ARGS)
 
 check: lint types imports ## check style, types and import contracts
 

@@ -54,3 +54,22 @@ def test_what_cannot_run_is_counted_and_what_misses_is_not(
     assert main.main() == 1
     assert "0 met, 1 missed, 1 could not run" in capsys.readouterr().out
     assert math.isnan(main.Row("figure", 1.0).target)
+
+
+def test_growth_writes_its_table_and_figure_into_a_page(main: Any, tmp_path: Path) -> None:
+    from benchmarks.growth import Growth, write_page
+
+    page = tmp_path / "growth.md"
+    page.write_text(
+        "before\n<!-- table by benchmarks.growth -->\nold\n<!-- end of the table -->\nafter\n"
+    )
+    (tmp_path / "images").mkdir()
+    square = Growth("sort badly", "items", (1_000, 10_000), (0.012, 1.2), (3.0, 30.0))
+    write_page([square], page)
+    text = page.read_text()
+    assert "| sort badly | 1 000 → 10 000 items | 12 → 1 200 | 2.00 | 3 → 30 | 1.00 |" in text
+    assert text.startswith("before\n")
+    assert text.endswith("\nafter\n")
+    assert "old" not in text
+    assert "sort badly" in (tmp_path / "images" / "growth.svg").read_text()
+    assert not square.linear
