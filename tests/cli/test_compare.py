@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -78,6 +80,53 @@ def test_ab_runs_in_turn_stops_and_resumes(cli: Cli, suite: Path, tmp_path: Path
     assert all(path.stat().st_mtime_ns <= first for path in kept[:1])
     refused = cli(*wanted[:-4], "--repeats", "5", "--out", "ab", "--resume", check=2)
     assert "begun with another" in refused.stderr
+
+
+def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
+    cli: Cli, suite: Path, tmp_path: Path
+) -> None:
+    suite.write_text(SUITE.partition("  - id: sine")[0], encoding="utf-8")
+    wanted = ["ab", suite, "--a", "simulator", "--b", "simulator", "--out", "ab", "--warm-up", "0"]
+    words = [str(word) for word in (*wanted, "--repeats", "60")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "eha_bench", *words], cwd=tmp_path, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    with process:
+        third = [tmp_path / "ab" / side / "002-hold" / "result.json" for side in "ab"]
+        while not all(file.is_file() for file in third):
+            assert process.poll() is None, process.communicate()[1]
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=60)
+    assert process.returncode == 130, said[1]
+    assert "interrupted: go on with --resume" in said[1]
+    assert "Traceback" not in said[1]
+    assert "the run was stopped (incomplete)" in said[1]
+    ended = []
+    for side in "ab":
+        content = json.loads((tmp_path / "ab" / side / "result.json").read_text(encoding="utf-8"))
+        assert content["status"] == "incomplete"
+        # the run that was interrupted is there, and not scored
+        ended.append(sum(trial["status"] == "passed" for trial in content["trials"]))
+    assert min(ended) >= 2
+    found = json.loads((tmp_path / "ab" / "comparison.json").read_text(encoding="utf-8"))
+    assert max(item["baseline"]["runs"] for item in found["metrics"]) == min(ended)
+    first = sorted((tmp_path / "ab").glob("?/000-hold/recordings/*.mcap"))
+    kept = [file.stat().st_mtime_ns for file in first]
+    assert len(kept) == 2
+    resumed = subprocess.Popen(
+        [sys.executable, "-m", "eha_bench", *words, "--resume"], cwd=tmp_path, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    with resumed:
+        further = tmp_path / "ab" / "b" / f"{max(ended) + 1:03d}-hold" / "result.json"
+        while not further.is_file():
+            assert resumed.poll() is None, resumed.communicate()[1]
+            time.sleep(0.01)
+        resumed.send_signal(signal.SIGINT)
+        resumed.communicate(timeout=60)
+    assert [file.stat().st_mtime_ns for file in first] == kept
 
 
 def test_a_history_of_runs_is_a_site(cli: Cli, runs: Path, tmp_path: Path) -> None:
