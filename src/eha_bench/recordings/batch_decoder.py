@@ -20,6 +20,7 @@ _STAMPS = (
     ("header.stamp.sec", "header.stamp.nanosec"),
     ("stamp.sec", "stamp.nanosec"),
     ("header.stamp.seconds", "header.stamp.nanos"),
+    ("stamp.seconds", "stamp.nanos"),
     ("header.timestamp.seconds", "header.timestamp.nanos"),
     ("timestamp.seconds", "timestamp.nanos"),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,25 +20,21 @@ from eha_bench.recordings.bags.bag1_records import (
     u32,
     walk,
 )
-from eha_bench.recordings.bags.blobs import Batch, Connection, collect
-from eha_bench.recordings.channel_map import Clock
+from eha_bench.recordings.bags.bag_file import BagFile
+from eha_bench.recordings.bags.blobs import Batch
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
 from eha_bench.recordings.encodings.payloads import Bytes
 from eha_bench.recordings.file_bytes import map_file
-from eha_bench.recordings.source import Source, Span, Topic, Wanted
-from eha_bench.recordings.track import Track
 
 _MAGIC = b"#ROSBAG V2.0\n"
 
 
-class Bag1Source(Source):
+class Bag1Source(BagFile):
     """An opened ROS 1 bag."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        super().__init__(path)
         self._buffer = map_file(path)
-        self._notes: list[str] = []
-        self._damaged = False
         if bytes(self._buffer[: len(_MAGIC)]) != _MAGIC:
             version = bytes(self._buffer[:13]).decode("latin-1").strip()
             raise RecordingError(
@@ -46,57 +42,19 @@ class Bag1Source(Source):
                 where=Place(file=str(path)),
                 hint="migrate it with 'rosbag fix'",
             )
-        self._connections: dict[int, Connection] = {}
         self._chunks: list[tuple[Record, bool]] = []
         self._times: dict[int, tuple[int, int]] = {}
         self._loose = False
         self._scan()
 
     @property
-    def path(self) -> str:
-        """The file, for messages."""
-        return str(self._path)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found so far: a tear, damaged chunks."""
-        return tuple(dict.fromkeys(self._notes))
-
-    @property
-    def damaged(self) -> bool:
-        """Whether something of it was lost."""
-        return self._damaged
-
-    @property
     def format(self) -> str:
         """`rosbag1`."""
         return "rosbag1"
 
-    def topics(self) -> tuple[Topic, ...]:
-        """The topics of the bag."""
-        found: dict[str, Topic] = {}
-        for one in self._connections.values():
-            found.setdefault(one.topic, Topic(one.topic, one.encoded))
-        return tuple(found.values())
-
-    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
-        """Return the samples of the wanted topics, in order of their chunks' times.
-
-        Raises:
-            RecordingError: a topic cannot be decoded, or the publisher's clock is asked for.
-        """
-        del span  # all of it has to be decoded anyway
-        for topic, what in wanted.items():
-            if what.clock is Clock.PUBLISH:
-                raise RecordingError(
-                    "a ROS 1 bag does not hold the time of publishing",
-                    where=Place(file=self.path, topic=topic),
-                    hint="use clock: log or header",
-                )
-        return collect(self, wanted, self._connections, self._batches())
-
-    def _batches(self) -> Iterator[Batch]:
-        """Yield the messages chunk by chunk, in order of time if chunks do not overlap."""
+    def _batches(self, topics: set[str]) -> Iterator[Batch]:
+        """Yield all messages chunk by chunk, in order of time if chunks do not overlap."""
+        del topics  # those of all are in every chunk
         if self._loose:
             yield messages(self._buffer, len(_MAGIC))
         for record, torn in self._in_order():

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.bags.blobs import Batch, Connection, collect, joined
-from eha_bench.recordings.channel_map import Clock
+from eha_bench.recordings.bags.bag_file import BagFile
+from eha_bench.recordings.bags.blobs import Batch, Connection, joined
 from eha_bench.recordings.encodings.decoder import Encoded
-from eha_bench.recordings.source import Source, Span, Topic, Wanted
-from eha_bench.recordings.track import Track
 
 _BATCH = 8192
 
 
-class SqliteSource(Source):
+class SqliteSource(BagFile):
     """An opened sqlite3 bag file."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._notes: list[str] = []
-        self._damaged = False
+        super().__init__(path)
         try:
             self._connections = self._read_connections()
         except (sqlite3.Error, ValueError, TypeError) as error:
@@ -34,50 +30,9 @@ class SqliteSource(Source):
             ) from error
 
     @property
-    def path(self) -> str:
-        """The file, for messages."""
-        return str(self._path)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found so far: a damaged end."""
-        return tuple(dict.fromkeys(self._notes))
-
-    @property
-    def damaged(self) -> bool:
-        """Whether something of it was lost."""
-        return self._damaged
-
-    @property
     def format(self) -> str:
         """`sqlite3`."""
         return "sqlite3"
-
-    def topics(self) -> tuple[Topic, ...]:
-        """The topics of the file."""
-        found: dict[str, Topic] = {}
-        for connection in self._connections.values():
-            skipped = "it holds service events" if "/srv/" in connection.encoded.schema_name else ""
-            found.setdefault(
-                connection.topic, Topic(connection.topic, connection.encoded, None, skipped)
-            )
-        return tuple(found.values())
-
-    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
-        """Return the samples of the wanted topics, in file order.
-
-        Raises:
-            RecordingError: a topic cannot be decoded, or the publisher's clock is asked for.
-        """
-        del span  # all of it has to be decoded anyway
-        for topic, what in wanted.items():
-            if what.clock is Clock.PUBLISH:
-                raise RecordingError(
-                    "a sqlite3 bag does not hold the time of publishing",
-                    where=Place(file=self.path, topic=topic),
-                    hint="use clock: log or header",
-                )
-        return collect(self, wanted, self._connections, self._batches(set(wanted)))
 
     def _open(self) -> sqlite3.Connection:
         # immutable: a bag on a read-only disk has no room for a lock or a journal
@@ -108,6 +63,7 @@ class SqliteSource(Source):
             return found
 
     def _batches(self, topics: set[str]) -> Iterator[Batch]:
+        """Yield the messages of some topics in order of their rows."""
         ids = [c.id for c in self._connections.values() if c.topic in topics]
         marks = ",".join("?" * len(ids))
         count = 0
