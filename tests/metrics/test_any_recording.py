@@ -193,3 +193,44 @@ def test_every_metric_on_every_kind_of_trial(kit, name):
         measure = kit.measure(name, recording, trial, found.spec.channel_for(trial.channel))
         assert "failed (" not in measure.reason
         assert measure.reason
+
+
+def test_a_gap_in_the_periods_of_a_sine_is_said(kit):
+    time = np.arange(1000) / 1000
+    signal = signals(kit)["sine"]
+    stamps = np.where(time > 0.5, time + 100.0, time)
+    recording = Recording(
+        stamps, {CHANNEL: signal(time), "reference": signal(time)}, metadata={"signal_start": "0.0"}
+    )
+    trial = kit.trial(signal, 1.0)
+    check(recording, trial)
+    found = kit.measure("amplitude_ratio", recording, trial)
+    assert math.isnan(found.value)
+    assert "gap" in found.reason
+
+
+@pytest.mark.parametrize("stretch", [1e-300, 1e200])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_clock_beyond_reason_is_said(kit, kind, stretch):
+    signal = signals(kit)[kind]
+    time = np.arange(-100, 1000) / 1000
+    values = signal(time - 0.02)
+    recording = Recording(
+        (time - time[0]) * stretch,
+        {CHANNEL: values, "reference": signal(time), "current": values},
+        metadata={"signal_start": "0.1"},
+    )
+    check(recording, kit.trial(signal, 1.0, settle=0.1))
+    assert (
+        "the clock is none" in kit.measure("tracking_rms", recording, kit.trial(signal, 1)).reason
+    )
+
+
+def test_two_samples_have_a_lag(kit):
+    signal = signals(kit)["sweep"]
+    recording = Recording(
+        np.array([0.0, 1e-3]), {CHANNEL: np.ones(2), "reference": np.zeros(2)},
+        metadata={"signal_start": "0.0"},
+    )  # fmt: skip
+    found = kit.measure("tracking_rms_lag_compensated", recording, kit.trial(signal, 2e-3))
+    assert found.value == pytest.approx(1.0)

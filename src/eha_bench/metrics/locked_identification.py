@@ -287,7 +287,8 @@ def _sags(recording: Recording, holds: _Holds, compliance: float) -> tuple[Float
             driving -= driving.mean()
             moved -= moved.mean()
             power = float(driving @ driving)
-            if abs(float(difference[part].mean())) > 10.0 * white_noise(difference[part]):
+            pressed = abs(float(difference[part].mean())) > 10.0 * white_noise(difference[part])
+            if pressed and power > 0.0:
                 values.append(float(moved @ driving) / power)
                 weights.append(power)
     return np.array(values), np.array(weights)

@@ -27,6 +27,7 @@ TRANSIENT_PERIODS = 2
 
 _FEWEST_PER_PERIOD = 4
 _BLOCKS = 64  # blocks of periods that are compared for stationarity, at most about twice as many
+_THERE = 0.9  # share of the samples below which a gap is no matter of a few lost ones
 _STATIONARY = 0.01  # of the amplitude: what a settled period may differ from the last ones
 _DRIFT = 0.05  # of the amplitude: between the halves of the settled periods
 
@@ -119,6 +120,9 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     whole = line.between(stop - periods / tone.frequency, stop)
     require_finite(line, values, whole)
     require_finite(line, line.reference, whole)
+    there = (whole.stop - whole.start) * line.period * tone.frequency / periods
+    if there < _THERE:
+        raise NotScored(f"a gap: {100 * (1 - there):.0f} % of the {label} periods have no samples")
     frequency = _commanded_frequency(line, tone, whole)
     scale = magnitude(values[whole])
     if scale == 0.0:

@@ -42,13 +42,10 @@ class TrackingLagCompensated(TrackingMetric):
         end = first + (int(np.argmin(low[first:])) if not np.all(low[first:]) else low.size - first)
         best = first + int(np.argmin(tried[first:end]))
         at_best = reference[: reference.size - best] - measured[best:]
-        value, lag = min(
-            (math.sqrt(float(at_best @ at_best) / at_best.size), float(best)),
-            *(
-                _between_lags(reference, measured, whole)
-                for whole in range(max(best - 1, 0), min(best + 1, reference.size - 2))
-            ),
-        )
+        found = [(math.sqrt(float(at_best @ at_best) / at_best.size), float(best))]
+        for whole in range(max(best - 1, 0), min(best + 1, reference.size - 2)):
+            found.append(_between_lags(reference, measured, whole))
+        value, lag = min(found)
         reason = f"RMS after a lag of {lag * error.period:.4g} s is taken off"
         return Measure(value * error.scale, reason=reason)
 

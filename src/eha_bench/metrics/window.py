@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 SIGNAL_START = "signal_start"
 """Metadata key: time of the recording, in s, at which the trial's signal starts."""
 
+_FASTEST = 1e-12  # s: samples closer than this, or a longer recording, are no clock's ...
+_LONGEST = 1e12  # ... and differences and squares of their times leave the floating-point range
 _SAME_LEVEL = 0.05  # of the jump: closer than this, two sampled levels of the reference are one
 
 
@@ -69,6 +71,9 @@ def _timeline(recording: Recording, trial: Trial) -> Timeline:
     if len(recording) < 2:
         raise NotScored(f"the recording has {len(recording)} sample(s)")
     period = recording.sample_period
+    span = float(recording.time[-1] - recording.time[0])
+    if not (period >= _FASTEST and span <= _LONGEST):
+        raise NotScored(f"the clock is none: a sample every {period:.3g} s, for {span:.3g} s")
     recorded = "reference" in recording.values
     own = _own_start(recording)
     if own is not None:
