@@ -56,7 +56,12 @@ def test_matlab_documentation_one_on_a_dense_grid(kit, name, expected):
 @pytest.mark.parametrize(
     ("system", "hold", "name", "expected", "tolerance"),
     [
-        # MATLAB's grid has steps of a hundredth of the time shown; levels agree to 0.5 %
+        # times within a sample of MATLAB's grid (its peak is 0.03 s off the true one), levels 0.5 %
+        (MATLAB_1, 60.0, "rise_time", 3.8456, 0.04),
+        (MATLAB_1, 60.0, "settling_time", 27.9762, 0.04),
+        (MATLAB_1, 60.0, "overshoot", 0.074915, 0.005 * 0.074915),
+        (MATLAB_1, 60.0, "peak", 2.6873, 0.005 * 2.6873),
+        (MATLAB_1, 60.0, "peak_time", 8.0530, 0.04),
         (MATLAB_2, 10.0, "rise_time", 0.2087, 1e-4),
         (MATLAB_2, 10.0, "settling_time", 3.4972, 1e-4),
         (MATLAB_2, 10.0, "overshoot", 0.265302, 0.005 * 0.265302),
