@@ -137,6 +137,14 @@ def test_bandwidth_of_a_clean_system(kit, signals, kind, damping):
     assert found.value == pytest.approx(at_90deg, rel=1e-3), found.reason
 
 
+@pytest.mark.parametrize(
+    ("damping", "ratio"), [(0.3, 1.45369), (0.5, 1.27202), (0.7, 1.01005), (0.9, 0.74606)]
+)
+def test_tabulated_bandwidths_of_second_order(kit, signals, damping, ratio):
+    found = kit.measure("bandwidth_3db", *respond(kit, signals["multisine"], damping))
+    assert found.value == pytest.approx(ratio * NATURAL, rel=0.005)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_point_is_right(kit, signals, kind):
     recording, trial = respond(kit, signals[kind])
