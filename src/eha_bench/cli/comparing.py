@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -163,6 +164,7 @@ def say_verdicts(found: Comparison) -> None:
     from eha_bench.comparison.verdict import Verdict
     from eha_bench.report.comparison_report import headline
     from eha_bench.report.comparison_rows import rows_of
+    from eha_bench.report.engineering import number
 
     for caveat in found.caveats:
         say(f"note: {caveat}")
@@ -170,6 +172,8 @@ def say_verdicts(found: Comparison) -> None:
     for row in rows_of(found.of(*others)):
         share = f" ({row.share})" if row.share else ""
         change = f": {row.baseline} -> {row.candidate} {row.unit}".rstrip() + share
+        if row.baseline == row.candidate == number(math.nan):
+            change = ""
         note = f"; {row.note}" if row.note else ""
         say(f"{row.trial}: {row.metric} {row.verdict}{change}{note}")
     say(f"{found.status.replace('_', ' ')}: {headline(found)}")

@@ -31,6 +31,7 @@ from eha_bench.trends.trend import State, Trend
 
 INDEX_NAME: Final = "index.html"
 _ALIKE: Final = 1.4  # widening from which on it is said: nights correlated by a third
+_DATE: Final = 10
 _LOOKS: Final = {
     State.OUT_OF_LIMITS: ("failed", "✕"),
     State.STEPPED: ("failed", "⤒"),
@@ -218,6 +219,8 @@ def _between(trend: Trend, change: Change, names: dict[int, str]) -> str:
     if change.earliest == change.latest:
         return ""
     first, last = (names[trend.nights[at].id] for at in (change.earliest, change.latest))
+    if first[:_DATE] != last[:_DATE]:
+        first, last = first[:_DATE], last[:_DATE]
     return f"{first} … {last}"
 
 

@@ -239,6 +239,8 @@ class _Search:
         whole = float(np.sum((self._values - matrix @ sizes) ** 2))
         degrees = self._values.size - 1 - len(terms)
         found = []
+        # two terms may have come as one pair, which was looked for at all these lengths
+        lengths = len(_LENGTHS) if len(terms) > 1 else 1
         noise = _bounded(self._raw - matrix @ sizes) * np.sqrt(self._values.size / max(1, degrees))
         for term in terms:
             others = [other for other in terms if other is not term]
@@ -246,7 +248,8 @@ class _Search:
             column = self._own_column(term, others)
             inflation = self._inflation(column)
             p = self._p_value(without, without - whole, degrees, inflation)
-            found.append(max(p, self._by_tails(column, others, noise, inflation)))
+            p = max(p, self._by_tails(column, others, noise, inflation))
+            found.append(min(1.0, lengths * p))
         return found
 
     def _own_column(self, term: Term, others: list[Term]) -> FloatArray:
