@@ -9,7 +9,7 @@ from pathlib import Path
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.scoring import score_recordings
-from eha_bench.core.errors import TargetFault
+from eha_bench.core.errors import InputError, Place, TargetFault
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult, write_text
 from eha_bench.core.trial import Trial
@@ -65,11 +65,16 @@ def run(
     try:
         write_reports(folder, result, by_repeat, folder)
     except OSError as error:
+        missing = f"the report cannot be written ({error.strerror})"
         if result.status is not Status.FAULT:
-            raise
+            raise InputError(
+                missing,
+                where=Place(file=str(folder)),
+                hint="make room, then 'eha-bench run --resume' writes it; the recordings are there",
+            ) from error
         # a full disk must not hide why the rig was stopped
         reason = next(item.reason for item in result.trials if item.status is Status.FAULT)
-        raise TargetFault(f"{reason}; the report cannot be written ({error.strerror})") from error
+        raise TargetFault(f"{reason}; {missing}") from error
     return result
 
 

@@ -1,6 +1,5 @@
 """What is on the disk when the process is killed, or when the disk is full."""
 
-import json
 import os
 import random
 import resource
@@ -16,8 +15,9 @@ from pathlib import Path
 import pytest
 
 from eha_bench import recordings
-from eha_bench.core.errors import RecordingError
+from eha_bench.core.errors import RecordingError, TargetFault
 from eha_bench.core.recording import Recording
+from eha_bench.core.result import Result, Status
 from eha_bench.recordings import LiveWriter
 
 AT_RISK = 0.25
@@ -148,14 +148,20 @@ def test_a_disk_that_fills_during_a_run_stops_it_and_keeps_what_is_there(tmp_pat
 
     (tmp_path / "full.yaml").write_text(SUITE)
     out = tmp_path / "out"
-    with room_for(60_000), pytest.raises(RecordingError, match=r"long-0.*cannot be written.*room"):
+    with room_for(60_000), pytest.raises(TargetFault, match=r"cannot be written.*report cannot"):
         eb.run(tmp_path / "full.yaml", target="simulator", out=out)
     assert [file.name for file in (out / "recordings").iterdir()] == ["short-0.mcap"]
     kept = recordings.read(out / "recordings" / "short-0.mcap")
     assert kept.time[-1] == pytest.approx(0.1, abs=0.0015)
-    result = json.loads((out / "result.json").read_text())
-    assert result["status"] == "incomplete"
-    assert [trial["id"] for trial in result["trials"] if trial["recording"]] == ["short"]
+    result = Result.read(out / "result.json")
+    assert [(trial.id, trial.status) for trial in result.trials] == [
+        ("short", Status.PASSED),
+        ("long", Status.FAULT),
+    ]
+    assert "the recording cannot be written" in result.trials[1].reason
+    assert result.provenance["stopped_by"] == "fault"
+    again = eb.run(tmp_path / "full.yaml", target="simulator", out=out, resume=True)
+    assert again.status is Status.PASSED
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")

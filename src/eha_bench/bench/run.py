@@ -71,11 +71,9 @@ class _Run:
         try:
             result.write(self.folder.result)
         except OSError as error:
-            stopped = [trial for trial in result.trials if trial.status is Status.FAULT]
-            if not stopped:
-                raise
+            stopped = [f"{t.reason}; " for t in result.trials if t.status is Status.FAULT]
             raise TargetFault(
-                f"{stopped[-1].reason}; the result cannot be written ({error.strerror})",
+                f"{''.join(stopped[-1:])}the result cannot be written ({error.strerror})",
                 hint="make room; the recordings read up to where the disk was full",
             ) from error
         return result
@@ -197,10 +195,10 @@ def _run_one(
         try:
             write(path, recording)
         except RecordingError as error:
-            if not path.is_file() or ending is Ending.COMPLETE:
-                raise
             # the disk is full: what was written while the trial ran is what there is
-            reason = f"{reason}; {error.what}"
+            relative = relative if path.is_file() else ""
+            reason = f"{reason}; {error.what}" if reason else f"the recording {error.what}"
+            ending = Ending.FAULT if ending is Ending.COMPLETE else ending
     else:
         relative = ""
     if ending is not Ending.COMPLETE:
