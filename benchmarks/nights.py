@@ -78,7 +78,7 @@ def changed_histories(histories: int) -> Iterator[Line]:
     drifts += [("drift a night", 0.3, 60), ("drift a night", 0.5, 60)]
     for noise in ("normal", "Student's t, 3 degrees", "Laplace", "neighbours alike by 0.3"):
         for kind, size, count in [*steps, *drifts]:
-            possible = best_possible(kind, size, count, 200) if noise == "normal" else 1.0
+            possible = best_possible(kind, size, count, 500) if noise == "normal" else 1.0
             yield _changed(noise, kind, size, count, histories, possible)
 
 
@@ -102,7 +102,7 @@ def _changed(
     # a target only where anybody could reach it
     least = 0.9 if noise == "normal" and possible >= 0.95 else None
     what = f"{kind} of {size:g} sigma in {count} nights, {noise}, within 2 nights"
-    most = f"; nobody could: {possible:.1%}" if noise == "normal" else ""
+    most = f"; best possible {possible:.1%}" if noise == "normal" else ""
     interval = f"; interval {np.mean(nights):.1f} nights, right in {np.mean(held):.1%}"
     return replace(
         rate(what, near, least=least),

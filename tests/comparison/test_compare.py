@@ -182,6 +182,28 @@ def test_there_must_be_a_result(tmp_path: Path) -> None:
         load_side(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"{", "not a result"),
+        (b"[1, 2]", "schema version"),
+        (b'{"schema_version": 99}', "schema version 99"),
+        (b"\xff\xfe\x00\x01", "not a result"),
+        (b'{"schema_version": 1, "trials": 3}', "not a result"),
+    ],
+)
+def test_a_damaged_side_is_an_error_that_names_it(
+    content: bytes, said: str, tmp_path: Path
+) -> None:
+    good = folder(tmp_path / "good", result(BASE))
+    damaged = tmp_path / "baseline.json"
+    damaged.write_bytes(content)
+    for sides in ((damaged, good), (good, damaged)):
+        with pytest.raises(InputError, match=said) as caught:
+            eb.compare(*sides)
+        assert "baseline.json" in str(caught.value)
+
+
 def test_names_in_a_result_are_text_on_the_page(tmp_path: Path) -> None:
     odd = result(BASE, "<script>alert(1)</script>", trial="<b>x</b>")
     folder(tmp_path / "a", odd)

@@ -103,6 +103,7 @@ class Result:
             raise InputError(
                 f"schema version {version} instead of {SCHEMA_VERSION}",
                 where=Place(file=str(path), key="schema_version"),
+                hint="read it with the eha-bench that wrote it, or run the suite again",
             )
         try:
             return _from_dict(data)
