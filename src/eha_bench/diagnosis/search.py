@@ -48,6 +48,7 @@ _NEAREST = 4
 _FINALISTS = 3
 _TURNING = 3
 _PROMISING = 3
+_NEARLY = 0.1
 _MOSTLY = 0.3
 """Share of the excess that may be left before the scan of what turns with the shaft is worth it."""
 _BENT = 0.3
@@ -92,6 +93,15 @@ def _grow(search: Search, limits: Thresholds, progress: Progress) -> None:
             _drop_last(search)
             continue
         _review(search, limits)
+        if _nearly(search):
+            # what is left of what was nearly explained is more likely a wrong form than a new cause
+            exchange(search, limits)
+
+
+def _nearly(search: Search) -> bool:
+    """Whether what was found explains nearly everything, but not all of it."""
+    nearly = search.excess_left.total < _NEARLY * search.excess_base.total
+    return nearly and _worth_a_look(search) and len(search.accepted) > 0
 
 
 def _idle(search: Search, limits: Thresholds) -> bool:

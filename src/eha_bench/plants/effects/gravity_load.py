@@ -52,7 +52,7 @@ EFFECT = Effect(
     summary="The weight of the leg acts on the rod through the linkage.",
     parameters=(
         Parameter("gravity_torque", "N*m", 20.0, -1e4, 1e4, "G"),
-        Parameter("level_angle", "rad", 1.0, -math.pi, math.pi, "alpha_0"),
+        Parameter("level_angle", "rad", 1.0, -2.0 * math.pi, 2.0 * math.pi, "alpha_0"),
         choice("posture", ("link", "standing"), "what the weight does with the knee"),
     ),
     actions={"eha_knee": Action(Equation.FORCE, {"rod_force": weighed})},

@@ -1,0 +1,92 @@
+"""What is periodic in the shaft's angle is found where the model loses the angle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.diagnosis.candidates import effect_starts
+from eha_bench.diagnosis.dataset import Run, Use
+from eha_bench.diagnosis.fit import free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.gate import Measured
+from eha_bench.diagnosis.periodic import ANGLE, anchored, scan
+from eha_bench.diagnosis.problem import Problem
+from eha_bench.diagnosis.windows import window_at
+from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.plant import Drive
+
+NOISE = {"current": 0.05, "motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
+COUNT, PHASE, AMPLITUDE = 7, 0.8, 0.05
+
+
+def turning() -> Measured:
+    """A shaft that turns with the bypass open while its magnets pull."""
+    pull = {"amplitude": AMPLITUDE, "count": float(COUNT), "phase": PHASE}
+    truth = Model("eha_knee", {}, (), (DeclaredEffect("cogging_torque", pull),))
+    time = np.arange(0.0, 0.8, 1e-3)
+    command = 3.5 * np.sin(2 * np.pi * 1.25 * time)
+    drive = Drive(time, {"current_command": command}, {}, True, True)
+    values = truth.plant.simulate(truth.vector(), drive, 5e-5)[:, :4]
+    values += np.random.default_rng(1).standard_normal(values.shape) * list(NOISE.values())
+    run = Run("ramps", Path("ramps.mcap"), None, True, True, Use.TRAIN, lambda: None)
+    good = np.ones(values.shape, dtype=np.bool_)
+    return Measured(run, time, {"current_command": command}, tuple(NOISE), values, good)
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    measured = turning()
+    windows = [window_at(measured, k, k + 100, NOISE) for k in range(100, 800, 100)]
+    return Problem(Model("eha_knee", {}).plant, windows, NOISE, 2e-4)
+
+
+def test_count_phase_and_amplitude_are_found_beside_a_wrong_friction(problem):
+    layout = problem.plant.layout
+    vector = Model("eha_knee", {}).vector()
+    vector[layout.index["viscous_torque"]] *= 1.1
+    held = anchored(problem)
+    held.prepare(vector)
+    keys = ["viscous_torque", "coulomb_torque"]
+    free = free_parameters(layout, keys, vector)
+    fit = levenberg_marquardt(held, vector, free, iterations=3)
+    starts = effect_starts(layout, layout.effect("cogging_torque"))
+    best = scan(held, fit, layout, starts)[0]
+    settings = dict(best.settings)
+    assert settings[layout.index["cogging_torque.count"]] == COUNT
+    off = settings[layout.index["cogging_torque.phase"]] - PHASE
+    assert np.cos(off) > 0.9
+    assert best.strength == pytest.approx(AMPLITUDE, rel=0.3)
+    assert "cogging_torque.count" not in best.keys
+
+
+def test_an_angle_that_drives_the_model_stays_as_it_was_measured(problem):
+    held = anchored(problem)
+    assert all(ANGLE in window.measured.inputs for window in held.windows)
+    again = anchored(held)
+    first, second = held.windows[-1].measured, again.windows[-1].measured
+    assert np.array_equal(first.inputs[ANGLE], second.inputs[ANGLE])
+
+
+def test_the_right_phase_explains_where_the_model_turns_at_another_speed(problem):
+    """With friction 30 % off the model's own angle is off by turns of the magnets in 0.4 s."""
+    measured = problem.windows[0].measured
+    window = window_at(measured, 100, 600, NOISE)
+    long = Problem(problem.plant, [window], NOISE, 1e-4)
+    layout = problem.plant.layout
+    vector = Model("eha_knee", {}).vector()
+    vector[layout.index["viscous_torque"]] *= 1.3
+
+    def change(kind: Problem, phase: float) -> np.ndarray:
+        on = vector.copy()
+        on[layout.index["cogging_torque.amplitude"]] = AMPLITUDE
+        on[layout.index["cogging_torque.count"]] = COUNT
+        on[layout.index["cogging_torque.phase"]] = phase
+        return kind.raw(on) - kind.raw(vector)
+
+    left = long.raw(vector)
+    held = change(anchored(long), PHASE) @ left
+    opposite = change(anchored(long), PHASE + np.pi) @ left
+    # the right phase takes from the residual, the opposite one adds to it
+    assert held < 0.0 < opposite
