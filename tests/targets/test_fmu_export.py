@@ -79,6 +79,11 @@ def test_an_exported_plant_is_the_simulator(version: int, tmp_path: Path) -> Non
         for name in ("reference", "current_command", *OUTPUTS):
             scale = np.abs(other[name]).max() + 1e-12
             np.testing.assert_allclose(one[name], other[name], rtol=1e-7, atol=1e-9 * scale)
+        for found, wanted in zip(mine.scores, theirs.scores, strict=True):
+            assert found.metric == wanted.metric
+            assert found.value == pytest.approx(wanted.value, rel=1e-6, nan_ok=True)
+    values = [score.value for trial in results["fmu"].trials for score in trial.scores]
+    assert np.isfinite(values).sum() > 10
 
 
 def test_only_the_knee_is_exported(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from eha_bench.targets.fmu.description import Binary, Variable
 
 _PATIENCE = 5.0
 """Time for a process to leave by itself, s."""
-SILENCE = 300.0
+SILENCE = 600.0
 """Time for an FMU to answer, s: large models take minutes to start, and none a night for a step."""
 
 
