@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -64,15 +67,23 @@ def test_the_published_symmetric_model_has_its_published_error(shared_data) -> N
 
 
 def test_friction_and_then_its_asymmetry_are_named(repository, shared_data, tmp_path) -> None:
-    dataset = _example(repository, shared_data, tmp_path, "dataset.yaml")
-    found = diagnose(dataset, tmp_path / "out")
-    assert found.verdict is Verdict.EFFECT
-    assert [item.id for item in found.effects] == ["coulomb_friction", "asymmetric_friction"]
-    assert found.effects[1].settings["kind"] == "viscous"
-    revised = load_model(tmp_path / "out" / "revised.yaml")
+    """What the shipped example prints and writes."""
+    script = repository / "examples" / "close_the_loop_on_emps.py"
+    command = [sys.executable, str(script), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=900)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "verdict: effect" in done.stdout
+    assert "coulomb_friction in the force equation" in done.stdout
+    found = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert found["verdict"] == Verdict.EFFECT
+    named = [item["id"] for item in found["effects"]]
+    assert named == ["coulomb_friction", "asymmetric_friction"]
+    assert found["effects"][1]["settings"]["kind"] == "viscous"
+    revised = load_model(tmp_path / "revised.yaml")
     assert _equation_error(_measured(shared_data, "DATA_EMPS.mat"), revised) < 0.0315
     # in closed loop, on the file that was never fitted, with its pulses as an input
-    assert found.holdout["piston_position"].after < 2.3e-6
+    assert found["error"]["holdout"]["piston_position"]["after"] < 2.3e-6
+    dataset = tmp_path / "dataset" / "dataset.yaml"
     runs = {item.run: item.values for item in predict(dataset, revised)}
     validation = _measured(shared_data, "DATA_EMPS_PULSES.mat")
     error = runs["DATA_EMPS_PULSES"]["piston_position"] - validation["qm"]

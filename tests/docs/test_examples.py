@@ -1,4 +1,4 @@
-"""The examples run, and print what they promise."""
+"""The examples run, and print what they promise; that of EMPS in tests/diagnosis/test_emps.py."""
 
 import subprocess
 import sys
@@ -33,13 +33,6 @@ def test_controllers_are_compared(tmp_path: Path) -> None:
     printed = run("compare_controllers/compare_controllers.py", tmp_path)
     assert "steady_state_error: worse" in printed
     assert (tmp_path / "comparison" / "comparison.html").is_file()
-
-
-def test_the_loop_is_closed_on_measured_data(tmp_path: Path, shared_data: Path) -> None:
-    assert shared_data.is_dir()
-    printed = run("close_the_loop_on_emps.py", tmp_path)
-    assert "verdict: effect" in printed
-    assert "coulomb_friction in the force equation" in printed
 
 
 def test_without_the_measurements_it_says_so(
