@@ -340,8 +340,8 @@ def endurance(folder: Path, minutes: float, *, relaxed: bool) -> bool:
         ("loop_period_p99_9", "ms", 1e3),
         ("loop_period_max", "ms", 1e3),
     ):
-        value = float(recording.metadata[key]) * scale
-        ROWS.append(Row(f"rig: {key} in {minutes:g} min at 1 kHz", value, unit))
+        figure = float(recording.metadata[key]) * scale
+        ROWS.append(Row(f"rig: {key} in {minutes:g} min at 1 kHz", figure, unit))
     print(f"  rig overslept at most {number(last(rig.events(), 'end'), 'overslept_most') * 1e3} ms")
     return run.returncode == 0
 

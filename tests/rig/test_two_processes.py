@@ -200,14 +200,15 @@ def test_a_loop_that_is_not_healthy_is_not_scored_and_run_again(
     rig: Rigs, suite: Suites, tmp_path: Path
 ) -> None:
     more = relaxed(BASE).replace("lost: 1", "lost: 0.05")
-    played = rig("--fault", "lost=0.3", "--watchdog", "5 s", more=more)
     accept = "    accept:\n      tracking_max: {channel: current, max: 12 A}\n"
     path = suite(more=accept, duration="0.5 s", rate="1 kHz")
-    status, said = played.do(
-        "run", path, "--target", played.target, "--out", tmp_path / "out", "--retries", 1
-    )
-    if status == 3:
-        pytest.skip(f"this machine stalled for longer than the watchdog bears: {said}")
+    for _ in range(3):  # a machine that stalls for longer than the watchdog bears stops the run
+        played = rig("--fault", "lost=0.3", "--watchdog", "5 s", more=more)
+        status, said = played.do(
+            "run", path, "--target", played.target, "--out", tmp_path / "out", "--retries", 1
+        )
+        if status != 3:
+            break
     assert status == 1, said
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     trial = result["trials"][0]

@@ -87,6 +87,7 @@ class RigDrive:
         self._heartbeat_due = 0.0
         self._alive = 0
         self._synced_at = -math.inf
+        self._waited = self._commands = 0.0
         self._fault_code = 0
         self._late: deque[tuple[float, Frame]] = deque()
         self._out: list[Frame] = []
@@ -158,6 +159,9 @@ class RigDrive:
             return
         mode, reference, word = found
         self._last_command = now
+        if self._words.enabled and self._drive.sync is not None:
+            self._waited += now - self._synced_at
+            self._commands += 1
         was = self._words.state
         if self._stop_is_closed() or word in (
             self._drive.file.control_word.disable,
@@ -328,6 +332,9 @@ class RigDrive:
             self._fault_code = 0
         facts: Mapping[str, object] = {"last_command": round(self._last_command, 6)}
         if was == "enabled":
+            if self._commands:
+                facts = {**facts, "dead_time": round(self._waited / self._commands, 6)}
+            self._waited = self._commands = 0.0
             self._log.write(at, "torque off", reason=reason, **facts)
         self._log.write(at, "state", was=was, now=state, reason=reason)
 

@@ -212,7 +212,7 @@ class SocketCan(Transport):
         """Return the frames that have come."""
         frames: list[Frame] = []
         wait = max(timeout, 0.0)
-        while (message := self._bus.recv(wait)) is not None and len(frames) < 100:
+        while len(frames) < 100 and (message := self._bus.recv(wait)) is not None:
             wait = 0.0
             if not message.is_error_frame:
                 data = bytes(message.data)

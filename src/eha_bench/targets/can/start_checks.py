@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import TargetFault
 from eha_bench.targets.can.guard import Guard
 from eha_bench.targets.can.link import Link, NotThere
-
-if TYPE_CHECKING:
-    from eha_bench.targets.can.trial_run import Plan
+from eha_bench.targets.can.plan import Plan
 
 _SETTLED = 0.02
 Idle = Callable[[float, Callable[[], bool]], bool]

@@ -28,10 +28,11 @@ from eha_bench.targets.can.hold import Hold
 from eha_bench.targets.can.link import Link
 from eha_bench.targets.can.load import load_drive
 from eha_bench.targets.can.pacing import LoopHealth, RealTime
+from eha_bench.targets.can.plan import Plan
 from eha_bench.targets.can.preview import preview
 from eha_bench.targets.can.recorder import Recorder
 from eha_bench.targets.can.target_file import ControlPlace
-from eha_bench.targets.can.trial_run import Plan, TrialRun
+from eha_bench.targets.can.trial_run import TrialRun
 from eha_bench.targets.target import Ending, Identity, Journal, Outcome, Stopping, Target, never
 
 

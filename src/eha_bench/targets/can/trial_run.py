@@ -11,15 +11,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.control.controller import Controller
 from eha_bench.core.errors import EhaBenchError, RecordingError
-from eha_bench.core.linkage import Linkage
 from eha_bench.core.recording import Recording
-from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial
+from eha_bench.core.trial import Bypass, ControlMode, Piston
 from eha_bench.targets.can.bus import BusLost
-from eha_bench.targets.can.guard import Guard, Limits
+from eha_bench.targets.can.guard import Guard
 from eha_bench.targets.can.link import Link, NotThere
 from eha_bench.targets.can.pacing import LoopHealth, Pacer
+from eha_bench.targets.can.plan import Plan
 from eha_bench.targets.can.start_checks import StartCheck
 from eha_bench.targets.target import Ending, Outcome, Stopping
 
@@ -29,38 +28,6 @@ _SAFE_FRAMES: Final = 5
 """How often the torque is taken off at least: one of the frames may be lost."""
 _SAFE_TIMEOUT: Final = 0.1
 _LEAST_PERIOD: Final = 1e-3
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What a trial asks of the drive, worked out before anything moves.
-
-    Attributes:
-        trial: what to run.
-        mode: the mode in which the drive is commanded.
-        controller: the bench's controller; None where the drive closes the loop.
-        current_limit: what a controller may ask for at most, A.
-        position: where the rod is to start, m from mid-stroke.
-        linkage: geometry of the joint; None where it is not known.
-        limits: what is checked at every tick.
-        constants: model.<parameter> and the like, for the recording's metadata.
-    """
-
-    trial: Trial
-    mode: ControlMode
-    controller: Controller | None
-    current_limit: float
-    position: float
-    linkage: Linkage | None
-    limits: Limits
-    constants: dict[str, str]
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Channels of the recording that are not measured."""
-        if self.mode is ControlMode.CURRENT:
-            return ("reference", "current_command")
-        return ("reference",)
 
 
 Append = Callable[[float, list[float]], None]

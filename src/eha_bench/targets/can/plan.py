@@ -1,0 +1,42 @@
+"""What a trial asks of a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from eha_bench.control.controller import Controller
+from eha_bench.core.linkage import Linkage
+from eha_bench.core.trial import ControlMode, Trial
+from eha_bench.targets.can.guard import Limits
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a trial asks of the drive, worked out before anything moves.
+
+    Attributes:
+        trial: what to run.
+        mode: the mode in which the drive is commanded.
+        controller: the bench's controller; None where the drive closes the loop.
+        current_limit: what a controller may ask for at most, A.
+        position: where the rod is to start, m from mid-stroke.
+        linkage: geometry of the joint; None where it is not known.
+        limits: what is checked at every tick.
+        constants: model.<parameter> and the like, for the recording's metadata.
+    """
+
+    trial: Trial
+    mode: ControlMode
+    controller: Controller | None
+    current_limit: float
+    position: float
+    linkage: Linkage | None
+    limits: Limits
+    constants: dict[str, str]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Channels of the recording that are not measured."""
+        if self.mode is ControlMode.CURRENT:
+            return ("reference", "current_command")
+        return ("reference",)
