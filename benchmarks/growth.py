@@ -251,6 +251,10 @@ def _three(value: float) -> str:
     return f"{rounded:,.0f}".replace(",", " ") if rounded >= 100 else f"{rounded:g}"
 
 
+COLOURS = 10
+"""Colours of a plot before they come again; lines are dashed from there on."""
+
+
 def draw(growths: list[Growth], path: Path) -> None:
     """Draw time and memory over the size of the work, each as a multiple of its smallest."""
     import matplotlib as mpl
@@ -264,10 +268,13 @@ def draw(growths: list[Growth], path: Path) -> None:
         for axes, what in ((time_axes, "seconds"), (memory_axes, "megabytes")):
             most = max(growth.sizes[-1] / growth.sizes[0] for growth in growths)
             axes.loglog([1, most], [1, most], color="#59636f", lw=6, alpha=0.25, label="linear")
-            for growth in growths:
+            for number, growth in enumerate(growths):
                 costs = np.array(getattr(growth, what))
                 sizes = np.array(growth.sizes)
-                axes.loglog(sizes / sizes[0], costs / costs[0], "o-", ms=3, label=growth.name)
+                style = "o-" if number < COLOURS else "o--"
+                axes.loglog(sizes / sizes[0], costs / costs[0], style, ms=3, label=growth.name)
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.yaxis.set_major_formatter("{x:g}")
             axes.set_xlabel("work, times the smallest")
             axes.grid(color="#e3e7ec")
         time_axes.set_title("processor time, times that of the smallest", fontsize=9)
