@@ -61,7 +61,7 @@ def flat_histories(histories: int) -> Iterator[Line]:
             each = np.array(found).reshape(histories, METRICS, 2)
             line = rate(
                 f"flat history of {METRICS} metrics, {noise}, {count} nights",
-                each.any(axis=(1, 2)).tolist(), most=0.02,
+                [bool(history.any()) for history in each], most=0.02,
             )  # fmt: skip
             yield replace(
                 line,
@@ -115,7 +115,7 @@ def shape(kind: str, size: float, start: int, count: int) -> FloatArray:
     """Return what a change adds to each night, shape (count,)."""
     night = np.arange(count) - start + 1
     if kind == "step":
-        return size * (night > 0)
+        return size * (night > 0).astype(np.float64)
     return size * np.clip(night, 0, min(LONGEST, count - start)).astype(np.float64)
 
 
