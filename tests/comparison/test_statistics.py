@@ -41,7 +41,9 @@ def test_the_exact_permutation_test_is_scipys() -> None:
     def welch(x: np.ndarray, y: np.ndarray) -> float:
         return float(stats.ttest_ind(y, x, equal_var=False).statistic)
 
-    theirs = stats.permutation_test((first, second), welch, alternative="greater", n_resamples=10**6)
+    theirs = stats.permutation_test(
+        (first, second), welch, alternative="greater", n_resamples=10**6
+    )
     assert p_greater(first, second) == pytest.approx(theirs.pvalue, abs=1e-12)
 
 
