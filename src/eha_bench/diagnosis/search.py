@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from eha_bench.diagnosis.baseline import COARSE, SCREENING
 from eha_bench.diagnosis.candidates import all_starts
 from eha_bench.diagnosis.evidence import (
+    REST_SIGNIFICANCE,
     SOFT_MEAN,
     Groups,
     compare,
@@ -49,6 +50,11 @@ _FINALISTS = 3
 _TURNING = 3
 _PROMISING = 3
 _NEARLY = 0.1
+_WORTH = 0.02
+"""Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
+outputs move by a seventh of the noise."""
+_ROUNDS = 4
+_SETTLED = 0.002
 _MOSTLY = 0.3
 """Share of the excess that may be left before the scan of what turns with the shaft is worth it."""
 _BENT = 0.3
@@ -69,8 +75,7 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
         left = search.excess_left.total / max(search.excess_base.total, 1.0)
         if len(search.accepted) < 2 or left > 1.0 - limits.together:
             search.restore(before)
-    several = len(search.effects) > 1
-    if search.effects and (several or is_unexplained(search.excess_left)):
+    if search.effects and is_unexplained(search.excess_left):
         progress("search", 0.8)
         if exchange(search, limits):
             _review(search, limits)
@@ -122,9 +127,9 @@ def _drop_last(search: Search) -> None:
 
 
 def _worth_a_look(search: Search) -> bool:
-    """Whether anything is left beyond what the noise's own estimate is uncertain by."""
+    """Whether so much is left that another cause could be told from what a fit leaves over."""
     left = search.excess_left
-    return left.total > 0.01 * left.size or left.significance > 8.0
+    return left.relative > _WORTH and left.significance > REST_SIGNIFICANCE
 
 
 def _looked(search: Search) -> list[Trial]:
@@ -301,11 +306,14 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
     search.accepted.append(
         Accepted(chosen.start, chosen.comparison, equivalents(chosen, trials, search.groups))
     )
-    residual = _reweighted(search, chosen.fit.vector)
-    soft, _ = soften(residual, search.problem.soft)
-    search.fit = polish(
-        search, replace(chosen.fit, residual=residual, cost=float(soft @ soft)), [], afresh=False
-    )
+    for _ in range(_ROUNDS):
+        residual = _reweighted(search, search.fit.vector)
+        soft, _ = soften(residual, search.problem.soft)
+        here = replace(search.fit, residual=residual, cost=float(soft @ soft))
+        search.fit = polish(search, here, [], afresh=False)
+        # what a fit has not reached yet would be taken for something else that is missing
+        if here.cost - search.fit.cost < _SETTLED * here.cost:
+            break
     search.base = levenberg_marquardt(
         search.problem,
         search.base.vector,
