@@ -69,9 +69,10 @@ def _best(
     search: Search, item: Accepted, others: list[Accepted], starts: list[Start]
 ) -> Trial | None:
     """Return the best of some starts in an item's place, refitted to the end."""
-    kept, fit = search.accepted, search.fit
+    kept = search.snapshot()
     search.accepted = others
     search.fit = _before(search, item)
+    search.excess_left = excess(search.problem, search.fit)
     try:
         coarse = search.problem.at_step(COARSE)
         near = Near(search, coarse)
@@ -80,7 +81,7 @@ def _best(
         done = [replace(t, fit=polish(search, t.fit, [t.start], afresh=False)) for t in trials[:2]]
         return min(done, key=lambda trial: trial.fit.cost, default=None)
     finally:
-        search.accepted, search.fit = kept, fit
+        search.restore(kept)
 
 
 def _before(search: Search, item: Accepted) -> Fit:

@@ -15,7 +15,7 @@ from eha_bench.diagnosis.baseline import (
     friction_at_rest,
 )
 from eha_bench.diagnosis.candidates import Start
-from eha_bench.diagnosis.evidence import SOFT_MEAN, Comparison
+from eha_bench.diagnosis.evidence import SOFT_MEAN, Comparison, Excess
 from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.periodic import anchored, is_periodic, scan
 from eha_bench.diagnosis.problem import Problem
@@ -30,8 +30,15 @@ _POOR = 1.02
 _NOISE = 1.003
 _KEEP = 3
 _HOPEFUL = 0.3
+_BENT = 0.3
+_BEGAN_WRONGLY = 1.5
 _WORTH = 0.1
 """Least share of the short windows' excess that is worth a fit over long ones."""
+
+
+def is_bent(left: Excess) -> bool:
+    """Whether so much is missing that calibrated parameters are bent to imitate it."""
+    return left.relative > _BENT
 
 
 def free_of(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
@@ -103,24 +110,29 @@ def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> F
 
 
 class Near:
-    """The search over windows of 0.1 s, begun again from the declared parameters.
+    """The search over windows of 0.1 s, begun again from the declared parameters where it is bent.
 
     Where much is missing, a calibration over long windows bends the parameters until they imitate
     it, and candidates tried from there stay caught. Over short windows an error has no time to
-    grow: parameters stay near where they belong, and what a candidate does is nearly linear.
+    grow: parameters stay near where they belong, and what a candidate does is nearly linear. Where
+    little is missing the parameters stay; there, short windows only hold the phase of what turns.
 
     Args:
         search: with what has been added. coarse: its problem at a coarse step.
     """
 
     def __init__(self, search: Search, coarse: Problem) -> None:
-        layout = search.problem.plant.layout
         self.search = search
         self.coarse = coarse
-        vector = search.fit.vector.copy()
-        for key in search.keys:
-            vector[layout.index[key]] = search.declared_vector[layout.index[key]]
         self.problem = anchored(medium_problem(search.problem.at_step(COARSE)))
+        self.fit = self._begun_again() if is_bent(search.excess_left) else self._from_here()
+        self._screened: dict[str, list[Screened]] = {}
+
+    def _begun_again(self) -> Fit:
+        layout = self.search.problem.plant.layout
+        vector = self.search.fit.vector.copy()
+        for key in self.search.keys:
+            vector[layout.index[key]] = self.search.declared_vector[layout.index[key]]
         self._weigh(vector)
         free = self._free(vector, ())
         fit = levenberg_marquardt(self.problem, vector, free, iterations=6, refresh=1)
@@ -128,8 +140,18 @@ class Near:
         fit = levenberg_marquardt(
             self.problem, fit.vector, free, iterations=3, known=known_of(fit), refresh=0
         )
-        self.fit = friction_at_rest(self.problem, fit)
-        self._screened: dict[str, list[Screened]] = {}
+        return friction_at_rest(self.problem, fit)
+
+    def _from_here(self) -> Fit:
+        """Stay with parameters that are hardly bent; what fits worse than they do began wrongly."""
+        vector = self.search.fit.vector
+        self._weigh(vector)
+        residual = self.problem.residual(vector)
+        squares = np.array([np.mean(residual[piece.rows] ** 2) for piece in self.problem.pieces])
+        keep = np.flatnonzero(squares < _BEGAN_WRONGLY * np.median(squares))
+        self.problem = self.problem.subset([int(k) for k in keep])
+        self.problem.scale_to(self.problem.residual(vector))
+        return levenberg_marquardt(self.problem, vector, self._free(vector, ()), iterations=3)
 
     def promising(self, starts: Sequence[Start], most: int) -> list[Start]:
         """Screen candidates over the short windows, and return the best starts of each.

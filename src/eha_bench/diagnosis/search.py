@@ -27,7 +27,7 @@ from eha_bench.diagnosis.exchange import exchange
 from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.periodic import is_periodic
 from eha_bench.diagnosis.problem import Problem, soften
-from eha_bench.diagnosis.refit import Near, polish, refit, sticks
+from eha_bench.diagnosis.refit import Near, is_bent, polish, refit, sticks
 from eha_bench.diagnosis.screen import Screen, Screened
 from eha_bench.diagnosis.search_state import (
     Accepted,
@@ -57,8 +57,6 @@ _ROUNDS = 4
 _SETTLED = 0.002
 _MOSTLY = 0.3
 """Share of the excess that may be left before the scan of what turns with the shaft is worth it."""
-_BENT = 0.3
-"""Excess, as a share of the noise's cost, from which calibrated parameters are bent by it."""
 _LEAST = 5.0
 """Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 
@@ -155,7 +153,7 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     # screening and first refits only compare candidates, so a coarser step is enough
     coarse = search.problem.coarser(COARSE, search.fit.vector, search.fit.residual)
     # what is small must not drown in the instants of sticking that a coarser step shifts
-    much = search.excess_left.relative > _BENT
+    much = is_bent(search.excess_left)
     near = Near(search, coarse) if much else None
     if near is not None:
         # over long windows only what promised most over short ones
