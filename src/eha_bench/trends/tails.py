@@ -27,7 +27,7 @@ _MOST: Final = 120
 _FREEDOMS: Final = np.array([1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 30.0, 300.0])
 # most metrics scatter nearly normally, but none is trusted to
 _BELIEFS: Final = np.log([0.02, 0.04, 0.08, 0.10, 0.14, 0.16, 0.20, 0.26])[:, None]
-_SCALES: Final = 19
+_SCALES: Final = 25
 _NARROWEST: Final = 0.25
 _TO_SCALE: Final = 1.33  # of the median of distances: 1.48 if normal, 1.17 with the wildest tails
 
@@ -110,7 +110,10 @@ def _reach(side: FloatArray, beyond: float) -> float:
     weight = side.size / known.size
     width = max(_NARROWEST, 4.0 / math.sqrt(side.size))
     middle = _TO_SCALE * float(np.median(side))
-    scales = middle * np.exp(np.linspace(-width, width, _SCALES))[:, None]
+    # rounded values have a small median: the scale may be as large as the root mean square
+    largest = max(middle, math.sqrt(float(np.mean(known**2))))
+    ends = middle * math.exp(-width), largest * math.exp(width)
+    scales = np.geomspace(*ends, _SCALES)[:, None]
     freedoms = _FREEDOMS[:, None, None]
     shape = gammaln((_FREEDOMS + 1.0) / 2.0) - gammaln(_FREEDOMS / 2.0) - np.log(_FREEDOMS) / 2.0
     densities = (
