@@ -40,6 +40,30 @@ def test_correlated_residuals_widen_the_interval():
     assert wide > 4 * deviations(white, blocks(n))["a"]
 
 
+def test_runs_that_ask_for_other_values_widen_the_interval():
+    rng = np.random.default_rng(0)
+    n = 24000
+    groups = Groups(tuple(np.array_split(np.arange(n), 6)), blocks(n).blocks)
+    column = np.sin(np.arange(n) / 7.0)
+    wanted = np.repeat([0.2, -0.1, 0.15, -0.2, 0.05, -0.1], n // 6)
+    own = linear_fit(column[:, None], rng.standard_normal(n), ["a"], np.ones(1))
+    other = linear_fit(column[:, None], own.residual + wanted * column, ["a"], np.ones(1))
+    assert deviations(other, groups)["a"] > 4 * deviations(own, groups)["a"]
+
+
+def test_intervals_of_a_right_model_hold_the_truth_as_often_as_they_say():
+    rng = np.random.default_rng(1)
+    n, held = 6000, 0
+    groups = Groups(tuple(np.array_split(np.arange(n), 6)), blocks(n).blocks)
+    matrix = np.column_stack([np.sin(np.arange(n) / 7.0), np.cos(np.arange(n) / 50.0)])
+    for _ in range(200):
+        noise = rng.standard_normal(n)
+        step = -np.linalg.lstsq(matrix, noise, rcond=None)[0]
+        fit = linear_fit(matrix, noise + matrix @ step, ["a", "b"], np.ones(2))
+        held += int(abs(step[0]) < 1.96 * deviations(fit, groups)["a"])
+    assert 0.91 <= held / 200 <= 0.99
+
+
 def test_a_product_is_named_as_a_product():
     rng = np.random.default_rng(0)
     column = rng.standard_normal(1000)

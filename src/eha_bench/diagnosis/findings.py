@@ -6,16 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from eha_bench.diagnosis.baseline import FRICTION_AT_REST, Baseline
+from eha_bench.diagnosis.baseline import COARSE, FRICTION_AT_REST, Baseline
 from eha_bench.diagnosis.candidates import LEARNED
 from eha_bench.diagnosis.dataset import Dataset
 from eha_bench.diagnosis.decide import Decision
 from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.fit import Fit, jacobian
+from eha_bench.diagnosis.profile import profiled
 from eha_bench.diagnosis.revise import revised
 from eha_bench.diagnosis.search import Search
 from eha_bench.diagnosis.search_state import Ranked
-from eha_bench.diagnosis.uncertainty import Estimate, estimates, undetermined
+from eha_bench.diagnosis.uncertainty import Estimate, deviations, estimates, undetermined
 from eha_bench.plants.effect import Effect
 from eha_bench.plants.model import Model
 
@@ -35,7 +36,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         added.append(LEARNED)
     mundane = [item.start.keys[0] for item in search.accepted if item.start.mundane]
     keys = [*base.keys, *mundane]
-    values = estimates(fit, search.groups, units_of(model))
+    values = estimates(fit, search.groups, units_of(model), _profiles(search, decision, fit))
     effects = []
     for item in search.effects:
         effect = layout.effect(item.start.candidate)
@@ -99,6 +100,20 @@ def _fresh(search: Search, decision: Decision) -> Fit:
     residual = search.problem.residual(fit.vector)
     matrix = jacobian(search.problem, fit.vector, free, residual)
     return replace(fit, free=free, residual=residual, jacobian=matrix)
+
+
+def _profiles(search: Search, decision: Decision, fit: Fit) -> dict[str, float]:
+    """Return the standard deviation of every effect's fitted numbers by profile, SI, by key."""
+    if decision.learned:
+        return {}
+    problem = search.problem.coarser(COARSE, fit.vector, fit.residual)
+    begin = deviations(fit, search.groups)
+    sought = {key for item in search.effects for key in item.start.keys}
+    return {
+        item.key: profiled(problem, fit, item.key, begin[item.key])
+        for item in fit.free
+        if item.key in sought
+    }
 
 
 def _numbers(

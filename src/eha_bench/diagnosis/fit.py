@@ -1,8 +1,8 @@
 """Levenberg-Marquardt with bounds on the simulation error.
 
-Finite differences of 0.5 % (stick events make smaller ones noise), soft-L1 at 5 sigma, steps cut at
-the bounds by a few active-set passes. A Jacobian costs one simulation a parameter, so it is updated
-by Broyden's rule while that works, and computed anew only where it does not.
+Finite differences of 1 % or more (stick events make smaller ones noise), soft-L1 at 5 sigma, steps
+cut at the bounds by a few active-set passes. A Jacobian costs one simulation a parameter, so it is
+updated by Broyden's rule while that works, and computed anew only where it does not.
 
 Sources: Moré, The Levenberg-Marquardt algorithm: implementation and theory (1978),
 doi:10.1007/BFb0067700; Broyden, Math. Comp. 19 (1965) 577, doi:10.1090/S0025-5718-1965-0198670-6.
@@ -20,6 +20,15 @@ from eha_bench.diagnosis.problem import SLOPES, Problem, soften
 from eha_bench.plants.assembly import Layout
 
 FloatArray = NDArray[np.float64]
+
+_DIFFERENCE = 0.01
+_LARGEST_DIFFERENCE = 1.0
+_SHOWS = 10.0
+"""Least size of the change of the residual by a difference, in standard deviations of the noise."""
+_STANDS_OUT = 60.0
+"""The same for what may be hardly there."""
+_TELLS = 5.0
+"""Least size of a step's change of the residual from which the Jacobian learns."""
 
 
 @dataclass(frozen=True)
@@ -108,28 +117,44 @@ def jacobian(
     free: Sequence[Free],
     base: FloatArray,
     known: Mapping[str, FloatArray] | None = None,
-    relative: float = 0.005,
 ) -> FloatArray:
     """Return d residual / d (parameter / scale), (N, p), by one-sided differences.
 
-    A slope needs no fine step: both ends are off by the same.
+    A slope needs no fine step of integration: both ends are off by the same.
     """
-    missing = [item for item in free if not (known and item.key in known)]
-    if missing and problem.step < SLOPES:
+    known = known or {}
+    if problem.step < SLOPES and any(item.key not in known for item in free):
         problem = problem.at_step(SLOPES)
         base = problem.residual(vector)
-    columns = []
-    for item in free:
-        if known and item.key in known:
-            columns.append(known[item.key])
-            continue
+    columns = [
+        known[item.key] if item.key in known else _slope(problem, vector, item, base)
+        for item in free
+    ]
+    # column by column in memory: a hundred thousand rows are multiplied and updated that way
+    return np.array(columns).T if columns else np.zeros((base.size, 0))
+
+
+def _slope(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -> FloatArray:
+    """Return one column, by a difference large enough to stand out.
+
+    Every instant of sticking that a difference shifts from one integration step to another adds
+    noise. Where a parameter does little, that noise would pass for its effect, and the parameter
+    for well determined. That threatens effects, which may be hardly there at all.
+    """
+    enough = problem.soft * (_STANDS_OUT if "." in item.key else _SHOWS)
+    relative = _DIFFERENCE
+    while True:
         step = relative * item.scale
         if vector[item.at] + step > item.high:
             step = -step
         moved = vector.copy()
-        moved[item.at] += step
-        columns.append((problem.residual(moved) - base) * (item.scale / step))
-    return np.column_stack(columns) if columns else np.zeros((base.size, 0))
+        moved[item.at] = max(vector[item.at] + step, item.low)
+        step = moved[item.at] - vector[item.at]
+        change = problem.residual(moved) - base
+        size = float(np.linalg.norm(change))
+        if size >= enough or relative >= _LARGEST_DIFFERENCE:
+            return np.asarray(change * (item.scale / step), dtype=np.float64)
+        relative = min(_LARGEST_DIFFERENCE, relative * max(enough / max(size, 1e-300), 2.0))
 
 
 def levenberg_marquardt(
@@ -167,16 +192,17 @@ def levenberg_marquardt(
     fresh = not known
     damping = 1e-3
     taken = 0
+    weighted = np.empty_like(matrix)
     for _ in range(iterations):
-        weighted = matrix * weight[:, None]
+        np.multiply(matrix, weight[:, None], out=weighted)
         normal = weighted.T @ weighted
         gradient = weighted.T @ soft
         gain = 0.0
         for _try in range(4 if fresh else 2):
             step = _bounded_step(normal, gradient, damping, vector, free)
             trial = vector.copy()
-            for item, change in zip(free, step, strict=True):
-                trial[item.at] = min(max(trial[item.at] + change * item.scale, item.low), item.high)
+            for item, move in zip(free, step, strict=True):
+                trial[item.at] = min(max(trial[item.at] + move * item.scale, item.low), item.high)
             done = np.array([trial[item.at] - vector[item.at] for item in free]) / scales
             length = float(done @ done)
             if length == 0.0:
@@ -184,8 +210,12 @@ def levenberg_marquardt(
             new_residual = problem.residual(trial)
             new_soft, new_weight = soften(new_residual, problem.soft)
             new_cost = float(new_soft @ new_soft)
-            change_of = new_residual - residual
-            matrix = matrix + np.outer(change_of - matrix @ done, done / length)
+            change = new_residual - residual
+            if float(change @ change) > (_TELLS * problem.soft) ** 2:
+                # a smaller change is the noise of sticking as much as it is the parameters'
+                unforeseen = change - matrix @ done
+                for k in np.flatnonzero(done):
+                    matrix[:, k] += unforeseen * (done[k] / length)
             if new_cost < cost:
                 gain = cost - new_cost
                 vector, residual, soft, weight = trial, new_residual, new_soft, new_weight
@@ -196,7 +226,7 @@ def levenberg_marquardt(
                     watch(vector)
                 break
             damping = max(damping * 10.0, 1e-4)
-            weighted = matrix * weight[:, None]
+            np.multiply(matrix, weight[:, None], out=weighted)
             normal = weighted.T @ weighted
             gradient = weighted.T @ soft
         stalled = gain < max(tolerance, 0.01 * (cost - problem.size))

@@ -1,0 +1,42 @@
+"""A profile sees through a rough cost what slopes cannot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eha_bench.diagnosis.fit import Fit, Free
+from eha_bench.diagnosis.problem import soften
+from eha_bench.diagnosis.profile import profiled
+
+
+class Rough:
+    """A residual that is linear in one parameter, with jumps of its own at every place."""
+
+    def __init__(self, slope: float, jump: float) -> None:
+        self.column = np.full(10_000, slope / 100.0)
+        self.noise = np.random.default_rng(0).standard_normal(10_000)
+        self.jump = jump
+
+    def residual(self, vector: np.ndarray) -> np.ndarray:
+        place = np.random.default_rng(int(1e6 * abs(vector[0]) + 0.5)).standard_normal(10_000)
+        return self.noise + self.column * vector[0] + self.jump / 100.0 * place
+
+
+def fit_at(problem: Rough, jacobian: float) -> Fit:
+    residual = problem.residual(np.zeros(1))
+    soft, _ = soften(residual)
+    free = (Free("a", 0, -np.inf, np.inf, 1.0),)
+    matrix = np.full((10_000, 1), jacobian / 100.0)
+    return Fit(np.zeros(1), free, residual, matrix, float(soft @ soft))
+
+
+def test_where_the_cost_is_smooth_the_profile_says_what_the_slopes_say():
+    found = profiled(Rough(50.0, 0.0), fit_at(Rough(50.0, 0.0), 50.0), "a", 1.0 / 50.0)
+    assert found == pytest.approx(1.0 / 50.0, rel=0.5)
+
+
+def test_where_the_cost_is_rough_slopes_are_not_believed():
+    problem = Rough(50.0, 5.0)
+    # a jump within the difference's step made the slope a hundred times too steep
+    assert profiled(problem, fit_at(problem, 5000.0), "a", 1.0 / 5000.0) > 1.0 / 100.0
