@@ -182,6 +182,16 @@ def test_there_must_be_a_result(tmp_path: Path) -> None:
         load_side(tmp_path)
 
 
+def _written(trials: object) -> bytes:
+    content = {"schema_version": 1, "suite": "s", "target": "t", "status": "passed"}
+    return json.dumps(content | {"trials": trials}).encode()
+
+
+def _scored(**measure: object) -> bytes:
+    score = {"metric": "made_up", "status": "passed", **measure}
+    return _written([{"id": "t", "status": "passed", "scores": [score]}])
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -189,7 +199,16 @@ def test_there_must_be_a_result(tmp_path: Path) -> None:
         (b"[1, 2]", "schema version"),
         (b'{"schema_version": 99}', "schema version 99"),
         (b"\xff\xfe\x00\x01", "not a result"),
-        (b'{"schema_version": 1, "trials": 3}', "not a result"),
+        (_written(3), "trials: not a list"),
+        (_written(["x"]), r"trials\[0\]: an entry of a wrong type"),
+        (_written([{"id": "t"}]), r"trials\[0\]: 'status' is missing"),
+        (
+            _written([{"id": "t", "status": "passed"}, {"id": "t", "status": "fine"}]),
+            r"trials\[1\]: 'fine' is not a valid Status",
+        ),
+        (_scored(value="fast"), r"trials\[0\]: scores\[0\]: 'fast' is not a number"),
+        (_scored(value=[1.0]), r"trials\[0\]: scores\[0\]: \[1\.0\] is not a number"),
+        (_scored(), r"trials\[0\]: scores\[0\]: 'value' is missing"),
     ],
 )
 def test_a_damaged_side_is_an_error_that_names_it(
@@ -202,6 +221,7 @@ def test_a_damaged_side_is_an_error_that_names_it(
         with pytest.raises(InputError, match=said) as caught:
             eb.compare(*sides)
         assert "baseline.json" in str(caught.value)
+        assert "Error(" not in str(caught.value)
 
 
 def test_names_in_a_result_are_text_on_the_page(tmp_path: Path) -> None:

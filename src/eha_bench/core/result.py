@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from eha_bench.core.atomic_file import replacing
 from eha_bench.core.errors import InputError, Place
@@ -107,8 +107,10 @@ class Result:
             )
         try:
             return _from_dict(data)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"not a result ({error!r})", where=Place(file=str(path))) from error
+        except _WRONG as error:
+            raise InputError(
+                f"not a result ({_why(error)})", where=Place(file=str(path))
+            ) from error
 
 
 def write_text(path: Path, text: str) -> None:
@@ -158,47 +160,78 @@ def _score_to_dict(score: Score) -> dict[str, Any]:
     }
 
 
+_WRONG = (KeyError, TypeError, ValueError, AttributeError, OverflowError)
+_Read = TypeVar("_Read")
+
+
+def _why(error: Exception) -> str:
+    """Return what is wrong with an entry in words, not in Python's."""
+    if isinstance(error, KeyError):
+        return f"'{error.args[0]}' is missing"
+    return str(error) if isinstance(error, ValueError) else "an entry of a wrong type"
+
+
+def _each(data: Mapping[str, Any], key: str, read: Callable[[Any], _Read]) -> tuple[_Read, ...]:
+    """Read every entry of a list; what is wrong with one says which."""
+    entries = data.get(key) or ()
+    if not isinstance(entries, list | tuple):
+        raise ValueError(f"{key}: not a list")
+    found = []
+    for place, entry in enumerate(entries):
+        try:
+            found.append(read(entry))
+        except _WRONG as error:
+            raise ValueError(f"{key}[{place}]: {_why(error)}") from error
+    return tuple(found)
+
+
 def _float(value: Any) -> float:
-    return math.nan if value is None else float(value)
+    try:
+        return math.nan if value is None else float(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{value!r} is not a number") from error
+
+
+def _score(data: Mapping[str, Any]) -> Score:
+    return Score(
+        metric=str(data["metric"]),
+        channel=str(data.get("channel") or ""),
+        measure=Measure(
+            _float(data["value"]),
+            _float(data.get("low")),
+            _float(data.get("high")),
+            str(data.get("reason") or ""),
+        ),
+        unit=str(data.get("unit") or ""),
+        status=ScoreStatus(data["status"]),
+        limit=str(data.get("limit") or ""),
+        matters=str(data.get("matters") or ""),
+    )
+
+
+def _trial(data: Mapping[str, Any]) -> TrialResult:
+    return TrialResult(
+        id=str(data["id"]),
+        repeat=int(_float(data.get("repeat", 0))),
+        status=Status(data["status"]),
+        recording=str(data.get("recording") or ""),
+        sha256=str(data.get("sha256") or ""),
+        definition=str(data.get("definition") or ""),
+        reason=str(data.get("reason") or ""),
+        notes=_each(data, "notes", str),
+        scores=_each(data, "scores", _score),
+    )
 
 
 def _from_dict(data: Mapping[str, Any]) -> Result:
-    trials = tuple(
-        TrialResult(
-            id=str(trial["id"]),
-            repeat=int(trial.get("repeat", 0)),
-            status=Status(trial["status"]),
-            recording=str(trial.get("recording") or ""),
-            sha256=str(trial.get("sha256") or ""),
-            definition=str(trial.get("definition") or ""),
-            reason=str(trial.get("reason") or ""),
-            notes=tuple(str(note) for note in trial.get("notes", ())),
-            scores=tuple(
-                Score(
-                    metric=str(score["metric"]),
-                    channel=str(score.get("channel") or ""),
-                    measure=Measure(
-                        _float(score["value"]),
-                        _float(score.get("low")),
-                        _float(score.get("high")),
-                        str(score.get("reason") or ""),
-                    ),
-                    unit=str(score.get("unit") or ""),
-                    status=ScoreStatus(score["status"]),
-                    limit=str(score.get("limit") or ""),
-                    matters=str(score.get("matters") or ""),
-                )
-                for score in trial.get("scores") or ()
-            ),
-        )
-        for trial in data["trials"]
-    )
+    if data.get("trials") is None:
+        raise KeyError("trials")
     return Result(
         suite=str(data["suite"]),
         target=str(data["target"]),
         status=Status(data["status"]),
-        trials=trials,
+        trials=_each(data, "trials", _trial),
         provenance={str(k): str(v) for k, v in (data.get("provenance") or {}).items()},
         description=str(data.get("description", "")),
-        repeats=tuple(RepeatsSummary.from_dict(item) for item in data.get("repeats") or ()),
+        repeats=_each(data, "repeats", RepeatsSummary.from_dict),
     )
