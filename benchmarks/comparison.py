@@ -312,7 +312,7 @@ def main() -> int:
         "ab": lambda: interleaved(whole(), max(1, pairs // 8)),
         "looks": lambda: looked_at(max(1, pairs * 4 // 5)),
         "planned": lambda: planned(max(1, pairs // 2)),
-        "flat": lambda: flat_histories(max(1, histories // 3)),
+        "flat": lambda: flat_histories(histories),
         "changed": lambda: changed_histories(histories),
         "building": lambda: building(*nights),
     }
