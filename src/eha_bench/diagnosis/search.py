@@ -49,7 +49,10 @@ _NEAREST = 4
 _FINALISTS = 3
 _TURNING = 3
 _PROMISING = 3
+_TIED, _AT_NOISE = 0.03, 0.003
 _NEARLY = 0.1
+_CLOSE = 0.4
+"""Share of the best one's gain from which a rival may still overtake it."""
 _WORTH = 0.02
 """Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
 outputs move by a seventh of the noise."""
@@ -170,7 +173,7 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     best: dict[str, Screened] = {}
     for item in screened:
         best.setdefault(item.start.candidate, item)
-    finals = [_compared(search, item) for item in finals]
+    finals = [_compared(search, item) for item in _settled(search, finals)]
     finals.sort(key=lambda item: item.fit.cost)
     if first:
         search.ranking = _ranking(best, finals, search)
@@ -221,6 +224,17 @@ def _finished(search: Search, trials: Sequence[Trial], *, afresh: bool) -> list[
     return done
 
 
+def _settled(search: Search, finals: Sequence[Trial]) -> list[Trial]:
+    """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
+    order = sorted(finals, key=lambda item: item.fit.cost)
+    top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
+    close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > _CLOSE * top > 0.0]
+    if len(close) < 2:
+        return order
+    done = [replace(t, fit=polish(search, t.fit, [t.start], afresh=False)) for t in close]
+    return [*done, *(item for item in order if all(item is not other for other in close))]
+
+
 def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search) -> list[Ranked]:
     lines = [
         Ranked(
@@ -267,7 +281,10 @@ def _choose(trials: Sequence[Trial], limits: Thresholds) -> Trial | None:
         behind = item.fit.cost - chosen.fit.cost
         if item.start.mundane and behind < 0.02 * chosen.comparison.gain:
             return item
-    return chosen
+    tied = min(_TIED * chosen.comparison.gain, _AT_NOISE * chosen.fit.residual.size)
+    alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
+    # of those that leave equally little, the one with the fewest numbers to choose is the likeliest
+    return min(alike, key=lambda item: len(item.start.keys))
 
 
 def _believed(item: Trial, limits: Thresholds) -> bool:
