@@ -97,6 +97,7 @@ class Diagnosis:
             what the errors are computed from. Not in diagnosis.json: `predict` gives them again.
         complete: False where it was interrupted.
         seconds: how long it took.
+        simulations: how many simulations of all training data that equals, by simulated time.
     """
 
     verdict: Verdict
@@ -115,6 +116,7 @@ class Diagnosis:
     replays: tuple[Replay, ...] = ()
     complete: bool = True
     seconds: float = math.nan
+    simulations: float = math.nan
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of diagnosis.json; what is not computable is null."""
@@ -161,6 +163,7 @@ class Diagnosis:
             "notes": list(self.notes),
             "complete": self.complete,
             "seconds": finite_or_none(self.seconds),
+            "simulations": finite_or_none(self.simulations),
         }  # fmt: skip
 
     def to_json(self) -> str:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.interruption import checkpoint
+from eha_bench.diagnosis.effort import simulated
 from eha_bench.diagnosis.windows import Window
 from eha_bench.plants.plant import Drive, Plant
 
@@ -50,6 +51,12 @@ class _Prepared:
     scale: FloatArray
     basis: FloatArray
     shrink: FloatArray
+
+    @property
+    def length(self) -> float:
+        """Time that a simulation of it covers, s."""
+        time = self.window.measured.time
+        return float(time[self.window.last - 1] - time[self.window.first])
 
 
 @dataclass(frozen=True)
@@ -173,7 +180,8 @@ class Problem:
             part.basis = q
             part.shrink = 1.0 - 1.0 / np.sqrt(1.0 + s * s)
 
-        self._each(one)
+        shaken = sum((1 + len(part.window.spread)) * part.length for part in self._parts)
+        self._each(one, shaken)
 
     def raw(self, vector: FloatArray) -> FloatArray:
         """Return the weighted residual without whitening, (size,)."""
@@ -211,8 +219,10 @@ class Problem:
         """
         return self._each(lambda part: self._simulated(part, vector, {})[part.drive.first :])
 
-    def _each(self, function: Callable[[_Prepared], T]) -> list[T]:
+    def _each(self, function: Callable[[_Prepared], T], seconds: float | None = None) -> list[T]:
+        """Do something with every window; `seconds` are simulated by it (default: each once)."""
         checkpoint()
+        simulated(sum(part.length for part in self._parts) if seconds is None else seconds)
         if len(self._parts) < 2 or WORKERS == 1:
             return [function(part) for part in self._parts]
         # a few tasks of about the same length each: handing over every window costs more

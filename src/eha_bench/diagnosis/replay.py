@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.diagnosis.dataset import Use
+from eha_bench.diagnosis.effort import simulated
 from eha_bench.diagnosis.gate import Measured
 from eha_bench.diagnosis.prediction import first_state, simulate_from
 from eha_bench.plants.model import Model
@@ -99,6 +100,7 @@ def replay(
     with ThreadPoolExecutor(_WORKERS) as pool:
         for number, item in enumerate(pool.map(lambda m: _one(m, models, noise), usable)):
             found.append(item)
+            simulated(len(models) * float(item.time[-1]))
             if progress:
                 progress((number + 1) / len(usable))
     return tuple(found)

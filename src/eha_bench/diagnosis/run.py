@@ -33,6 +33,7 @@ from eha_bench.diagnosis.diagnosis import (
     errors_to_dict,
     estimate_to_dict,
 )
+from eha_bench.diagnosis.effort import counted
 from eha_bench.diagnosis.errors_by_channel import (
     ChannelError,
     floors,
@@ -167,7 +168,7 @@ def diagnose(
         if out is not None:
             found.write(Path(out))
         return found
-    with Interruption() as asked:
+    with Interruption() as asked, counted() as spent:
         base, search, decision, complete = _searched(loaded, asked, progress)
         found = assemble(loaded, base, search, decision)
         vectors = (search.base.vector, decision.fit.vector)
@@ -176,7 +177,12 @@ def diagnose(
         except KeyboardInterrupt:
             complete = False
             found = replace(found, notes=(*found.notes, "interrupted before the runs were scored"))
-    found = replace(found, complete=complete, seconds=time.perf_counter() - started)
+    found = replace(
+        found,
+        complete=complete,
+        seconds=time.perf_counter() - started,
+        simulations=sum(spent) / sum(float(item.time[-1]) for item in base.measured),
+    )
     if out is not None:
         found.write(Path(out))
     progress("done", 1.0)

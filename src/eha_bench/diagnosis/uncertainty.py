@@ -4,9 +4,9 @@ The variance is the larger of the usual one, scaled by the mean square of the re
 sandwich H^-1 (sum over blocks g g') H^-1 with blocks of 0.1 s, which stays right where residuals
 are correlated (White, Econometrica 48 (1980) 817, doi:10.2307/1912934; Liang, Zeger, Biometrika 73
 (1986) 13, doi:10.1093/biomet/73.1.13). Where an equation's form is not quite right, runs made under
-other conditions ask for other values: where they differ by more than chance, the jackknife over
-runs takes its place, to first order, with Student's quantile for as few as there are (Miller,
-Biometrika 61 (1974) 1, doi:10.1093/biomet/61.1.1).
+other conditions ask for other values: where leaving runs out changes more than chance would, the
+variance grows by the ratio of the two (Birge, Phys. Rev. 40 (1932) 207,
+doi:10.1103/PhysRev.40.207).
 
 Where a stick event jumps, the cost is no parabola, and no Jacobian tells how well it determines a
 parameter. The sizes of effects are therefore checked against their profile (`profile`).
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri, stdtrit
+from scipy.special import chdtri
 
 from eha_bench.diagnosis.evidence import Groups
 from eha_bench.diagnosis.fit import Fit
@@ -29,8 +29,8 @@ FloatArray = NDArray[np.float64]
 
 _Z = 1.96
 _LOOSE = 0.3
-_FEWEST_RUNS = 4
 _RIDGE = 0.02
+_CONCERNED = 0.01
 _CHANCE = 0.05
 
 
@@ -60,36 +60,41 @@ def deviations(fit: Fit, groups: Groups) -> dict[str, float]:
     middle = scores.T @ scores
     sandwich = np.diag(inverse @ middle @ inverse)
     usual = np.diag(inverse) * max(1.0, float(soft @ soft) / max(1, soft.size - len(fit.free)))
-    within = np.maximum(sandwich, usual)
-    between = _between_runs(weighted / scale, soft, groups)
-    degrees = max(1, len(groups.runs) - 1)
-    # runs differ by chance as well; only where they differ by more do they have a say
-    telling = between > within * chdtri(degrees, _CHANCE) / degrees
-    wider = (float(stdtrit(degrees, 0.975)) / _Z) ** 2
-    variance = np.where(telling, between * wider, within) / scale**2
+    wider = _disagreement(weighted / scale, soft, groups)
+    variance = np.maximum(sandwich, usual * wider) / scale**2
     return {
         item.key: float("inf") if dead[k] else float(np.sqrt(variance[k]) * item.scale)
         for k, item in enumerate(fit.free)
     }
 
 
-def _between_runs(matrix: FloatArray, soft: FloatArray, groups: Groups) -> FloatArray:
-    """Return the variance of each parameter by leaving every run out in turn, (p,), scaled."""
-    count = len(groups.runs)
-    if count < _FEWEST_RUNS:
-        return np.zeros(matrix.shape[1])
+def _disagreement(matrix: FloatArray, soft: FloatArray, groups: Groups) -> FloatArray:
+    """Return by how much runs disagree about each parameter, (p,): 1 where chance makes as much.
+
+    Every run is left out in turn, to first order, and the square of what that changes is held
+    against what noise would change.
+    """
     normal = matrix.T @ matrix
     gradient = matrix.T @ soft
     # what a left-out run alone determines stays near where it was
     ridge = _RIDGE * np.diag(np.diag(normal))
-    steps = []
+    to_the_end = -np.linalg.pinv(normal + ridge, rcond=1e-10) @ gradient
+    total = np.zeros(matrix.shape[1])
+    counts = np.zeros(matrix.shape[1])
     for rows in groups.runs:
         part = matrix[rows]
-        left = normal - part.T @ part + ridge
-        steps.append(np.linalg.lstsq(left, part.T @ soft[rows] - gradient, rcond=1e-10)[0])
-    found = np.array(steps)
-    variance = (count - 1) / count * np.sum((found - found.mean(axis=0)) ** 2, axis=0)
-    return np.asarray(variance, dtype=np.float64)
+        own = part.T @ part
+        inverse = np.linalg.pinv(normal - own + ridge, rcond=1e-10)
+        step = inverse @ (part.T @ soft[rows] - gradient) - to_the_end
+        expected = np.diag(inverse @ own @ inverse)
+        # a run that says nothing about a parameter has no say
+        concerned = np.diag(own) > _CONCERNED * np.diag(normal)
+        total += np.where(concerned, step**2 / np.maximum(expected, 1e-300), 0.0)
+        counts += concerned
+    ratio = total / np.maximum(counts, 1.0)
+    degrees = np.maximum(counts - 1.0, 1.0)
+    telling = (counts > 1) & (ratio > chdtri(degrees, _CHANCE) / degrees)
+    return np.where(telling, ratio, 1.0)
 
 
 def estimates(

@@ -232,6 +232,9 @@ def _facts(found: Diagnosis, name: str) -> tuple[Fact, ...]:
         Fact("Revised model, SHA-256", found.revised.sha256, code=True),
     ]
     if math.isfinite(found.seconds):
-        facts.append(Fact("Time taken", f"{number(found.seconds, 1)} s"))
+        took = f"{number(found.seconds, 1)} s"
+        if math.isfinite(found.simulations):
+            took += f", for as much as {found.simulations:.0f} simulations of all training data"
+        facts.append(Fact("Time taken", took))
     files = "diagnosis.json, revised.yaml, recalibrated.yaml"
     return (*facts, Fact("Files beside this page", files))
