@@ -4,7 +4,9 @@ from dataclasses import replace
 
 from sample_run import SampleRun
 
-from eha_bench.core.score import ScoreStatus
+from eha_bench.core.limit import Repeats
+from eha_bench.core.repeats_summary import RepeatsSummary
+from eha_bench.core.score import Measure, ScoreStatus
 from eha_bench.report.limits import limit_rows, score_rows, worst_first
 
 
@@ -29,7 +31,7 @@ def test_margin_left_where_kept(sample: SampleRun) -> None:
 def test_repeats_are_one_row_the_worst(sample: SampleRun) -> None:
     rows = limit_rows(sample.result, sample.trials)
     row = row_of(sample, "pressure_step-20MPa", "response_time")
-    assert row.of == 3
+    assert row.stands_for == "worst of 3"
     assert sum(r.trial == "pressure_step-20MPa" for r in rows) == 3
 
 
@@ -46,6 +48,23 @@ def test_the_worst_repeat_is_shown(sample: SampleRun) -> None:
         if r.trial == "pressure_step-20MPa" and r.metric_id == "response_time"
     )
     assert (row.repeat, row.value) == (2, "60.00")
+
+
+def test_a_limit_on_the_median_shows_the_median(sample: SampleRun) -> None:
+    trial = sample.trials["pressure_step-20MPa"]
+    limits = tuple(replace(limit, repeats=Repeats.MEDIAN) for limit in trial.limits)
+    trials = dict(sample.trials) | {trial.id: replace(trial, limits=limits)}
+    median, worst = Measure(0.0412, 0.0410, 0.0414), Measure(0.0482, 0.048, 0.0484)
+    summary = RepeatsSummary(
+        trial.id, "response_time", "pressure_difference", "s", 3, 0, worst, median, worst
+    )
+    result = replace(sample.result, repeats=(summary,))
+    row = next(
+        r
+        for r in limit_rows(result, trials)
+        if (r.trial, r.metric_id) == (trial.id, "response_time")
+    )
+    assert (row.stands_for, row.value, row.interval) == ("median of 3", "41.20", "± 0.20")
 
 
 def test_worst_first_orders_by_verdict_then_excess(sample: SampleRun) -> None:

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from eha_bench.report.ticks import decimals_of, ticks_between
@@ -25,6 +25,7 @@ def test_steps_of_two_and_a_half_are_not_rounded_away() -> None:
     assert ticks_between(0.0, 9.8, 4).labels == ("0.0", "2.5", "5.0", "7.5")
 
 
+@example(9.5e6, 5.5e5, 11)
 @given(ENDS, SPANS, st.integers(3, 14))
 def test_labels_tell_the_values_and_lie_within(low: float, span: float, most: int) -> None:
     high = low + span

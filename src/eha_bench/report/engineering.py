@@ -190,6 +190,10 @@ def _exponent(value: float) -> int:
     return math.floor(math.log10(abs(value))) if value else 0
 
 
+LARGE: Final = 1e7
+"""From here on numbers are written with powers of ten."""
+
+
 def number(value: float, decimals: int | None = None, *, sign: bool = False) -> str:
     """Write a number for people: a true minus, an en dash for NaN, powers of ten where needed."""
     if math.isnan(value):
@@ -197,9 +201,8 @@ def number(value: float, decimals: int | None = None, *, sign: bool = False) -> 
     if math.isinf(value):
         return (_MINUS if value < 0 else "") + "∞"
     places = decimals_for(value) if decimals is None else decimals
-    if value and (abs(value) >= 1e7 or abs(value) < 0.5 * 10.0 ** -min(places, 6)):
-        mantissa, _, power = f"{value:.2e}".partition("e")
-        text = f"{mantissa}e{int(power)}"
+    if value and (abs(value) >= LARGE or abs(value) < 0.5 * 10.0 ** -min(places, 6)):
+        text = power_of_ten(value, 2)
     else:
         text = f"{value:.{places}f}"
         if float(text) == 0.0:
@@ -207,6 +210,12 @@ def number(value: float, decimals: int | None = None, *, sign: bool = False) -> 
     if sign and value > 0.0:
         text = f"+{text}"
     return text.replace("-", _MINUS)
+
+
+def power_of_ten(value: float, decimals: int) -> str:
+    """Write a number as a mantissa with `decimals` digits after the point: 1.50e7."""
+    mantissa, _, power = f"{value:.{decimals}e}".partition("e")
+    return f"{mantissa}e{int(power)}".replace("-", _MINUS)
 
 
 def quantity(

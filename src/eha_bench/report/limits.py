@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 from urllib.parse import quote
 
-from eha_bench.core.limit import Bounds
+from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
 from eha_bench.core.result import Result, TrialResult
 from eha_bench.core.score import Score, ScoreStatus
 from eha_bench.core.trial import Trial
@@ -47,7 +47,7 @@ class ScoreRow:
 
     Attributes:
         trial, repeat: whose it is; `anchor` links to its section.
-        of: how many repeats it stands for, being the worst of them.
+        stands_for: which of a trial's repeats it stands for, "" for itself: 'worst of 4'.
         value, unit, interval: measured value, its unit, half-width or bounds of its interval.
         limit, margin: as written, and how much is left or missing (with its share of the limit).
         reason: why there is no value or verdict; `convention`: how the value was measured.
@@ -56,7 +56,7 @@ class ScoreRow:
 
     trial: str
     repeat: int
-    of: int
+    stands_for: str
     anchor: str
     metric: str
     metric_id: str
@@ -85,15 +85,35 @@ def score_rows(run: TrialResult, trial: Trial | None) -> tuple[ScoreRow, ...]:
 
 
 def limit_rows(result: Result, trials: Mapping[str, Trial]) -> tuple[ScoreRow, ...]:
-    """Return every limit once, in the order of the result: of repeats the worst stands for all."""
-    grouped: dict[tuple[str, str, str, str], list[ScoreRow]] = {}
+    """Return every limit once, in the order of the result.
+
+    The worst repeat stands for all, or the median over them where the limit is on that.
+    """
+    grouped: dict[tuple[str, str, str, str], list[tuple[TrialResult, Score, ScoreRow]]] = {}
     for run in result.trials:
-        for row in score_rows(run, trials.get(run.id)):
-            if row.limit:
-                grouped.setdefault((row.trial, row.metric_id, row.channel, row.limit), []).append(
-                    row
-                )
-    return tuple(replace(min(rows, key=_badness), of=len(rows)) for rows in grouped.values())
+        trial = trials.get(run.id)
+        for score in run.scores:
+            if score.limit:
+                key = (run.id, score.metric, score.channel, score.limit)
+                grouped.setdefault(key, []).append((run, score, _row(run, trial, score)))
+    return tuple(_standing_for(held, result, trials) for held in grouped.values())
+
+
+def _standing_for(
+    held: list[tuple[TrialResult, Score, ScoreRow]], result: Result, trials: Mapping[str, Trial]
+) -> ScoreRow:
+    run, score, row = min(held, key=lambda item: _badness(item[2]))
+    if len(held) == 1:
+        return row
+    limit = limit_of(score, trials.get(run.id))
+    if limit is not None and limit.repeats is Repeats.MEDIAN:
+        of = (run.id, score.metric, score.channel)
+        for summary in result.repeats:
+            if (summary.trial, summary.metric, summary.channel) == of:
+                median = replace(score, measure=summary.median)
+                row = _row(run, trials.get(run.id), median)
+                return replace(row, stands_for=f"median of {len(held)}")
+    return replace(row, stands_for=f"worst of {len(held)}")
 
 
 def worst_first(rows: Iterable[ScoreRow]) -> tuple[ScoreRow, ...]:
@@ -111,15 +131,21 @@ def _badness(row: ScoreRow) -> tuple[int, float]:
     return _WORST_FIRST.index(row.status), -row.severity
 
 
-def bounds_of(score: Score, trial: Trial | None) -> Bounds | None:
-    """Return the bounds (SI) behind a score's limit, or None where the trial does not tell."""
+def limit_of(score: Score, trial: Trial | None) -> AcceptanceLimit | None:
+    """Return the limit that a score is held against, or None where the trial does not tell."""
     if trial is None or not score.limit:
         return None
     for limit in trial.limits:
         same = (limit.metric, limit.channel, limit.text)
         if same == (score.metric, score.channel, score.limit):
-            return limit.bounds
+            return limit
     return None
+
+
+def bounds_of(score: Score, trial: Trial | None) -> Bounds | None:
+    """Return the bounds (SI) behind a score's limit, or None where the trial does not tell."""
+    limit = limit_of(score, trial)
+    return None if limit is None else limit.bounds
 
 
 def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
@@ -136,7 +162,7 @@ def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
     return ScoreRow(
         trial=run.id,
         repeat=run.repeat,
-        of=1,
+        stands_for="",
         anchor=anchor_of(run.id, run.repeat or None),
         metric=metric_name(score.metric),
         metric_id=score.metric,

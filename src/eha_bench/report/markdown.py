@@ -130,11 +130,11 @@ def _fitting(text: str, room: int) -> str:
 
 def _rows(missed: Iterable[ScoreRow]) -> Iterable[tuple[str, ...]]:
     for row in missed:
-        worst = f" (worst of {row.of})" if row.of > 1 else ""
+        stands_for = f" ({row.stands_for})" if row.stands_for else ""
         value = " ".join(part for part in (row.value, row.unit, row.interval) if part)
         margin = row.margin or row.status.value.replace("_", " ")
         yield (
-            as_text(row.trial) + worst,
+            as_text(row.trial) + stands_for,
             as_text(f"{row.metric}, {row.channel}"),
             value if not row.reason else f"{value} ({as_text(row.reason)})",
             as_text(row.limit),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 from matplotlib.ticker import MaxNLocator
 
-from eha_bench.report.engineering import number
+from eha_bench.report.engineering import LARGE, number, power_of_ten
 
 _STEPS: Final = [1.0, 2.0, 2.5, 5.0, 10.0]
 _MOST_DECIMALS: Final = 12
@@ -22,8 +23,14 @@ class Ticks:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The values as text, with a true minus."""
-        return tuple(number(value, self.decimals) for value in self.values)
+        """The values as text, with a true minus, all written in one way."""
+        largest = max(map(abs, self.values))
+        if largest < LARGE or len(self.values) < 2:
+            return tuple(number(value, self.decimals) for value in self.values)
+        # as many digits as tell neighbours apart, one more for steps of 2.5
+        step = self.values[1] - self.values[0]
+        decimals = max(2, math.ceil(math.log10(largest / step)) + 1)
+        return tuple(power_of_ten(value, decimals) if value else "0" for value in self.values)
 
 
 def decimals_of(step: float) -> int:
