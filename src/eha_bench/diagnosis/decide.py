@@ -97,13 +97,17 @@ def _learned(
         text += f", periodic with {best.period:.4g} (SI)"
     if template.equation == "measurement":
         text += f", in the sensor of {template.place}"
-    text += f"; a learned curve explains {share:.0%} of the excess"
     learned = fit.cost < before
+    text += (
+        f"; a learned curve explains {share:.0%} of the excess"
+        if learned
+        else "; no curve of one variable explains any of it"
+    )
     when = times_of(search.problem, fit) if template.variable == "time" else ()
     return Decision(
         Verdict.UNKNOWN,
         fit if learned else search.fit,
         notes,
-        Unknown(template.equation, (template.variable,), text, share, best.period, when),
+        Unknown(template.equation, (template.variable,), text, max(share, 0.0), best.period, when),
         learned,
     )

@@ -67,8 +67,12 @@ _LEAST = 5.0
 def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = None) -> None:
     """Add effects to the search until nothing more is found, and look at them again together."""
     limits = thresholds or Thresholds()
-    before = search.snapshot()
     progress("search", 0.0)
+    if is_unexplained(search.excess_base) and not is_bent(search.excess_base):
+        # so little may also be what a calibration that stopped early leaves over
+        _settle(search)
+        search.base, search.excess_base = search.fit, search.excess_left
+    before = search.snapshot()
     _grow(search, limits, progress)
     if not search.accepted and is_unexplained(search.excess_left):
         # two effects may hide each other: the best of the first look may still be one of them
@@ -321,14 +325,7 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
     search.accepted.append(
         Accepted(chosen.start, chosen.comparison, equivalents(chosen, trials, search.groups))
     )
-    for _ in range(_ROUNDS):
-        residual = _reweighted(search, search.fit.vector)
-        soft, _ = soften(residual, search.problem.soft)
-        here = replace(search.fit, residual=residual, cost=float(soft @ soft))
-        search.fit = polish(search, here, [], afresh=False)
-        # what a fit has not reached yet would be taken for something else that is missing
-        if here.cost - search.fit.cost < _SETTLED * here.cost:
-            break
+    _settle(search)
     search.base = levenberg_marquardt(
         search.problem,
         search.base.vector,
@@ -336,8 +333,22 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
         known={f.key: search.base.jacobian[:, k] for k, f in enumerate(search.base.free)},
         refresh=0,
     )
-    search.excess_left = excess(search.problem, search.fit)
     search.excess_base = excess(search.problem, search.base)
+
+
+def _settle(search: Search) -> None:
+    """Fit, and weigh anew by what is left, until neither changes much any more.
+
+    What a fit has not reached yet would be taken for something that is missing.
+    """
+    for _ in range(_ROUNDS):
+        residual = _reweighted(search, search.fit.vector)
+        soft, _ = soften(residual, search.problem.soft)
+        here = replace(search.fit, residual=residual, cost=float(soft @ soft))
+        search.fit = polish(search, here, [], afresh=False)
+        if here.cost - search.fit.cost < _SETTLED * here.cost:
+            break
+    search.excess_left = excess(search.problem, search.fit)
 
 
 def _reweighted(search: Search, vector: FloatArray) -> FloatArray:
