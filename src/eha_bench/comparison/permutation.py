@@ -8,7 +8,7 @@ distribution is.
 from __future__ import annotations
 
 import math
-from functools import cache
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -31,7 +31,7 @@ def smallest_paired_p(pairs: int) -> float:
     return 0.5**pairs if pairs < 14 else 1.0 / (_DRAWN + 1)
 
 
-@cache
+@lru_cache(maxsize=8)  # few sizes occur, and of large ones the rows take much memory
 def _arrangements(first: int, second: int) -> FloatArray:
     """Return 0/1 rows that choose the second sample; the first row is the one that was seen."""
     total = first + second
@@ -48,7 +48,7 @@ def _arrangements(first: int, second: int) -> FloatArray:
     return rows
 
 
-@cache
+@lru_cache(maxsize=8)  # few sizes occur, and of large ones the rows take much memory
 def _signs(pairs: int) -> FloatArray:
     """Return rows of signs; the first row is the one that was seen."""
     if 2**pairs <= MOST_LISTED:
