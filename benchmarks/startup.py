@@ -2,9 +2,9 @@
 
     python -m benchmarks.startup [--rounds 7] [--no-suite] [--json FILE]
 
-The best of several rounds, kernels compiled before, by the wall's clock or the processor's, whichever
-says less: on a busy machine the wall says what the others do as well, and the processor's time counts
-the threads that NumPy's algebra starts and does not use. Both stand in the note.
+The best of several rounds, kernels compiled before, by the wall's clock or the processor's,
+whichever says less: on a busy machine the wall says what the others do as well, and the processor's
+time counts the threads that NumPy's algebra starts and does not use. Both stand in the note.
 """
 
 from __future__ import annotations
