@@ -138,14 +138,41 @@ class RigProcess:
             f"bus: {{interface: slcan, channel: '{self.channel}'}}\n{more}",
             encoding="utf-8",
         )
+        self._started: list[subprocess.Popen[str]] = []
         self.environment = {**os.environ, "EHA_BENCH_STATE": str(folder / "state"), "CI": "true"}
 
     def start(self, *words: object) -> subprocess.Popen[str]:
         """Start `eha-bench` with words."""
-        return subprocess.Popen(
+        process = subprocess.Popen(
             [sys.executable, "-m", "eha_bench", *map(str, words)],
             env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
+        self._started.append(process)
+        return process
+
+    def start_until_torque(self, *words: object, stays: float = 0.3) -> subprocess.Popen[str]:
+        """Start a run and wait until its torque has been on for a while, in s.
+
+        A machine that stalls for longer than the drive's watchdog ends a run as it should; then
+        the rig is cleared and the run started again, a few times.
+        """
+        said = ""
+        for _ in range(5):
+            run = self.start(*words)
+            until = time.monotonic() + 30.0
+            while run.poll() is None and not self.torque_is_on() and time.monotonic() < until:
+                time.sleep(0.02)
+            time.sleep(stays)
+            if run.poll() is None and self.torque_is_on():
+                return run
+            run.kill()
+            said = "".join(run.communicate())
+            self.do("clear", self.target, "--by", "Ada")
+        raise AssertionError(f"no torque in five runs: {said}")
+
+    def torque_is_on(self) -> bool:
+        """Whether the drive's log says so."""
+        return len(self.events("torque on")) > len(self.events("torque off"))
 
     def do(self, *words: object) -> tuple[int, str]:
         """Run `eha-bench` with words; return its status and what it says."""
@@ -165,7 +192,11 @@ class RigProcess:
         return [event for event in found if event["event"] == kind]
 
     def close(self) -> None:
-        """End the process."""
+        """End the process, and benches that a failed test has left."""
+        for bench in self._started:
+            if bench.poll() is None:
+                bench.kill()
+                bench.communicate()
         self._process.terminate()
         self._process.wait(30)
         if self._process.stdout is not None:

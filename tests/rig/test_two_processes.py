@@ -31,10 +31,6 @@ def wait_for(holds: Callable[[], object], seconds: float = 30.0) -> None:
         time.sleep(0.02)
 
 
-def torque_is_on(rig: RigProcess) -> bool:
-    return len(rig.events("torque on")) > len(rig.events("torque off"))
-
-
 def test_a_run_leaves_scores_recordings_and_a_drive_without_torque(
     rig: Rigs, suite: Suites, tmp_path: Path
 ) -> None:
@@ -59,7 +55,7 @@ def test_a_run_leaves_scores_recordings_and_a_drive_without_torque(
     assert int(recording.metadata["loop_ticks"]) > 0
     assert float(recording.metadata["model.torque_constant"]) == pytest.approx(0.13)
     assert {"target.yaml", "drive.dbc", "trial.json"} <= recording.attachments.keys()
-    assert not torque_is_on(played)
+    assert not played.torque_is_on()
     assert not list((played.folder / "state").glob("*.latch"))
 
 
@@ -80,7 +76,7 @@ def test_silence_stops_the_run_latches_the_rig_and_a_person_clears_it(
     assert recording.metadata["ending_reason"] in trial.reason
     assert trial.reason.split(":")[0] in (out / "report.html").read_text(encoding="utf-8")
     assert "<error" in (out / "junit.xml").read_text(encoding="utf-8")
-    assert not torque_is_on(played)
+    assert not played.torque_is_on()
     status, said = played.do(*words)
     assert status == 3
     assert "latched" in said
@@ -97,12 +93,10 @@ def test_a_killed_bench_leaves_no_torque_and_a_readable_recording(
 ) -> None:
     played = rig()
     path, out = suite(**LONG), tmp_path / "out"
-    run = played.start("run", path, "--target", played.target, "--out", out)
-    wait_for(lambda: torque_is_on(played))
-    time.sleep(0.3)
+    run = played.start_until_torque("run", path, "--target", played.target, "--out", out)
     run.kill()
     run.communicate()
-    wait_for(lambda: played.events("torque off"))
+    wait_for(lambda: not played.torque_is_on())
     off = played.events("torque off")[-1]
     assert 0.0 <= off["t"] - off["last_command"] <= 20e-3
     file = out / "recordings" / "trial-0.mcap"
@@ -124,8 +118,8 @@ def test_a_signal_ends_the_run_safely_and_latches_nothing(
 ) -> None:
     played = rig("--watchdog", "5 s")
     out = tmp_path / "out"
-    run = played.start("run", suite(**LONG), "--target", played.target, "--out", out)
-    wait_for(lambda: torque_is_on(played) or run.poll() is not None)
+    words = ("run", suite(**LONG), "--target", played.target, "--out", out)
+    run = played.start_until_torque(*words)
     run.send_signal(number)
     _, said = run.communicate(timeout=60)
     assert run.returncode == 130, said
@@ -142,17 +136,16 @@ def test_two_runs_never_share_a_rig_and_a_time_limit_holds(
 ) -> None:
     played = rig("--watchdog", "5 s")
     path = suite(**LONG)
-    first = played.start(
+    first = played.start_until_torque(
         "run", path, "--target", played.target, "--out", tmp_path / "a", "--time-limit", "15 s"
     )
-    wait_for(lambda: torque_is_on(played) or first.poll() is not None)
     status, said = played.do("run", path, "--target", played.target, "--out", tmp_path / "b")
     assert status == 3
     assert "in use by process" in said
     _, said = first.communicate(timeout=60)
     assert first.returncode == 1, said
     assert "the time limit of 15 s" in said
-    assert not torque_is_on(played)
+    assert not played.torque_is_on()
 
 
 @pytest.mark.slow
@@ -176,7 +169,7 @@ def test_a_controller_that_fails_ends_safely(rig: Rigs, suite: Suites, tmp_path:
     )
     assert status == 3
     assert "ZeroDivisionError" in said or played.events("state")[-1]["now"] == "fault"
-    assert not torque_is_on(played)
+    assert not played.torque_is_on()
 
 
 @pytest.mark.slow
@@ -235,7 +228,7 @@ def test_both_drives_run_on_a_pseudo_terminal_in_both_modes(
     status, said = played.do("run", path, "--target", played.target, "--out", tmp_path / "out")
     assert status == 0, said
     assert len(eb.read(tmp_path / "out" / "recordings" / "trial-0.mcap")) > 10
-    assert not torque_is_on(played)
+    assert not played.torque_is_on()
 
 
 def test_a_dry_run_shows_frames_and_opens_nothing(
