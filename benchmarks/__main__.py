@@ -11,6 +11,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from benchmarks.table import Row, rows_of
@@ -67,7 +68,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         for name in given.only:
             print(f"== {name} ==", flush=True)
+            begun = time.perf_counter()
             found[name] = run(name, chosen[name], Path(folder))
+            print(f"-- {name}: {time.perf_counter() - begun:.0f} s --", flush=True)
     print("\n== all figures and targets ==")
     for name, rows in found.items():
         print(name if rows is not None else f"{name}: COULD NOT RUN")
