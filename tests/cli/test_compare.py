@@ -85,7 +85,9 @@ def test_ab_runs_in_turn_stops_and_resumes(cli: Cli, suite: Path, tmp_path: Path
 def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
     cli: Cli, suite: Path, tmp_path: Path
 ) -> None:
-    suite.write_text(SUITE.partition("  - id: sine")[0], encoding="utf-8")
+    # long enough that the pairs after the third take longer than a busy machine takes to notice it
+    longer = SUITE.replace("duration: 0.1 s", "duration: 10 s")
+    suite.write_text(longer.partition("  - id: sine")[0], encoding="utf-8")
     wanted = ["ab", suite, "--a", "simulator", "--b", "simulator", "--out", "ab", "--warm-up", "0"]
     words = [str(word) for word in (*wanted, "--repeats", "60")]
     process = subprocess.Popen(
