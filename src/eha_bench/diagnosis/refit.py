@@ -62,7 +62,7 @@ def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
     # where a start has moved what is calibrated, the search's Jacobian is not the one there
     own = {item.start.strength_at, *(at for at, _ in item.start.settings)}
     moved = any(f.at in own for f in search.fit.free)
-    known = {} if moved else known_of(search.fit)
+    known = {} if moved else search.fit.columns
     fit = levenberg_marquardt(
         coarse, vector, free, iterations=6 if moved else 4, known=known, refresh=int(moved)
     )
@@ -73,16 +73,16 @@ def polish(search: Search, rough: Fit, extra: Sequence[Start], *, afresh: bool =
     """Fit to the end, from where the rough fit is and, if that is poor, from declared values."""
     problem = search.problem
     vector = rough.vector
-    known = known_of(rough)
+    known = rough.columns
     if afresh and rough.cost > _POOR * SOFT_MEAN * problem.size:
         other = begun_again(search, vector, extra)
         if other.cost < rough.cost:
             vector = other.vector
-            known = known_of(other)
+            known = other.columns
     elif not afresh:
         # what an effect left in the residual had bent friction at rest as well
         better = at_rest(problem.at_step(COARSE), rough)
-        vector, known = better.vector, known_of(better)
+        vector, known = better.vector, better.columns
     return levenberg_marquardt(
         problem, vector, free_of(search, vector, extra), known=known, refresh=1
     )
@@ -138,7 +138,7 @@ class Near:
         fit = levenberg_marquardt(self.problem, vector, free, iterations=6, refresh=1)
         self._weigh(fit.vector)
         fit = levenberg_marquardt(
-            self.problem, fit.vector, free, iterations=3, known=known_of(fit), refresh=0
+            self.problem, fit.vector, free, iterations=3, known=fit.columns, refresh=0
         )
         return friction_at_rest(self.problem, fit)
 
@@ -216,7 +216,7 @@ class Near:
         return [self._long(start, fit) for start, fit in hopeful]
 
     def _fitted(self, start: Start, vector: FloatArray) -> tuple[Start, Fit]:
-        known = known_of(self.fit)
+        known = self.fit.columns
         free = self._free(vector, [start])
         return start, levenberg_marquardt(
             self.problem, vector, free, iterations=6, known=known, refresh=1
@@ -244,11 +244,6 @@ class Near:
             free = free_of(self.search, fit.vector, [start])
             fit = levenberg_marquardt(own, fit.vector, free, iterations=6, refresh=1)
         return Trial(start, fit, Comparison(0, 0, 0, 0, 1, 0))
-
-
-def known_of(fit: Fit) -> dict[str, FloatArray]:
-    """Return the columns of a fit's Jacobian by key."""
-    return fit.columns
 
 
 def started(item: Screened, vector: FloatArray) -> FloatArray:

@@ -330,7 +330,7 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
         search.problem,
         search.base.vector,
         search.base.free,
-        known={f.key: search.base.jacobian[:, k] for k, f in enumerate(search.base.free)},
+        known=search.base.columns,
         refresh=0,
     )
     search.excess_base = excess(search.problem, search.base)
