@@ -9,9 +9,10 @@ from pathlib import Path
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.scoring import score_recordings
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, TargetFault
 from eha_bench.core.recording import Recording
-from eha_bench.core.result import Result, Status, TrialResult, write_text
+from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import workers_from
 from eha_bench.diagnosis.dataset import Dataset, load_dataset

@@ -16,8 +16,9 @@ from eha_bench.comparison.comparison import Comparison
 from eha_bench.comparison.sequential import shares
 from eha_bench.comparison.side import Side, load_side
 from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError
-from eha_bench.core.result import Result, Status, write_text
+from eha_bench.core.result import Result, Status
 from eha_bench.report import append_step_summary
 from eha_bench.report.comparison_markdown import comparison_markdown
 from eha_bench.report.comparison_report import write_comparison

@@ -14,9 +14,10 @@ import numpy as np
 
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption
-from eha_bench.core.result import Result, Status, TrialResult, write_text
+from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.trial import Trial
 from eha_bench.suites import Suite
 from eha_bench.targets.target import Target

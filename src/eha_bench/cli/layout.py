@@ -22,8 +22,8 @@ def layout(
     """Write a Foxglove layout (JSON) that plots our topics, units in the labels."""
     import json
 
+    from eha_bench.core.atomic_file import write_text
     from eha_bench.core.errors import InputError, Place
-    from eha_bench.core.result import write_text
     from eha_bench.report.foxglove import layout_for
 
     text = json.dumps(layout_for(source), indent=2, ensure_ascii=False) + "\n"

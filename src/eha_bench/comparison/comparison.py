@@ -12,8 +12,8 @@ from typing import Any
 
 from eha_bench.comparison.side import Side
 from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.finite import finite_or_none
-from eha_bench.core.result import write_text
 
 SCHEMA_VERSION = 1
 

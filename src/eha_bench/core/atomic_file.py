@@ -34,6 +34,12 @@ def replacing(target: Path, *, durable: bool = False) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a whole text file or nothing; raises OSError."""
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
 def _to_disk(path: Path) -> None:
     """Ask the disk to keep a file, or a folder's list of names."""
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)

@@ -10,7 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
 
-from eha_bench.core.atomic_file import replacing
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.repeats_summary import RepeatsSummary
@@ -111,12 +111,6 @@ class Result:
             raise InputError(
                 f"not a result ({_why(error)})", where=Place(file=str(path))
             ) from error
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a whole text file or nothing."""
-    with replacing(path) as part:
-        part.write_text(text, encoding="utf-8")
 
 
 def _to_dict(result: Result) -> dict[str, Any]:

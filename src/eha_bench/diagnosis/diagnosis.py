@@ -10,8 +10,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.finite import finite_or_none
-from eha_bench.core.result import write_text
 from eha_bench.diagnosis.errors_by_channel import ChannelError
 from eha_bench.diagnosis.replay import Replay
 from eha_bench.diagnosis.uncertainty import Estimate

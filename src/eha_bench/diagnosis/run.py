@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption, checkpoints
-from eha_bench.core.result import write_text
 from eha_bench.diagnosis import search as searching
 from eha_bench.diagnosis.baseline import (
     COARSE,

@@ -32,8 +32,8 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import PluginError
-from eha_bench.core.result import write_text
 from eha_bench.plants import compiled
 from eha_bench.plants.effect import Effect
 from eha_bench.plants.parameter import Parameter

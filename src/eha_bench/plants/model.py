@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from eha_bench.core import units, yaml_file
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.result import write_text
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.assembly import Layout
 from eha_bench.plants.parameter import Parameter

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from eha_bench.core.result import Result, Status, TrialResult, write_text
+from eha_bench.core.atomic_file import write_text
+from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Score, ScoreStatus
 from eha_bench.report.engineering import quantity
 

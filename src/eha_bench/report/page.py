@@ -25,7 +25,7 @@ from typing import Any, Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from eha_bench.core.result import write_text
+from eha_bench.core.atomic_file import write_text
 
 _STYLES: Final = ("uPlot.min.css", "report.css")
 _EARLY_SCRIPTS: Final = ("guard.js",)

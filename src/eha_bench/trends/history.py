@@ -11,11 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, metric_spec
-from eha_bench.core.result import write_text
 from eha_bench.trends.index import Entry, Index, Night
 from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import State, Trend, judge

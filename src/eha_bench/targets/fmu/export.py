@@ -11,9 +11,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eha_bench.core.atomic_file import replacing
+from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.errors import InputError
-from eha_bench.core.result import write_text
 from eha_bench.plants.model import Model, load_model
 from eha_bench.targets.fmu.description import INSTALL
 
