@@ -91,14 +91,17 @@ def test_silence_stops_the_run_latches_the_rig_and_a_person_clears_it(
 def test_a_killed_bench_leaves_no_torque_and_a_readable_recording(
     rig: Rigs, suite: Suites, tmp_path: Path
 ) -> None:
-    played = rig()
+    # A machine busy with other tests stalls for longer than 20 ms: that figure is held in
+    # simulated time (test_drive.py) and measured on a quiet machine (docs/rig.md).
+    played = rig("--watchdog", "1 s")
     path, out = suite(**LONG), tmp_path / "out"
     run = played.start_until_torque("run", path, "--target", played.target, "--out", out)
     run.kill()
     run.communicate()
     wait_for(lambda: not played.torque_is_on())
     off = played.events("torque off")[-1]
-    assert 0.0 <= off["t"] - off["last_command"] <= 20e-3
+    assert 0.9 <= off["t"] - off["last_command"] <= 1.5
+    assert off["reason"] == "no command for too long"
     file = out / "recordings" / "trial-0.mcap"
     wait_for(lambda: "ending" in eb.read(file).metadata)
     recording = eb.read(file)
