@@ -39,8 +39,8 @@ QUICK: dict[str, list[str]] = {
     "coverage": ["--recordings", "100"],
     "comparison": ["--quick"],
     "blind": ["--cases", "1"],
-    "rig_safety": ["--kills", "2", "--disk"],
-    "rig_agreement": ["--rounds", "1"],
+    "rig_safety": ["--kills", "1", "--disk"],
+    "rig_agreement": ["--rounds", "1", "--control", "host"],
 }
 RAN = (0, 1)
 """Exit statuses of a benchmark that ran: 1 where a target was missed."""

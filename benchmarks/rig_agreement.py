@@ -29,6 +29,7 @@ from eha_bench.suites import load_suite
 from eha_bench.targets.simulator import Simulator, default_simulator
 
 Values = dict[tuple[str, str], list[float]]
+MODES = ("host", "set-point")
 _TRIES = 12
 
 
@@ -100,6 +101,7 @@ def main() -> int:
     """Print the table; return 1 where a mode did not pass as often as it was asked to."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.rig_agreement", description=__doc__)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--control", nargs="+", choices=MODES, default=list(MODES))
     parser.add_argument("--json", type=Path, help="write the figures as rows of JSON")
     chosen = parser.parse_args()
     rounds = chosen.rounds
@@ -108,7 +110,7 @@ def main() -> int:
     rows = []
     kept = True
     with tempfile.TemporaryDirectory(prefix="eha-rig-") as name:
-        for control in ("host", "set-point"):
+        for control in chosen.control:
             folder = Path(name) / control
             bus = over_the_bus(folder, rounds, control)
             print(
