@@ -228,6 +228,21 @@ def test_wrapped_integers_are_reported_and_repaired_on_demand(typed_log: Any) ->
     assert any("it was unwrapped" in note for note in repaired.notes)
 
 
+@pytest.mark.parametrize(("size", "said"), [(2**53, False), (2**60, True)])
+def test_whole_numbers_that_a_double_does_not_hold_are_told(
+    typed_log: Any, size: int, said: bool
+) -> None:
+    rows = [(k * MS, {"data": size - 3 + k}) for k in range(4)]
+    path = typed_log("/stamp", "std_msgs/msg/Int64", "int64 data", rows)
+    entry = {"topic": "/stamp", "field": "data", "unit": "V"}
+    back = recordings.read(path, channels={"channels": {"probe": entry}})
+    notes = [note for note in back.notes if "rounded to multiples of" in note]
+    assert len(notes) == said
+    if said:
+        assert "'probe'" in notes[0]
+        assert notes[0].endswith("rounded to multiples of 256")
+
+
 def test_two_channels_of_one_field_do_not_disturb_each_other(float_log: Any) -> None:
     path = float_log({"/p": rows(np.arange(10) * MS, range(10))})
     entry = {"topic": "/p", "field": "data"}

@@ -15,7 +15,13 @@ from eha_bench.recordings.channel_map import ChannelMap, Clock
 from eha_bench.recordings.encodings.decoder import READ_ENCODINGS
 from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.naming import among, shown
-from eha_bench.recordings.series import nan_note, seconds, seconds_in_place, unwrapped
+from eha_bench.recordings.series import (
+    nan_note,
+    rounding_note,
+    seconds,
+    seconds_in_place,
+    unwrapped,
+)
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.track import Column, Stamps, Track, freeze
@@ -49,6 +55,7 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
         topic, column = keys[name]
         raw = aligned.columns.pop(name)
         kind = tracks[topic].kinds.get(column, "")
+        notes += rounding_note(name, raw, kind)
         raw, found = unwrapped(name, raw, kind, entry, time)
         notes += found
         if any(np.may_share_memory(raw, other) for other in aligned.columns.values()):

@@ -15,6 +15,8 @@ GAP = 1.5
 """An interval longer than this many median intervals is reported as a gap."""
 _BLOCK = 1 << 16
 _SAMPLED = 1 << 14
+_EXACT = 2.0**53
+"""Up to here a double holds every whole number."""
 BRIDGED = 3.0
 """Values are interpolated across intervals of up to this many median intervals."""
 
@@ -171,6 +173,19 @@ def nan_note(name: str, values: Column, time: NDArray[np.float64]) -> list[str]:
     return [
         f"channel '{name}': {count} of {values.size} samples are not finite, first at {at:.6g} s; "
         "they are kept"
+    ]
+
+
+def rounding_note(name: str, values: Column, kind: str) -> list[str]:
+    """Say where whole numbers are too large to be kept exactly, as a counter of nanoseconds is."""
+    if kind[-2:] not in ("i8", "u8") or not values.size:
+        return []
+    largest = max(abs(np.nanmin(values)), abs(np.nanmax(values)))
+    if not largest > _EXACT:
+        return []
+    return [
+        f"channel '{name}': whole numbers up to {largest:.3g} are kept as floating point and are "
+        f"rounded to multiples of {np.spacing(largest):g}"
     ]
 
 
