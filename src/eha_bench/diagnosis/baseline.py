@@ -37,11 +37,14 @@ CHUNK = 4.0
 """Length of the parts of long windows that are chosen from, s."""
 
 FRICTION_AT_REST = {
-    "rod_creep_speed": (1e-5, 1e-4, 1e-3),
-    "pump_creep_speed": (1e-3, 1e-2, 1e-1),
-    "creep_speed": (1e-5, 1e-4, 1e-3),
+    "rod_creep_speed": (0.0, 1e-5, 1e-4, 1e-3),
+    "pump_creep_speed": (0.0, 1e-3, 1e-2, 1e-1),
+    "creep_speed": (0.0, 1e-5, 1e-4, 1e-3),
 }
-"""How friction behaves at rest is nobody's declared knowledge: fitted always, never an effect."""
+"""How friction behaves at rest is nobody's declared knowledge: fitted always, never an effect.
+
+Sticking (0) is asked for again like any other: creeping may have imitated what was missing.
+"""
 _OF_THE_SHAFT = ("pump_creep_speed",)
 _TELLING = 20.0
 """Fall of the cost that says that friction at rest is another one."""
