@@ -158,8 +158,19 @@ def test_current_lag_and_delay_reach_the_sensor() -> None:
     t = np.arange(50) * k.TICK
     np.testing.assert_allclose(lag[10:, 0], 8.0 * (1.0 - np.exp(-t / 0.003)), atol=1e-9)
     late, _, _ = Plant({"command_delay": 0.004}).run(driven(u))
-    assert late[14, 0] == 0.0
-    assert late[15, 0] == 8.0
+    np.testing.assert_allclose(late[14:16, 0], [0.0, 8.0], atol=1e-9)
+
+
+def test_a_delay_between_two_sub_steps_is_not_rounded() -> None:
+    """The impulse of the torque is late by the delay, though the sub-steps are 50 us long."""
+    u = np.zeros(200)
+    u[10:] = 12.0
+    speeds = []
+    for delay in (0.004, 0.00402):
+        late, _, _ = Plant({"command_delay": delay}).run(driven(u))
+        speeds.append(late[20, 1])
+    on_time = Plant({"command_delay": 0.00405}).run(driven(u))[0][20, 1]
+    assert speeds[1] - speeds[0] == pytest.approx(0.4 * (on_time - speeds[0]), rel=0.3)
 
 
 def test_the_sample_is_taken_before_its_tick() -> None:
