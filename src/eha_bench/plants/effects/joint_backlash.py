@@ -16,8 +16,10 @@ Read in two ways, by where the sensors sit (`side`):
 
   The weight that `gravity_load` adds stays on the rod.
 
-Where in the gap the joint is at the first sample is not known: it is taken in the middle at rest,
-and at the driving end where the rod moves.
+Where in the gap the joint is at the first sample is not known. Beyond a sensor it is taken in the
+middle at rest, and at the driving end where the rod moves. A load is taken to touch the end that
+pushes it: rod and load move as one under what the chambers and friction leave, and the force that
+the load takes of it, f = F_e + M dv/dt, says which end that is and how far the contact gives.
 
 Source: Nordin, Gutman, Automatica 38 (2002) 1633, doi:10.1016/S0005-1098(02)00047-X; the play
 operator: Krasnosel'skii, Pokrovskii, Systems with Hysteresis, Springer 1989.
@@ -130,13 +132,26 @@ def push_load(
 def load_at_first(
     x: float,
     v: float,
+    p_a: float,
+    p_b: float,
+    piston_area_a: float,
+    piston_area_b: float,
+    rod_viscous: float,
+    rod_coulomb: float,
+    load_mass: float,
     external_force: float,
     measured_force: float,
     gap: float,
     joint_stiffness: float,
+    rod_mass: float,
 ) -> float:
-    """Return the load's position at the first sample, m: on the side that its force presses to."""
-    force = external_force + measured_force
+    """Return the load's position at the first sample, m: at the end of the gap that pushes it."""
+    load = external_force + measured_force
+    force = load
+    if abs(v) >= _AT_REST:
+        push = piston_area_a * p_a - piston_area_b * p_b - rod_viscous * v
+        push -= math.copysign(rod_coulomb, v)
+        force += load_mass * (push - load) / (rod_mass + load_mass)
     side = _share(v) if force == 0.0 else math.copysign(1.0, force)
     return x - 0.5 * gap * side - force / joint_stiffness
 
