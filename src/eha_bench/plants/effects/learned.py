@@ -12,7 +12,7 @@ balance (`equation`), as `form` says:
 
 `place` says where in the balance: into chamber_a, chamber_b or from a to b (`a_to_b`); in the
 `drive`, where the current sensor (or the logged voltage) sees it, or in the `motor`, where nothing
-does; or which sensor.
+does; or which sensor, or `pressures` for both of those alike (they share supply and amplifier).
 
 Source: de Boor, A Practical Guide to Splines, Springer 2001 (broken lines).
 """
@@ -36,13 +36,14 @@ VARIABLES = (
 )  # fmt: skip
 PLACES = (
     "motor", "drive", "a_to_b", "chamber_a", "chamber_b", "current", "motor_speed", "pressure_a",
-    "pressure_b", "piston_position", "piston_velocity",
+    "pressure_b", "piston_position", "piston_velocity", "pressures",
 )  # fmt: skip
 
 _TORQUE, _FLOW, _FORCE, _ACTUATION, _MEASUREMENT = range(5)
 _ADDITIVE, _GAIN, _FRICTION = range(3)
 _MOTOR, _DRIVE, _A_TO_B, _CHAMBER_A, _CHAMBER_B = range(5)
 _FIRST_SENSOR = 5
+_BOTH_PRESSURES = 11
 
 
 def drive(
@@ -229,7 +230,7 @@ def read_pressure_a(
     high: float, scale: float, values: Vector,
 ) -> float:  # fmt: skip
     """Return what the sensor of pressure_a reads, with the curve."""
-    if equation != _MEASUREMENT or place != _FIRST_SENSOR + 2:
+    if equation != _MEASUREMENT or place not in (_FIRST_SENSOR + 2, _BOTH_PRESSURES):
         return value
     f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
@@ -245,7 +246,7 @@ def read_pressure_b(
     high: float, scale: float, values: Vector,
 ) -> float:  # fmt: skip
     """Return what the sensor of pressure_b reads, with the curve."""
-    if equation != _MEASUREMENT or place != _FIRST_SENSOR + 3:
+    if equation != _MEASUREMENT or place not in (_FIRST_SENSOR + 3, _BOTH_PRESSURES):
         return value
     f = knee_value(
         variable, current, omega, theta, p_a, p_b, x, v, t, measured_force, oil_temperature,
