@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from eha_bench.diagnosis.evidence import Groups, compare, left_out
 from eha_bench.diagnosis.fit import Fit, Free
 from eha_bench.diagnosis.problem import soften
-from eha_bench.diagnosis.uncertainty import deviations, undetermined
+from eha_bench.diagnosis.uncertainty import spreads, undetermined
 
 
 def linear_fit(matrix: np.ndarray, residual: np.ndarray, names: list[str], values: np.ndarray):
@@ -26,8 +27,8 @@ def test_white_residuals_give_the_textbook_deviation():
     rng = np.random.default_rng(0)
     matrix = rng.standard_normal((20000, 2))
     fit = linear_fit(matrix, rng.standard_normal(20000), ["a", "b"], np.array([1.0, 1.0]))
-    found = deviations(fit, blocks(20000))
-    assert found["a"] == pytest.approx(1 / np.sqrt(20000), rel=0.2)
+    found = spreads(fit, blocks(20000))
+    assert found["a"].deviation == pytest.approx(1 / np.sqrt(20000), rel=0.2)
 
 
 def test_correlated_residuals_widen_the_interval():
@@ -36,8 +37,8 @@ def test_correlated_residuals_widen_the_interval():
     white = linear_fit(np.ones((n, 1)), rng.standard_normal(n), ["a"], np.ones(1))
     slow = np.repeat(rng.standard_normal(n // 50), 50)
     slow_fit = linear_fit(np.ones((n, 1)), slow - slow.mean(), ["a"], np.ones(1))
-    wide = deviations(slow_fit, blocks(n))["a"]
-    assert wide > 4 * deviations(white, blocks(n))["a"]
+    wide = spreads(slow_fit, blocks(n))["a"].half_width
+    assert wide > 4 * spreads(white, blocks(n))["a"].half_width
 
 
 def test_runs_that_ask_for_other_values_widen_the_interval():
@@ -48,20 +49,56 @@ def test_runs_that_ask_for_other_values_widen_the_interval():
     wanted = np.repeat([0.2, -0.1, 0.15, -0.2, 0.05, -0.1], n // 6)
     own = linear_fit(column[:, None], rng.standard_normal(n), ["a"], np.ones(1))
     other = linear_fit(column[:, None], own.residual + wanted * column, ["a"], np.ones(1))
-    assert deviations(other, groups)["a"] > 4 * deviations(own, groups)["a"]
+    assert spreads(other, groups)["a"].half_width > 4 * spreads(own, groups)["a"].half_width
 
 
-def test_intervals_of_a_right_model_hold_the_truth_as_often_as_they_say():
+def correlated(rng: np.random.Generator, shape: tuple[int, int], memory: float) -> np.ndarray:
+    """Noise with a memory from sample to sample, as a filter's or a slow disturbance's."""
+    white = rng.standard_normal((shape[0], shape[1] + 400))
+    gain = np.sqrt(1.0 - memory**2)
+    return lfilter([gain], [1.0, -memory], white, axis=1)[:, 400:].ravel()
+
+
+def of_each_run(rng: np.random.Generator, matrix: np.ndarray, runs: int) -> np.ndarray:
+    """What a model's wrong form leaves: every run asks for parameters of its own."""
+    wanted = np.repeat(rng.normal(0.0, 0.15, (runs, matrix.shape[1])), len(matrix) // runs, axis=0)
+    return np.sum(matrix * wanted, axis=1)
+
+
+@pytest.mark.parametrize("kind", ["white", "memory of 20 ms", "memory of 100 ms", "runs differ"])
+def test_intervals_hold_the_truth_as_often_as_they_say(kind: str):
     rng = np.random.default_rng(1)
-    n, held = 6000, 0
-    groups = Groups(tuple(np.array_split(np.arange(n), 6)), blocks(n).blocks)
-    matrix = np.column_stack([np.sin(np.arange(n) / 7.0), np.cos(np.arange(n) / 50.0)])
-    for _ in range(200):
-        noise = rng.standard_normal(n)
+    runs, ticks, cases = 6, 1500, 120
+    time = np.arange(ticks) * 2e-3
+    matrix = np.column_stack(
+        [
+            np.concatenate(
+                [
+                    rng.uniform(0.7, 1.4)
+                    * np.sin(rng.uniform(3.0, 50.0) * time + rng.uniform(0.0, 6.0))
+                    for _ in range(runs)
+                ]
+            )
+            for _ in range(4)
+        ]
+    )
+    # one parameter shows in two runs only, as a free rod's does
+    matrix[: 4 * ticks, 3] = 0.0
+    groups = Groups(
+        tuple(np.array_split(np.arange(runs * ticks), runs)), blocks(runs * ticks).blocks
+    )
+    held = 0
+    for _ in range(cases):
+        noise = rng.standard_normal(runs * ticks)
+        if kind.startswith("memory"):
+            noise += correlated(rng, (runs, ticks), 0.9 if "20 ms" in kind else 0.98)
+        elif kind == "runs differ":
+            noise += of_each_run(rng, matrix, runs)
         step = -np.linalg.lstsq(matrix, noise, rcond=None)[0]
-        fit = linear_fit(matrix, noise + matrix @ step, ["a", "b"], np.ones(2))
-        held += int(abs(step[0]) < 1.96 * deviations(fit, groups)["a"])
-    assert 0.91 <= held / 200 <= 0.99
+        fit = linear_fit(matrix, noise + matrix @ step, list("abcd"), np.ones(4))
+        found = spreads(fit, groups)
+        held += sum(abs(step[k]) < found[name].half_width for k, name in enumerate("abcd"))
+    assert 0.91 <= held / (4 * cases) <= 0.985
 
 
 def test_a_product_is_named_as_a_product():

@@ -11,12 +11,13 @@ from eha_bench.diagnosis.candidates import LEARNED
 from eha_bench.diagnosis.dataset import Dataset
 from eha_bench.diagnosis.decide import Decision
 from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
-from eha_bench.diagnosis.fit import Fit, jacobian
+from eha_bench.diagnosis.finish import Finished, finished
+from eha_bench.diagnosis.fit import Fit
 from eha_bench.diagnosis.profile import profiled
 from eha_bench.diagnosis.revise import revised
 from eha_bench.diagnosis.search import Search
 from eha_bench.diagnosis.search_state import Ranked
-from eha_bench.diagnosis.uncertainty import Estimate, deviations, estimates, undetermined
+from eha_bench.diagnosis.uncertainty import Estimate, estimates, spreads, undetermined
 from eha_bench.plants.effect import Effect
 from eha_bench.plants.model import Model
 
@@ -30,13 +31,15 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     """Return what was found, without errors: no run is replayed here."""
     model = dataset.model
     layout = model.plant.layout
-    fit = _fresh(search, decision)
+    end = _finished(search, decision)
+    fit = end.fit
     added = [item.start.candidate for item in search.effects]
     if decision.unknown is not None and decision.learned:
         added.append(LEARNED)
     mundane = [item.start.keys[0] for item in search.accepted if item.start.mundane]
     keys = [*base.keys, *mundane]
-    values = estimates(fit, search.groups, units_of(model), _profiles(search, decision, fit))
+    profiles = _profiles(search, decision, fit)
+    values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
     effects = []
     for item in search.effects:
         effect = layout.effect(item.start.candidate)
@@ -88,18 +91,16 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     )
 
 
-def _fresh(search: Search, decision: Decision) -> Fit:
-    """Return the fit with a Jacobian computed anew: intervals are no place for one updated."""
+def _finished(search: Search, decision: Decision) -> Finished:
+    """Return what was decided at the bottom of its cost; a learned curve stays as it is."""
     fit = decision.fit
     if decision.learned:
-        return fit
+        return Finished(fit, {})
     layout = search.problem.plant.layout
-    sticks = {key for key in FRICTION_AT_REST if key in layout.index
-              and fit.vector[layout.index[key]] == 0.0}  # fmt: skip
-    free = tuple(item for item in fit.free if item.key not in sticks)
-    residual = search.problem.residual(fit.vector)
-    matrix = jacobian(search.problem, fit.vector, free, residual)
-    return replace(fit, free=free, residual=residual, jacobian=matrix)
+    still = {key for key in FRICTION_AT_REST if key in layout.index
+             and fit.vector[layout.index[key]] == 0.0}  # fmt: skip
+    free = tuple(item for item in fit.free if item.key not in still)
+    return finished(search.problem, replace(fit, free=free))
 
 
 def _profiles(search: Search, decision: Decision, fit: Fit) -> dict[str, float]:
@@ -107,10 +108,10 @@ def _profiles(search: Search, decision: Decision, fit: Fit) -> dict[str, float]:
     if decision.learned:
         return {}
     problem = search.problem.coarser(COARSE, fit.vector, fit.residual)
-    begin = deviations(fit, search.groups)
+    begin = spreads(fit, search.groups)
     sought = {key for item in search.effects for key in item.start.keys}
     return {
-        item.key: profiled(problem, fit, item.key, begin[item.key])
+        item.key: profiled(problem, fit, item.key, begin[item.key].deviation)
         for item in fit.free
         if item.key in sought
     }

@@ -42,6 +42,7 @@ from eha_bench.diagnosis.errors_by_channel import (
 )
 from eha_bench.diagnosis.evidence import groups_of
 from eha_bench.diagnosis.findings import assemble, units_of
+from eha_bench.diagnosis.finish import finished
 from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay import replay
 from eha_bench.diagnosis.revise import revised
@@ -125,7 +126,8 @@ def calibrate(
                 base = calibrated(loaded, progress)
         except CalibrationInterrupted as stop:
             base, complete = stop.baseline, False
-        model = revised(loaded.model, base.fit.vector, base.keys)
+        end = finished(base.problem, base.fit)
+        model = revised(loaded.model, end.fit.vector, base.keys)
         noise = base.problem.noise
         replays = replay(
             base.measured, [loaded.model, model], noise, lambda done: progress("replay", done)
@@ -134,8 +136,8 @@ def calibrate(
     notes = base.notes if complete else (*base.notes, "interrupted before the fit had ended")
     found = Calibration(
         model,
-        estimates(base.fit, groups_of(base.problem), units_of(loaded.model)),
-        undetermined(base.fit),
+        estimates(end.fit, groups_of(base.problem), units_of(loaded.model), shift=end.shifts),
+        undetermined(end.fit),
         errors,
         (*notes, *replay_notes(replays, errors)),
         complete,
@@ -171,7 +173,7 @@ def diagnose(
     with Interruption() as asked, counted() as spent:
         base, search, decision, complete = _searched(loaded, asked, progress)
         found = assemble(loaded, base, search, decision)
-        vectors = (search.base.vector, decision.fit.vector)
+        vectors = (search.base.vector, found.revised.vector())
         try:
             found = scored(found, loaded, base, vectors, progress)
         except KeyboardInterrupt:

@@ -9,10 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from eha_bench.diagnosis.baseline import COARSE, SCREENING
+from eha_bench.diagnosis.baseline import COARSE, SCREENING, STEP
 from eha_bench.diagnosis.candidates import all_starts
 from eha_bench.diagnosis.evidence import (
     REST_SIGNIFICANCE,
@@ -21,7 +18,6 @@ from eha_bench.diagnosis.evidence import (
     compare,
     excess,
     is_unexplained,
-    refined_noise,
 )
 from eha_bench.diagnosis.exchange import exchange
 from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
@@ -37,8 +33,8 @@ from eha_bench.diagnosis.search_state import (
     Trial,
     begin,
 )
+from eha_bench.diagnosis.settle import settle
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 __all__ = ["Search", "begin", "equivalents", "look", "run"]
@@ -56,8 +52,6 @@ _CLOSE = 0.4
 _WORTH = 0.02
 """Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
 outputs move by a seventh of the noise."""
-_ROUNDS = 4
-_SETTLED = 0.002
 _MOSTLY = 0.3
 """Share of the excess that may be left before the scan of what turns with the shaft is worth it."""
 _LEAST = 5.0
@@ -70,7 +64,7 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
     progress("search", 0.0)
     if is_unexplained(search.excess_base) and not is_bent(search.excess_base):
         # so little may also be what a calibration that stopped early leaves over
-        _settle(search)
+        settle(search)
         search.base, search.excess_base = search.fit, search.excess_left
     before = search.snapshot()
     _grow(search, limits, progress)
@@ -325,45 +319,16 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
     search.accepted.append(
         Accepted(chosen.start, chosen.comparison, equivalents(chosen, trials, search.groups))
     )
-    _settle(search)
+    settle(search)
     search.base = levenberg_marquardt(
-        search.problem,
+        # what is bent this far needs no finer step
+        search.problem.at_step(max(search.problem.step, STEP)),
         search.base.vector,
         search.base.free,
         known=search.base.columns,
         refresh=0,
     )
     search.excess_base = excess(search.problem, search.base)
-
-
-def _settle(search: Search) -> None:
-    """Fit, and weigh anew by what is left, until neither changes much any more.
-
-    What a fit has not reached yet would be taken for something that is missing.
-    """
-    for _ in range(_ROUNDS):
-        residual = _reweighted(search, search.fit.vector)
-        soft, _ = soften(residual, search.problem.soft)
-        here = replace(search.fit, residual=residual, cost=float(soft @ soft))
-        search.fit = polish(search, here, [], afresh=False)
-        if here.cost - search.fit.cost < _SETTLED * here.cost:
-            break
-    search.excess_left = excess(search.problem, search.fit)
-
-
-def _reweighted(search: Search, vector: FloatArray) -> FloatArray:
-    """Take noise, outliers and start states from a better fit, and return its residual.
-
-    What an effect leaves in a residual reads as noise and as outliers until the effect is there.
-    """
-    problem = search.problem
-    problem.prepare(vector)
-    noise = refined_noise(problem, problem.residual(vector), problem.noise)
-    search.problem = problem.with_noise(noise)
-    search.problem.prepare(vector)
-    residual = search.problem.residual(vector)
-    search.problem.scale_to(residual)
-    return residual
 
 
 def _review(search: Search, limits: Thresholds) -> None:
