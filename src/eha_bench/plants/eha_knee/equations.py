@@ -29,6 +29,9 @@ from eha_bench.plants.eha_knee.hooks import (
     bulk_modulus,
     chamber_flow_a,
     chamber_flow_b,
+    conductance_a,
+    conductance_ab,
+    conductance_b,
     external_load,
     leakage,
     measured_current,
@@ -65,6 +68,9 @@ FORCE, TEMPERATURE, DEMAND = range(3)
 
 # the volume that is left at the end of the stroke, as a share of the volume at mid-stroke
 DEAD_VOLUME = 0.02
+
+_SWITCHES = 0.5
+"""Share of a conductance that comes or goes where a valve opens or closes."""
 
 
 @njit()
@@ -270,6 +276,24 @@ def rod_direction(
     if P[CREEP_ROD] > 0.0:
         return 1.0 if net >= 0.0 else -1.0
     return _direction(0.0, net, rod_sticks(up, P, S), rod_sticks(down, P, S))
+
+
+@njit()
+def _switches(before: float, after: float) -> bool:
+    """Whether a conductance comes or goes as that of a valve that opens or closes."""
+    return abs(after - before) > _SWITCHES * max(before, after)
+
+
+@njit()
+def valves_switch(
+    g_ab: float, g_a: float, g_b: float, bypass: float, p_a: float, p_b: float, P: Vector, S: Vector
+) -> bool:
+    """Whether any conductance differs as by a valve from what it is at some pressures."""
+    return (
+        _switches(g_a, conductance_a(0.0, p_a, p_b, P, S))
+        or _switches(g_b, conductance_b(0.0, p_a, p_b, P, S))
+        or _switches(g_ab, conductance_ab(P[L_IN] + bypass, p_a, p_b, P, S))
+    )
 
 
 @njit()

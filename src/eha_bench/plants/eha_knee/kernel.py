@@ -47,6 +47,7 @@ from eha_bench.plants.eha_knee.equations import (
     rates,
     rod_direction,
     shaft_direction,
+    valves_switch,
 )
 from eha_bench.plants.eha_knee.hooks import (
     activate,
@@ -78,6 +79,9 @@ Flags = NDArray[np.bool_]
 _GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 _MAX_SPLITS = 8
 
+_FINE = 25e-6
+"""Step across a valve that opens or closes, s: an open one fills its chamber in 10 to 25 us."""
+
 
 @njit()
 def _step(
@@ -96,8 +100,12 @@ def _step(
     area: float,
     P: Vector,
     S: Vector,
-) -> tuple[float, float, float, float, float, float]:
-    """One ROS2 step with fixed directions of friction."""
+) -> tuple[float, float, float, float, float, float, bool]:
+    """One ROS2 step with fixed directions of friction.
+
+    Returns:
+        The state after it, and whether a valve opened or closed on the way.
+    """
     f_w, f_a, f_b, f_v, c_a, c_b, s_w, s_v = rates(
         h, i, omega, theta, p_a, p_b, x, v, t, dir_m, dir_r, bypass, area, P, S
     )
@@ -116,6 +124,7 @@ def _step(
     k_b = (m_aa * f_b - m_ba * f_a) / det
     k_w = f_w / m_w
     k_v = f_v / m_v
+    switched = valves_switch(g_ab, g_a, g_b, bypass, p_a + h * k_a, p_b + h * k_b, P, S)
     f_w1, f_a1, f_b1, f_v1, _, _, _, _ = rates(
         h, i, omega + h * k_w, theta + h * omega, p_a + h * k_a, p_b + h * k_b, x + h * v,
         v + h * k_v, t + h, dir_m, dir_r, bypass, area, P, S,
@@ -126,13 +135,17 @@ def _step(
     l_b = (m_aa * r_b - m_ba * r_a) / det
     l_w = (f_w1 - 2.0 * k_w) / m_w
     l_v = (f_v1 - 2.0 * k_v) / m_v
+    a1 = p_a + h * (1.5 * k_a + 0.5 * l_a)
+    b1 = p_b + h * (1.5 * k_b + 0.5 * l_b)
+    switched = switched or valves_switch(g_ab, g_a, g_b, bypass, a1, b1, P, S)
     return (
         omega + h * (1.5 * k_w + 0.5 * l_w),
         theta + h * (omega + 0.5 * h * k_w),
-        p_a + h * (1.5 * k_a + 0.5 * l_a),
-        p_b + h * (1.5 * k_b + 0.5 * l_b),
+        a1,
+        b1,
         x + h * (v + 0.5 * h * k_v),
         v + h * (1.5 * k_v + 0.5 * l_v),
+        switched,
     )
 
 
@@ -149,7 +162,40 @@ def _substep(
     S: Vector,
     Y: Vector,
 ) -> None:
-    """Advance Y by h, split where the shaft or the rod comes to rest."""
+    """Advance Y by h, in fine steps where a valve opens or closes on the way.
+
+    A long step meets a valve only where it looks, far behind its setting, and fills the chamber by
+    what would flow there all the time.
+    """
+    omega, theta, p_a, p_b, x, v = Y[0], Y[1], Y[2], Y[3], Y[4], Y[5]
+    switched = _split_step(h, i, t, locked, bypass, is_imposed, area, P, S, Y)
+    if switched and h > _FINE:
+        Y[0], Y[1], Y[2], Y[3], Y[4], Y[5] = omega, theta, p_a, p_b, x, v
+        count = math.ceil(h / _FINE - 1e-6)
+        for part in range(count):
+            now = t + part * h / count
+            _split_step(h / count, i, now, locked, bypass, is_imposed, area, P, S, Y)
+
+
+@njit()
+def _split_step(
+    h: float,
+    i: float,
+    t: float,
+    locked: bool,
+    bypass: float,
+    is_imposed: Flags,
+    area: float,
+    P: Vector,
+    S: Vector,
+    Y: Vector,
+) -> bool:
+    """Advance Y by h, split where the shaft or the rod comes to rest.
+
+    Returns:
+        Whether a valve opened or closed on the way.
+    """
+    switched = False
     left = h
     x_max = min(P[V_A] / P[A_A], volume_b(P[V_B], P, S) / area) * (1.0 - DEAD_VOLUME)
     hold_shaft = is_imposed[IMPOSE_SPEED]
@@ -167,7 +213,7 @@ def _substep(
             dir_r = rod_direction(i, omega, theta, p_a, p_b, x, v, t, area, P, S)
             if v == 0.0 and ((x >= x_max and dir_r > 0.0) or (x <= -x_max and dir_r < 0.0)):
                 dir_r = 0.0
-        omega1, theta1, a1, b1, x1, v1 = _step(
+        omega1, theta1, a1, b1, x1, v1, switches = _step(
             left, i, omega, theta, p_a, p_b, x, v, t, dir_m, dir_r, bypass, area, P, S
         )
         part = 1.0
@@ -183,7 +229,7 @@ def _substep(
             # breaks away and is driven back within the step: it stays at rest
             dir_m = 0.0 if stop_m and omega == 0.0 else dir_m
             dir_r = 0.0 if stop_r and v == 0.0 else dir_r
-            omega1, theta1, a1, b1, x1, v1 = _step(
+            omega1, theta1, a1, b1, x1, v1, switches = _step(
                 left, i, omega, theta, p_a, p_b, x, v, t, dir_m, dir_r, bypass, area, P, S
             )
             part = 1.0
@@ -192,7 +238,7 @@ def _substep(
         elif part < 1.0:
             first_m = stop_m and omega / (omega - omega1) <= part
             first_r = stop_r and v / (v - v1) <= part
-            omega1, theta1, a1, b1, x1, v1 = _step(
+            omega1, theta1, a1, b1, x1, v1, switches = _step(
                 part * left, i, omega, theta, p_a, p_b, x, v, t, dir_m, dir_r, bypass, area, P, S
             )
             stop_m, stop_r = first_m, first_r
@@ -207,10 +253,12 @@ def _substep(
             x1 = -x_max
             v1 = max(v1, 0.0)
         Y[0], Y[1], Y[2], Y[3], Y[4], Y[5] = omega1, theta1, a1, b1, x1, v1
+        switched = switched or switches
         t += part * left
         left *= 1.0 - part
         if left <= 1e-9 * h:
             break
+    return switched
 
 
 @njit(cache=True)

@@ -125,6 +125,12 @@ class EhaKnee(Plant):
         compiled.settle(read, parameters, memory, state)
         return state
 
+    def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
+        """Return the pressure of a chamber without a reading: the pump's leakage evens them out."""
+        pair = ("pressure_a", "pressure_b")
+        read = [name for name in pair if name in measured]
+        return {name: measured[read[0]] for name in pair if len(read) == 1 and name != read[0]}
+
     def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
         """Return what the sensors would read: (n, 6) in the order of `outputs`, SI.
 
