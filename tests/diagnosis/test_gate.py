@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from eha_bench.core.errors import InputError, MissingChannelError
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.dataset import Run, Use
-from eha_bench.diagnosis.gate import admit, grouped, noise_of, quantum_of
+from eha_bench.diagnosis.gate import admit, grouped, noise_of, pooled_noise, quantum_of
+from eha_bench.diagnosis.windows import window_at
 
 OUTPUTS = ("current", "motor_speed", "pressure_a", "pressure_b", "piston_position")
 
@@ -90,6 +91,40 @@ def test_nan_outputs_are_masked_and_inputs_bridged():
     assert np.isfinite(found.inputs["current_command"]).all()
     assert found.inputs["current_command"][105] == command[99]
     assert not found.valid[50:60, found.outputs.index("current")].any()
+
+
+def _with_gaps(**values: np.ndarray) -> Recording:
+    """A recording that loses 15 samples of every hundred, whole rows at a time."""
+    whole = recording(**values)
+    kept = np.arange(whole.time.size) % 100 < 85
+    return Recording(whole.time[kept], {name: own[kept] for name, own in whole.values.items()})
+
+
+def test_what_a_signal_does_in_a_gap_is_no_noise():
+    rng = np.random.default_rng(3)
+    fast = 1e3 * np.sin(0.05 * np.arange(2000)) + 0.1 * rng.standard_normal(2000)
+    reading = _with_gaps(motor_speed=fast)
+    found = admit(run(reading), reading, ["current_command"], OUTPUTS)
+    assert pooled_noise([found], ["motor_speed"])["motor_speed"] == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_run_breaks_at_gaps_through_which_an_input_took_an_unknown_way():
+    stairs = np.repeat([1.0, 2.0], 1000)
+    for command, breaks in ((stairs, 1), (np.sin(0.01 * np.arange(2000)), 19)):
+        reading = _with_gaps(current_command=command)
+        found = admit(run(reading), reading, ["current_command"], OUTPUTS)
+        # the stairs go up inside the tenth gap, or right after it
+        assert len(found.breaks) == breaks
+
+
+def test_a_start_after_a_gap_knows_nothing_of_before():
+    speed = np.where(np.arange(2000) < 1000, 0.0, 50.0)
+    reading = _with_gaps(current_command=np.repeat([1.0, 2.0], 1000), motor_speed=speed)
+    found = admit(run(reading), reading, ["current_command"], OUTPUTS)
+    (first,) = found.breaks
+    window = window_at(found, first, first + 50, {"motor_speed": 0.1, "current": 0.05})
+    assert window.initial["motor_speed"] == pytest.approx(50.0)
+    assert window.initial["current"] == found.values[first, found.outputs.index("current")]
 
 
 def test_a_missing_input_names_the_channel():

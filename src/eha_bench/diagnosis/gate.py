@@ -31,6 +31,12 @@ _HELD = ("current_command", "reference", "voltage", "pulses")
 _ON_TOP = ("pulses",)
 _LOCKED_STILL = ("piston_position", "piston_velocity", "joint_angle")
 _STUCK = 40
+_GAP = 1.5
+"""A step of the clock by more than this many usual ones leaves samples out."""
+_RESTS = 3
+"""Samples on either side of a gap that show whether an input rests there."""
+_SAME = 1e-3
+"""What an input may move and still rest, as a share of its range."""
 # a number on its own, not one in a name
 _NUMBER = re.compile(r"(?<![\w.#])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 # sum of the squares of (1, -3, 3, -1)
@@ -143,7 +149,10 @@ def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[s
         for item in measured:
             column = item.column(name)
             if column is not None:
-                found.append(noise_of(column))
+                # what a signal does in a gap of the clock is no noise
+                steps = np.diff(item.time)
+                gaps = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
+                found.append(noise_of(np.insert(column, gaps, np.nan)))
         usable = [value for value in found if np.isfinite(value) and value > 0]
         if usable:
             noise[name] = float(np.median(usable))
@@ -264,14 +273,18 @@ def _clock(
     if uneven > 0.3:
         notes.append(f"{run.name}: the sampling period varies by {uneven:.0%}")
     holes = _long_holes(missing, time, 10.0 * usual)
-    # where an input is the same before and after a short gap, it was so within it
-    telling = [k for k in map(int, jumps) if steps[k - 1] > 0.05 or _changed(inputs, k)]
+    telling = [k for k in map(int, jumps) if steps[k - 1] > 0.05 or not _held_across(inputs, k)]
     return tuple(sorted({*telling, *holes}))
 
 
-def _changed(inputs: Mapping[str, FloatArray], k: int) -> bool:
-    return any(
-        abs(values[k] - values[k - 1]) > 0.02 * float(np.ptp(values)) for values in inputs.values()
+def _held_across(inputs: Mapping[str, FloatArray], k: int) -> bool:
+    """Whether every input rests before and after a gap and is the same: it was so within it.
+
+    What moves on either side took a way through the gap that nobody knows.
+    """
+    return all(
+        np.ptp(values[max(0, k - _RESTS) : k + _RESTS]) <= _SAME * np.ptp(values)
+        for values in inputs.values()
     )
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from eha_bench.core.interruption import checkpoint
 from eha_bench.diagnosis.effort import simulated
+from eha_bench.diagnosis.unmeasured import carried, missing
 from eha_bench.diagnosis.windows import Window
 from eha_bench.plants.plant import Drive, Plant
 
@@ -162,6 +163,7 @@ class Problem:
     def prepare(self, vector: FloatArray) -> None:
         """Linearise the windows' start states about a parameter vector."""
         rough = self.at_step(max(self.step, _SHAKEN))
+        self._carry(vector, rough.step)
 
         def one(part: _Prepared) -> None:
             base = rough._weighted(part, vector, {})
@@ -182,6 +184,21 @@ class Problem:
 
         shaken = sum((1 + len(part.window.spread)) * part.length for part in self._parts)
         self._each(one, shaken)
+
+    def _carry(self, vector: FloatArray, step: float) -> None:
+        """Give windows what no sensor says of their start."""
+        runs: dict[int, list[int]] = {}
+        for number, window in enumerate(self.windows):
+            runs.setdefault(id(window.measured), []).append(number)
+        for numbers in runs.values():
+            numbers.sort(key=lambda k: self.windows[k].first)
+            own = [self.windows[k] for k in numbers]
+            if any(missing(self.plant, window) for window in own):
+                simulated(float(own[0].measured.time[-1]))
+                for number, window in zip(
+                    numbers, carried(self.plant, vector, own, step), strict=True
+                ):
+                    self._parts[number].window = window
 
     def raw(self, vector: FloatArray) -> FloatArray:
         """Return the weighted residual without whitening, (size,)."""
@@ -314,7 +331,7 @@ def start_of(
     state is moved by what the sensor adds.
     """
     measured = {name: value for name, value in measured.items() if name in plant.states}
-    initial = dict(measured)
+    initial = {**plant.at_rest(measured), **measured}
     if plant.layout.sensors_are_ideal(vector):
         return initial
     first = drive.first
@@ -328,7 +345,7 @@ def start_of(
     )
     reads = plant.simulate(vector, tick, 1.0)[first]
     for at, name in enumerate(plant.outputs):
-        if name in initial and name != "current" and np.isfinite(reads[at]):
+        if name in measured and name != "current" and np.isfinite(reads[at]):
             initial[name] += measured[name] - reads[at]
     return initial
 

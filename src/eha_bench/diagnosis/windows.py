@@ -184,14 +184,19 @@ def _start(
                     continue
             spread[name] = max(3.0 * sigma / np.sqrt(part.size), 0.1 * sigma)
         else:
-            local = _local(measured.time, column, first)
+            local = _local(measured.time, column, first, _around(measured, first))
             if local is None:
                 continue
             state[name] = local[0]
             spread[name] = 10.0 * sigma + local[1]
     _derive_velocity(measured, first, noise, lead, state, spread)
-    if "current" not in state and "current_command" in measured.inputs:
-        state["current"] = float(measured.inputs["current_command"][max(0, first - 1)])
+    command = measured.inputs.get("current_command")
+    current = measured.column("current")
+    if first in measured.breaks and current is not None and np.isfinite(current[first]):
+        # nobody knows what was asked for in the gap, and a polynomial bends where it steps
+        state["current"] = float(current[first])
+    elif "current" not in state and command is not None:
+        state["current"] = float(command[first if first in measured.breaks else max(0, first - 1)])
     if lead > 0:
         state["current"] = _start_current(measured, state)
     if measured.run.locked:
@@ -232,8 +237,8 @@ def _derive_velocity(
         return
     if lead > 1:
         return
-    low, high = max(0, first - _HALF_FIT), first + _HALF_FIT + 1
-    t, x = measured.time[low:high], position[low:high]
+    around = _around(measured, first)
+    t, x = measured.time[around], position[around]
     good = np.isfinite(x)
     if good.sum() < 4:
         return
@@ -266,10 +271,22 @@ def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:
     return max(1, end)
 
 
-def _local(time: FloatArray, column: FloatArray, first: int) -> tuple[float, float] | None:
+def _around(measured: Measured, first: int) -> slice:
+    """Return a tick's neighbours on its own side of the gaps."""
+    low, high = max(0, first - _HALF_FIT), min(measured.time.size, first + _HALF_FIT + 1)
+    for tick in measured.breaks:
+        if tick <= first:
+            low = max(low, tick)
+        else:
+            high = min(high, tick)
+    return slice(low, high)
+
+
+def _local(
+    time: FloatArray, column: FloatArray, first: int, around: slice
+) -> tuple[float, float] | None:
     """Value at a tick from a polynomial through its neighbours, and how far the next degree is."""
-    low, high = max(0, first - _HALF_FIT), min(column.size, first + _HALF_FIT + 1)
-    t, y = time[low:high] - time[first], column[low:high]
+    t, y = time[around] - time[first], column[around]
     good = np.isfinite(y)
     if good.sum() < 3:
         return None

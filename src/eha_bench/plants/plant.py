@@ -74,6 +74,14 @@ class Plant(ABC):
             (n, len(outputs)), SI.
         """
 
+    def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
+        """Return states that have no reading at the first sample, as those that have one tell them.
+
+        Args:
+            measured: state -> reading at the first sample, SI.
+        """
+        return {}
+
     def sweep(self, vectors: FloatArray, drive: Drive, step: float) -> FloatArray:
         """Return what `simulate` does for many parameter sets over the same input.
 

@@ -1,0 +1,85 @@
+"""States without a sensor: carried to where windows begin, even at rest."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.core.shipped import shipped
+from eha_bench.diagnosis.dataset import Run, Use
+from eha_bench.diagnosis.gate import admit
+from eha_bench.diagnosis.problem import Problem
+from eha_bench.diagnosis.unmeasured import carried, missing
+from eha_bench.diagnosis.windows import window_at
+from eha_bench.plants.model import load_model
+from eha_bench.plants.plant import Drive
+
+NOISE = {
+    "current": 0.05,
+    "motor_speed": 0.1,
+    "pressure_a": 3e4,
+    "piston_position": 4e-6,
+    "piston_velocity": 1e-3,
+}
+STEP = 1e-4
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_model(shipped("models/physical.yaml"))
+
+
+@pytest.fixture(scope="module")
+def truth(model):
+    """A free rod that swings: time, command, and every output without noise."""
+    time = np.arange(1500) * 1e-3
+    command = 8.0 * np.sin(2 * np.pi * 2.0 * time)
+    start = {"pressure_a": 2e6, "pressure_b": 2e6}
+    drive = Drive(time, {"current_command": command}, start)
+    return time, command, model.plant.simulate(model.vector(), drive, STEP)
+
+
+def _measured(model, truth):
+    """The run without a sensor in chamber b."""
+    time, command, out = truth
+    values = {name: out[:, k] for k, name in enumerate(model.plant.outputs) if name in NOISE}
+    reading = Recording(time, {"current_command": command, **values})
+    run = Run("log", Path("log.mcap"), None, False, False, Use.TRAIN, lambda: reading)
+    return admit(run, reading, ["current_command"], model.plant.outputs)
+
+
+def test_a_chamber_without_a_sensor_begins_where_the_simulation_has_it(model, truth) -> None:
+    measured = _measured(model, truth)
+    edges = (0, 500, 1000, 1500)
+    windows = [window_at(measured, a, b, NOISE) for a, b in pairwise(edges)]
+    assert [missing(model.plant, window) for window in windows] == [("pressure_b",)] * 3
+    found = carried(model.plant, model.vector(), windows, STEP)
+    true = truth[2][:, model.plant.outputs.index("pressure_b")]
+    for window in found:
+        error = abs(window.initial["pressure_b"] - true[window.first])
+        assert error < 0.02 * np.ptp(true)
+        assert error < window.spread["pressure_b"] < np.ptp(true)
+    # a window alone is reached from the run's beginning
+    (last,) = carried(model.plant, model.vector(), windows[2:], STEP)
+    assert abs(last.initial["pressure_b"] - true[1000]) < last.spread["pressure_b"]
+
+
+def test_the_right_model_leaves_nothing_though_a_sensor_is_dead(model, truth) -> None:
+    measured = _measured(model, truth)
+    windows = [window_at(measured, k, k + 300, NOISE) for k in range(0, 1500, 300)]
+    problem = Problem(model.plant, windows, NOISE, STEP)
+    before = np.sqrt(np.mean(problem.residual(model.vector()) ** 2))
+    problem.prepare(model.vector())
+    after = np.sqrt(np.mean(problem.residual(model.vector()) ** 2))
+    assert before > 1.0
+    assert after < 0.5
+
+
+def test_at_rest_one_chamber_tells_the_other(model) -> None:
+    assert model.plant.at_rest({"pressure_a": 6e5}) == {"pressure_b": 6e5}
+    assert model.plant.at_rest({"pressure_a": 6e5, "pressure_b": 1e5}) == {}
+    assert model.plant.at_rest({"motor_speed": 0.0}) == {}
