@@ -21,11 +21,12 @@ from eha_bench.plants.plant import Drive
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-STEP = 1e-4
-"""Integration step of fits, s: ten a tick at 1 kHz; its error is below 0.1 of usual noise."""
+STEP = 2e-4
+"""Integration step of fits, s: five a tick at 1 kHz; its error is below 0.1 of usual noise."""
 
-COARSE = 2e-4
-"""Integration step while searching, where only differences between candidates count, s."""
+COARSE = 3.4e-4
+"""Integration step while searching, where only differences between candidates count, s: three a
+tick at 1 kHz."""
 
 SCREENING = 5e-4
 """Integration step where only a simulation's change by a candidate counts, s."""

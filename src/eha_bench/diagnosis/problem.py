@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
 WORKERS = max(1, min(4, os.cpu_count() or 1))
-SLOPES = 2e-4
+SLOPES = 3.4e-4
 """Integration step of slopes, s: both ends are off by the same."""
 _SHAKEN = 5e-4
 """Integration step where a spread that is only estimated is carried on, s."""

@@ -21,14 +21,11 @@ from numpy.typing import NDArray
 from eha_bench.diagnosis.dataset import Use
 from eha_bench.diagnosis.effort import simulated
 from eha_bench.diagnosis.gate import Measured
-from eha_bench.diagnosis.prediction import first_state, simulate_from
+from eha_bench.diagnosis.prediction import STEP, first_state, simulate_from
 from eha_bench.plants.model import Model
 
 FloatArray = NDArray[np.float64]
 Columns = Mapping[str, FloatArray]
-
-STEP = 1e-4
-"""Integration step of a replay, s: its error is below a tenth of usual noise."""
 
 COARSE = 2e-4
 """Integration step where only differences between two starts count, s."""
