@@ -10,7 +10,7 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.dataset import Dataset, Run, Use
-from eha_bench.diagnosis.prediction import predict
+from eha_bench.diagnosis.prediction import STEP, predict
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 
@@ -32,7 +32,7 @@ def simulated(n: int = 400) -> Recording:
         locked=True,
     )
     plant = MODEL.plant
-    values = plant.simulate(MODEL.vector(), drive, 5e-5)
+    values = plant.simulate(MODEL.vector(), drive, STEP)
     columns = {name: values[:, k] for k, name in enumerate(plant.outputs)}
     return Recording(time + 3.0, {"current_command": command, **columns})
 
