@@ -33,7 +33,7 @@ from eha_bench.diagnosis.search_state import (
     Trial,
     begin,
 )
-from eha_bench.diagnosis.settle import settle
+from eha_bench.diagnosis.settle import refine, settle
 
 Progress = Callable[[str, float], None]
 
@@ -135,8 +135,8 @@ def _looked(search: Search) -> list[Trial]:
     """Return a look from where the search is, or the last one where nothing has changed since."""
     if search.looks and search.looked_from is search.fit:
         return search.looks[-1]
-    search.looked_from = search.fit
     search.looks.append(look(search, first=not search.looks))
+    search.looked_from = search.fit
     return search.looks[-1]
 
 
@@ -199,7 +199,11 @@ def _confirm(
     trials = []
     if near is not None:
         trials = near.trials(_NEAREST)
-        order = [name for name in order if name not in {item.candidate for item in trials}]
+        # without the candidate the fit is there already: what ends worse than that was caught
+        caught = {item.candidate for item in trials if item.fit.cost >= search.fit.cost}
+        done = {item.candidate for item in trials} - caught
+        trials += [refit(search, coarse, best[name]) for name in order if name in caught]
+        order = [name for name in order if name not in done | caught]
     shortlist = [best[name] for name in order[: _SHORTLIST - len(trials)]]
     shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
     trials = _best_of_each([*trials, *(refit(search, coarse, item) for item in shortlist)])
@@ -229,6 +233,8 @@ def _settled(search: Search, finals: Sequence[Trial]) -> list[Trial]:
     close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > _CLOSE * top > 0.0]
     if len(close) < 2:
         return order
+    # nor on what a coarse step leaves
+    refine(search, close[0].fit.vector)
     done = [replace(t, fit=polish(search, t.fit, [t.start], afresh=False)) for t in close]
     return [*done, *(item for item in order if all(item is not other for other in close))]
 

@@ -26,7 +26,7 @@ _SETTLED = 0.002
 def settle(search: Search) -> None:
     """Fit, and weigh anew by what is left, until neither changes much any more."""
     for _ in range(_ROUNDS):
-        search.problem = fine_enough(search.problem, search.fit.vector)
+        refine(search, search.fit.vector)
         residual = _reweighted(search, search.fit.vector)
         soft, _ = soften(residual, search.problem.soft)
         here = replace(search.fit, residual=residual, cost=float(soft @ soft))
@@ -34,6 +34,18 @@ def settle(search: Search) -> None:
         if here.cost - search.fit.cost < _SETTLED * here.cost:
             break
     search.excess_left = excess(search.problem, search.fit)
+
+
+def refine(search: Search, vector: FloatArray) -> None:
+    """Integrate as finely as a vector asks for, with the search's fit as it is there."""
+    problem = fine_enough(search.problem, vector)
+    if problem.step == search.problem.step:
+        return
+    search.problem = problem
+    residual = problem.residual(search.fit.vector)
+    soft, _ = soften(residual, problem.soft)
+    search.fit = replace(search.fit, residual=residual, cost=float(soft @ soft))
+    search.excess_left = excess(problem, search.fit)
 
 
 def _reweighted(search: Search, vector: FloatArray) -> FloatArray:
