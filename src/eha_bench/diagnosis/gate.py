@@ -15,6 +15,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,16 @@ class Measured:
     breaks: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def jumps(self) -> NDArray[np.intp]:
+        """Ticks at which an input jumps, in their order; what is logged there is from before."""
+        found = []
+        for values in self.inputs.values():
+            change = np.abs(np.diff(values, prepend=values[0]))
+            usual = np.quantile(change, 0.9)
+            found.append(np.flatnonzero(change > max(10.0 * usual, 0.02 * np.ptp(values) + 1e-300)))
+        return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.intp)
 
     def column(self, channel: str) -> FloatArray | None:
         """Return a valid channel with NaN where it may not be believed, or None."""

@@ -111,12 +111,8 @@ def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_
     fine = np.ones(n, dtype=np.bool_)
     period = float(np.median(np.diff(time)))
     reach = max(2, round(_QUIET / period))
-    for values in measured.inputs.values():
-        change = np.abs(np.diff(values, prepend=values[0]))
-        usual = np.quantile(change, 0.9)
-        jumps = np.flatnonzero(change > max(10.0 * usual, 0.02 * np.ptp(values) + 1e-300))
-        for k in jumps:
-            fine[max(0, k - reach) : k + reach] = False
+    for k in measured.jumps:
+        fine[max(0, k - reach) : k + reach] = False
     position = measured.column("piston_position")
     if position is not None:
         fine &= _clear_of_reversals(time, position, noise.get("piston_position", 0.0))
@@ -206,6 +202,11 @@ def _start(
     angle = shaft_angle(measured)
     if angle is not None:
         state["shaft_angle"] = float(angle[first])
+        if "motor_speed" in noise and "motor_speed" not in measured.inputs:
+            # what the noise of the speed adds up to
+            period = float(measured.time[-1]) / (measured.time.size - 1)
+            walked = np.sqrt(float(measured.time[first]) * period)
+            spread["shaft_angle"] = noise["motor_speed"] * walked
     spread.pop("current", None)
     return state, spread
 
@@ -272,13 +273,23 @@ def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:
 
 
 def _around(measured: Measured, first: int) -> slice:
-    """Return a tick's neighbours on its own side of the gaps."""
+    """Return a tick's neighbours on its own side of gaps and of jumps of an input.
+
+    Beyond a jump everything bends, and a current is another one.
+    """
     low, high = max(0, first - _HALF_FIT), min(measured.time.size, first + _HALF_FIT + 1)
     for tick in measured.breaks:
         if tick <= first:
             low = max(low, tick)
         else:
             high = min(high, tick)
+    jumps = measured.jumps
+    # what is logged at the tick of a jump belongs to what was before
+    before = int(np.searchsorted(jumps, first))
+    if before > 0:
+        low = max(low, int(jumps[before - 1]) + 1)
+    if before < jumps.size:
+        high = min(high, int(jumps[before]) + 1)
     return slice(low, high)
 
 
