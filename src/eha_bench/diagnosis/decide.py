@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from eha_bench.diagnosis.curves import Located
 from eha_bench.diagnosis.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.evidence import SOFT_MEAN, is_unexplained
 from eha_bench.diagnosis.fit import Fit
 from eha_bench.diagnosis.learn import learn, times_of
 from eha_bench.diagnosis.problem import soften
 from eha_bench.diagnosis.search import Search
-from eha_bench.diagnosis.unknown import Located, Locator, locate_all
+from eha_bench.diagnosis.unknown import Locator, locate
 
 Progress = Callable[[str, float], None]
 
 _EXPLAINED = 0.5
-_TIED = 0.85
+_TOLD = 0.1
+"""Share of the excess from which a curve's variable is what it depends on."""
 
 
 @dataclass(frozen=True)
@@ -63,47 +65,36 @@ def decide(search: Search, step: float, progress: Progress) -> Decision:
         )
         search.accepted = [item for item in search.accepted if item.start.mundane]
         search.fit = search.base
-    locator, located = locate_all(search.problem, search.fit, step, progress)
+    locator, located = locate(search.problem, search.fit, step, progress)
     if not located:
         unknown = Unknown("measurement", (), "nothing could be localised")
         return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
     progress("learn", 0.0)
-    return _learned(search, locator, located, step, tuple(notes))
+    return _learned(search, locator, located[0], step, tuple(notes))
 
 
 def _learned(
-    search: Search,
-    locator: Locator,
-    located: list[Located],
-    step: float,
-    notes: tuple[str, ...],
+    search: Search, locator: Locator, best: Located, step: float, notes: tuple[str, ...]
 ) -> Decision:
-    best = located[0]
     _, fit = learn(search.problem, locator.short, search.fit, best, step)
-    for other in located[1:3]:
-        # a close second is fitted as well: over long windows an error travels further
-        if other.share < _TIED * best.share or other.template.equation == best.template.equation:
-            continue
-        _, other_fit = learn(search.problem, locator.short, search.fit, other, step)
-        if other_fit.cost < fit.cost:
-            fit, best = other_fit, other
     floor = SOFT_MEAN * search.problem.size
     soft, _ = soften(search.fit.residual, fit.soft)
     before = float(soft @ soft)
     share = (before - fit.cost) / max(before - floor, 1.0)
     template = best.template
-    text = f"something acts in the {template.equation} balance and depends on {template.variable}"
-    if best.period:
-        text += f", periodic with {best.period:.4g} (SI)"
+    text = f"something acts in the {template.equation} balance"
     if template.equation == "measurement":
-        text += f", in the sensor of {template.place}"
-    learned = fit.cost < before
-    text += (
-        f"; a learned curve explains {share:.0%} of the excess"
-        if learned
-        else "; no curve of one variable explains any of it"
-    )
+        text = f"something acts in the measurement of {template.place}"
+    if share > _TOLD:
+        text += f" and depends on {template.variable}"
+        if best.period:
+            text += f", periodic with {best.period:.4g} (SI)"
+        text += f"; a learned curve explains {share:.0%} of the excess"
+    else:
+        text += f"; a curve of {template.variable} explains {max(share, 0.0):.0%} of the excess, "
+        text += "so it depends on more than one variable, or on what was before"
     when = times_of(search.problem, fit) if template.variable == "time" else ()
+    learned = fit.cost < before
     return Decision(
         Verdict.UNKNOWN,
         fit if learned else search.fit,

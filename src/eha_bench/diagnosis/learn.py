@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from eha_bench.diagnosis.candidates import LEARNED, Start
+from eha_bench.diagnosis.curves import Located
 from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.places import curve_on
 from eha_bench.diagnosis.problem import Problem
-from eha_bench.diagnosis.unknown import Located, curve_on
 
 
 def learn(

@@ -21,7 +21,7 @@ from eha_bench.diagnosis.periodic import anchored, is_periodic, scan
 from eha_bench.diagnosis.problem import Problem
 from eha_bench.diagnosis.screen import Screen, Screened
 from eha_bench.diagnosis.search_state import Search, Trial
-from eha_bench.diagnosis.unknown import medium_problem
+from eha_bench.diagnosis.short_windows import medium_problem
 
 FloatArray = NDArray[np.float64]
 

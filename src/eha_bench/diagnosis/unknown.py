@@ -1,145 +1,80 @@
 """Where something acts that no known effect explains, and what it depends on.
 
 In windows of 0.1 s, each from its own start state, an error cannot travel far from the balance it
-enters. For every balance a curve of one variable is offered (hat functions as the effect `learned`
-has them; for the time also a sine and its second harmonic at any frequency), its sensitivities are
-found by simulation, and the curve that explains most on runs left out says equation and variable.
-It is then fitted over the long windows.
+enters. At every place (each balance, each sensor) an input is offered that is free at every time;
+what speaks for it is weighed by its marginal likelihood (`free_input`), and again with most of it
+following a curve of one variable, simulated. A fault in a sensor does not propagate: it is told
+only where a free error of that sensor leaves nothing in any other channel (the generalised observer
+scheme: Frank, Automatica 26 (1990) 459, doi:10.1016/0005-1098(90)90018-D). Then curves of one
+variable (hat functions as the effect `learned` has them; for the time also a sine and its second
+harmonic at any frequency) describe what acts there, by what they explain on runs left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.diagnosis.candidates import LEARNED
-from eha_bench.diagnosis.evidence import Groups, compare, groups_of
-from eha_bench.diagnosis.fit import Fit, Free, jacobian
-from eha_bench.diagnosis.gate import Measured
+from eha_bench.diagnosis.baseline import SCREENING
+from eha_bench.diagnosis.curves import Curves, Located
+from eha_bench.diagnosis.evidence import REST_RELATIVE, SOFT_MEAN
+from eha_bench.diagnosis.fit import Fit, jacobian, levenberg_marquardt
+from eha_bench.diagnosis.free_input import KNOTS, FreeInput, Support
+from eha_bench.diagnosis.places import (
+    PLACES,
+    Place,
+    Template,
+    curve_on,
+    usual_size,
+)
 from eha_bench.diagnosis.problem import Problem, soften
-from eha_bench.diagnosis.windows import shaft_angle, window_at
-from eha_bench.plants.plant import Plant
+from eha_bench.diagnosis.short_windows import aligned_problem
+from eha_bench.plants.effects._curve import KNOTS as CURVE_KNOTS
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-WINDOW = 0.1
-_BUDGET = 6.0
-_BUDGET_OF_FEW = 30.0
-_HATS = 6
+_ROUNDS = 3
+_SETTLED = 0.01
+_IN_THE_RACE = 0.6
+"""Share of the best place's support from which another one's curve may still overtake it."""
+_RIVALS = 2
 _AS_GOOD = 0.9
+_CLEARLY = 0.02
+_LEAST = 10.0
+"""Log likelihood ratio that decides (Kass, Raftery 1995 call 5 very strong, of right models)."""
+_COMPLETE = 0.1
+_FURTHEST = 0.3
+_TELLING = 0.1
+
+_CHAMBERS = Place("flow", "additive", "chambers", ())
+"""Both chambers, each with an input of its own: to be weighed, not to be described."""
 
 
 @dataclass(frozen=True)
-class Template:
-    """One place where a curve may act, and the variable it may depend on."""
-
-    equation: str
-    form: str
-    place: str
-    variable: str
-
-
-@dataclass(frozen=True)
-class Located:
-    """A template with what its curve explains.
+class Offered:
+    """A place with what speaks for it.
 
     Attributes:
-        template: equation, form, place, variable.
-        share: part of the short windows' excess that it explains on runs left out.
-        knots: (k,) values of the variable; values: (k,) the curve there.
-        period: of the variable, 0 where not periodic.
+        place: where. size: of one unit of the input, SI. influence: (N, KNOTS) of its instants.
+        free: support of an input that follows nothing.
+        support: log likelihood above that of nothing acting, by a curve where that is more.
+        left: what stays, as a share, of the excess in the channels that its sensors do not read.
     """
 
-    template: Template
-    share: float
-    knots: FloatArray
-    values: FloatArray
-    period: float = 0.0
-
-
-TEMPLATES = (
-    *(Template("actuation", "gain", "motor", u) for u in ("time", "motor_speed", "current")),
-    *(Template("actuation", "additive", "drive", u) for u in ("time", "current_command")),
-    *(
-        Template("torque", "additive", "motor", u)
-        for u in ("time", "motor_speed", "pressure_difference", "pressure_sum")
-    ),
-    *(
-        Template("torque", "friction", "motor", u)
-        for u in ("time", "motor_speed", "pressure_difference", "pressure_sum")
-    ),
-    *(
-        Template("flow", "additive", "a_to_b", u)
-        for u in ("time", "pressure_difference", "motor_speed")
-    ),
-    *(Template("flow", "additive", "chamber_a", u) for u in ("time", "pressure_a")),
-    *(Template("flow", "additive", "chamber_b", u) for u in ("time", "pressure_b")),
-    *(
-        Template("flow", "gain", "a_to_b", u)
-        for u in ("time", "motor_speed", "pressure_difference")
-    ),
-    *(
-        Template("force", "additive", "motor", u)
-        for u in ("time", "piston_position", "piston_velocity")
-    ),
-    *(
-        Template("force", "friction", "motor", u)
-        for u in ("time", "piston_position", "pressure_sum")
-    ),
-    *(
-        Template("measurement", "additive", sensor, u)
-        for sensor in ("current", "motor_speed", "pressure_a", "pressure_b", "piston_position",
-                       "piston_velocity")
-        for u in (sensor, "time")
-    ),
-)  # fmt: skip
-
-
-def variables_of(measured: Measured) -> dict[str, FloatArray]:
-    """Return what a curve may depend on, by name, (n,), as measured (NaN where not)."""
-    found: dict[str, FloatArray] = {"time": measured.time}
-    for name in (*measured.inputs, *measured.outputs):
-        column = measured.inputs.get(name)
-        if column is None:
-            column = measured.column(name)
-        if column is not None:
-            found[name] = column
-    if "pressure_a" in found and "pressure_b" in found:
-        found["pressure_difference"] = found["pressure_a"] - found["pressure_b"]
-        found["pressure_sum"] = found["pressure_a"] + found["pressure_b"]
-    angle = shaft_angle(measured)
-    if angle is not None:
-        found["shaft_angle"] = angle
-    return found
-
-
-def medium_problem(problem: Problem, length: float = WINDOW) -> Problem:
-    """Return the problem over short windows spread evenly over all runs."""
-    runs: dict[str, Measured] = {}
-    for window in problem.windows:
-        runs.setdefault(window.measured.run.name, window.measured)
-    # few runs are long ones: what happens in them may be far apart
-    budget = _BUDGET if len(runs) > 3 else _BUDGET_OF_FEW
-    share = budget / len(runs)
-    windows = []
-    for measured in runs.values():
-        time = measured.time
-        size = max(6, round(length / float(np.median(np.diff(time)))))
-        places = np.arange(0, time.size - size, size)
-        most = max(2, round(share / length))
-        if places.size > most:
-            # evenly, but not in step with anything periodic
-            places = places[np.unique(np.linspace(0, places.size - 1, most).round().astype(int))]
-        windows += [window_at(measured, int(k), int(k) + size, problem.noise) for k in places]
-    return Problem(problem.plant, windows, problem.noise, problem.step)
+    place: Place
+    size: float
+    influence: FloatArray
+    free: Support
+    support: float
+    left: float
 
 
 class Locator:
-    """Offers curves to the residual over short windows.
+    """Weighs every place over short windows.
 
     Args:
         problem: the long problem, for its runs and noise.
@@ -147,233 +82,228 @@ class Locator:
     """
 
     def __init__(self, problem: Problem, fit: Fit, step: float) -> None:
-        self.plant: Plant = problem.plant
-        self.short = medium_problem(problem.at_step(step))
-        self.fit = fit
+        self.plant = problem.plant
+        self.short, self.period = aligned_problem(problem.at_step(step), fit.vector, CURVE_KNOTS)
+        free = tuple(item for item in fit.free if "[" not in item.key)
         self.short.prepare(fit.vector)
-        self.base = self.short.residual(fit.vector)
-        self.free = fit.free
-        self.matrix = jacobian(self.short, fit.vector, self.free, self.base)
-        self.groups: Groups = groups_of(self.short)
+        self.short.scale_to(self.short.residual(fit.vector))
+        # over long windows the parameters had been bent to imitate what acts
+        near = levenberg_marquardt(self.short, fit.vector, free, iterations=4, refresh=1)
+        self.vector, self.free = near.vector, near.free
+        self.short.prepare(self.vector)
+        self.base = self.short.residual(self.vector)
         self.short.scale_to(self.base)
         self.limit = 1e3 * self.short.soft
-        soft, weight = soften(self.base, self.short.soft)
-        weighted = self.matrix * weight[:, None]
-        own = -np.linalg.lstsq(weighted.T @ weighted, weighted.T @ soft, rcond=1e-10)[0]
-        self.before = self._pseudo(self.free, self.base + self.matrix @ own, self.matrix)
-        soft, _ = soften(self.before.residual, self.short.soft)
-        self.excess = max(float(soft @ soft) - 0.973 * soft.size, 1.0)
-        self.variables: dict[str, tuple[float, float]] = {}
-        for window in self.short.windows:
-            for name, values in variables_of(window.measured).items():
-                part = values[window.first : window.last]
-                part = part[np.isfinite(part)]
-                if part.size:
-                    low, high = self.variables.get(name, (np.inf, -np.inf))
-                    self.variables[name] = (
-                        min(low, float(part.min())),
-                        max(high, float(part.max())),
-                    )
+        # only changes by what acts count
+        self.rough = self.short.at_step(SCREENING)
+        self.rough_base = self.rough.residual(self.vector)
+        self.matrix = jacobian(self.rough, self.vector, self.free, self.rough_base)
+        self.input = FreeInput(self.short, self.base, self.matrix)
+        self.nothing = self.input.nothing
+        here = replace(near, residual=self.base, jacobian=self.matrix, soft=self.short.soft)
+        self.curves = Curves(self.short, self.period, here)
+        self.channels = np.concatenate([piece.channels for piece in self.short.pieces])
 
-    def vector(self, template: Template, low: float, high: float, values: FloatArray) -> FloatArray:
-        """Return the fit's vector with a curve on."""
-        return curve_on(self.plant, self.fit.vector, template, low, high, values)
+    def offered(self, progress: Progress) -> list[Offered]:
+        """Return every place that can act at all, the one with most support first."""
+        found: list[Offered] = []
+        for number, place in enumerate(PLACES):
+            progress("locate", number / len(PLACES))
+            if not all(name in self.short.noise for name in place.sensors):
+                continue
+            size = usual_size(place, self.plant, self.vector, self.short.noise, self.curves.span)
+            influence = self._influence(place, size)
+            if float(np.abs(influence).max()) > 1e-6:
+                found.append(self._weighed(place, size, influence))
+        chambers = [item for item in found if item.place.at in ("chamber_a", "chamber_b")]
+        if len(chambers) == 2:
+            both = np.hstack([item.influence for item in chambers])
+            found.append(self._weighed(_CHAMBERS, 1.0, both))
+        return sorted(self._with_curves(found), key=lambda item: -item.support)
 
-    def locate(self, template: Template) -> Located | None:
-        """Return what a template's curve explains, None where its variable does not vary."""
-        if template.variable not in self.variables or not self._applies(template):
-            return None
-        if template.variable == "time":
-            return self._of_time(template)
-        low, high = self.variables[template.variable]
-        if not high > low:
-            return None
-        size = self._size(template)
-        knots = np.linspace(low, high, _HATS)
+    def _influence(self, place: Place, size: float) -> FloatArray:
+        """Return the change of the residual by the input's value at each instant, (N, KNOTS)."""
+        centres = np.linspace(0.0, CURVE_KNOTS - 2.0, KNOTS)
+        template = Template(place.equation, place.form, place.at, "time")
         columns = []
-        fine = np.linspace(low, high, self._count())
-        for k in range(_HATS):
-            hat = np.interp(fine, knots, np.eye(_HATS)[k]) * size
-            moved = self.short.residual(self.vector(template, low, high, hat))
-            columns.append(np.clip(moved - self.base, -self.limit, self.limit))
-        share, amplitudes = self._explained(np.column_stack(columns))
-        return Located(template, share, knots, amplitudes * size)
+        for k in range(KNOTS):
+            hat = np.interp(np.arange(float(CURVE_KNOTS)), centres, np.eye(KNOTS)[k])
+            # the last knot lies between a window and the next
+            hat[-1] = 0.0
+            vector = curve_on(self.plant, self.vector, template, 0.0, 1.0, hat * size, self.period)
+            change = self.rough.residual(vector) - self.rough_base
+            columns.append(np.clip(change, -self.limit, self.limit))
+        return np.column_stack(columns)
 
-    def _of_time(self, template: Template) -> Located | None:
-        """A trend or any period: the effect of a constant in each window, weighted by its time."""
-        size = self._size(template)
-        ones = np.full(self._count(), size)
-        change = self.short.residual(self.vector(template, 0.0, 1.0, ones)) - self.base
-        change = np.clip(change, -self.limit, self.limit)
-        time = np.zeros(self.short.size)
-        for piece in self.short.pieces:
-            window = self.short.windows[piece.window]
-            time[piece.rows] = window.measured.time[window.first + piece.ticks].mean()
-        longest = float(time.max())
-        best: Located | None = None
-        trend = np.linspace(0.0, longest, 4)
-        hats = [change * np.interp(time, trend, np.eye(4)[k]) for k in range(4)]
-        share, amplitudes = self._explained(np.column_stack(hats))
-        best = Located(template, share, trend, amplitudes * size)
-        sums = self._by_window(change)
-        step = 0.1 / longest
-        frequencies = np.arange(1.5 / longest, 0.5 / WINDOW, step)
-        rough = sorted(((_wave_gain(*sums, f, 1), float(f)) for f in frequencies), reverse=True)
-        for _, frequency in rough[:2]:
-            near = np.linspace(frequency - step, frequency + step, 21)
-            found = max((_wave_gain(*sums, f, 2), float(f)) for f in near)
-            share, amplitudes = self._explained(_waves(change, time, found[1], 2))
-            if share > best.share + 0.02:
-                period = 1.0 / found[1]
-                knots = np.linspace(0.0, period, self._count(), endpoint=False)
-                curve = _series(knots / period, amplitudes) * size
-                best = Located(template, share, knots, curve, period)
-        return best
-
-    def _by_window(self, change: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return each window's time, product of change and residual, and square of the change."""
-        soft, weight = soften(self.before.residual, self.short.soft)
-        column = change * weight
-        time, product, square = [], [], []
-        for piece in self.short.pieces:
-            window = self.short.windows[piece.window]
-            time.append(float(window.measured.time[window.first + piece.ticks].mean()))
-            product.append(float(column[piece.rows] @ soft[piece.rows]))
-            square.append(float(column[piece.rows] @ column[piece.rows]))
-        return np.array(time), np.array(product), np.array(square)
-
-    def _explained(self, columns: FloatArray) -> tuple[float, FloatArray]:
-        free = (
-            *self.free,
-            *(Free(f"curve[{k}]", -1, -np.inf, np.inf, 1.0) for k in range(columns.shape[1])),
+    def _weighed(self, place: Place, size: float, influence: FloatArray) -> Offered:
+        free = self.input.support(influence)
+        return Offered(
+            place, size, influence, free, free.log - self.nothing, self._left(place, free.rest)
         )
-        matrix = np.hstack([self.matrix, columns])
-        residual = self.base
-        soft, weight = soften(residual, self.short.soft)
-        weighted = matrix * weight[:, None]
-        normal = weighted.T @ weighted
-        ridge = 1e-6 * np.diag(np.diag(normal)) + 1e-9 * np.eye(normal.shape[0])
-        answer = -np.linalg.lstsq(normal + ridge, weighted.T @ soft, rcond=1e-12)[0]
-        after = self._pseudo(free, residual + matrix @ answer, matrix)
-        found = compare(self.before, after, self.groups, self.excess)
-        return found.share_out, np.asarray(answer[len(self.free) :], dtype=np.float64)
 
-    def _pseudo(self, free: Sequence[Free], residual: FloatArray, matrix: FloatArray) -> Fit:
-        soft, _ = soften(residual, self.short.soft)
-        cost = float(soft @ soft)
-        return Fit(self.fit.vector, tuple(free), residual, matrix, cost, 0, self.short.soft)
+    def _left(self, place: Place, rest: FloatArray) -> float:
+        """Return what stays of the excess in the channels that a sensor's fault cannot reach."""
+        names = self.plant.outputs
+        others = ~np.isin(self.channels, [names.index(name) for name in place.sensors])
+        floor = SOFT_MEAN * float(np.count_nonzero(others))
+        soft, _ = soften(self.curves.before.residual, self.short.soft)
+        before = float(soft[others] @ soft[others]) - floor
+        after = float(rest[others] @ rest[others]) - floor
+        return after / max(before, REST_RELATIVE * floor)
 
-    def _count(self) -> int:
-        return self.plant.layout.by_key[f"{LEARNED}.values"].size
+    def _with_curves(self, found: list[Offered]) -> list[Offered]:
+        """Simulate curves where more than one equation is in the race."""
+        found.sort(key=lambda item: -item.support)
+        top = found[0].support if found else 0.0
+        race = [item for item in found if item.support > _IN_THE_RACE * top]
+        if len({item.place.equation for item in race}) < 2:
+            return found
+        tried: dict[str, set[str]] = {}
+        out = []
+        for item in found:
+            # forms at one place differ little: only the better one is simulated
+            places = tried.setdefault(item.place.equation, set())
+            if item not in race or item.place.at in places or len(places) >= _RIVALS:
+                out.append(item)
+                continue
+            places.add(item.place.at)
+            out.append(self._curved(item))
+        return out
 
-    def _applies(self, template: Template) -> bool:
-        if template.equation == "measurement":
-            return template.place in self.short.noise
-        return True
+    def _curved(self, item: Offered) -> Offered:
+        """Return a place with what speaks for its best curve, simulated, where that is more."""
+        best: tuple[Support, str] | None = None
+        for variable in item.place.variables:
+            if self.curves.varies(variable):
+                curve = self.curves.columns(item.influence, variable)
+                support = self.input.support_of_curve(item.influence, curve, item.free)
+                if best is None or support.log > best[0].log:
+                    best = support, variable
+        if best is None:
+            return item
+        found, variable = best
+        knots = self.curves.knots(variable)
+        template = Template(item.place.equation, item.place.form, item.place.at, variable)
+        p = len(self.free)
+        vector = self.vector
+        amplitudes = np.zeros(knots.size)
+        for _ in range(_ROUNDS):
+            vector = self._moved(vector, found.step[:p])
+            amplitudes = found.step[p:]
+            again = self._simulated(item, template, vector, knots, amplitudes)
+            last, found = found.log, again
+            if found.log - self.nothing > item.support:
+                item = replace(
+                    item,
+                    support=found.log - self.nothing,
+                    left=self._left(item.place, found.rest),
+                )
+            if abs(found.log - last) < _SETTLED * abs(found.log - self.nothing):
+                break
+        return item
 
-    def _size(self, template: Template) -> float:
-        """A small curve: a few percent of what is usual in that balance."""
-        if template.form == "gain":
-            return 0.02
-        plant, vector = self.plant, self.fit.vector
-        place = plant.layout.index
+    def _simulated(
+        self,
+        item: Offered,
+        template: Template,
+        vector: FloatArray,
+        knots: FloatArray,
+        amplitudes: FloatArray,
+    ) -> Support:
+        """Return what speaks for a curve from a simulation with it on."""
 
-        def value(name: str, default: float) -> float:
-            return float(vector[place[name]]) if name in place else default
+        def on(values: FloatArray) -> FloatArray:
+            fine = np.interp(np.linspace(knots[0], knots[-1], CURVE_KNOTS), knots, values)
+            return curve_on(
+                self.plant, vector, template, float(knots[0]), float(knots[-1]), fine * item.size
+            )
 
-        if template.equation == "measurement":
-            return 2.0 * self.short.noise[template.place]
-        span = self.variables
-        if template.equation == "actuation":
-            low, high = span.get("current_command", span.get("voltage", (0.0, 1.0)))
-            return 0.01 * max(abs(low), abs(high))
-        if template.equation == "torque":
-            low, high = span.get("current", span.get("current_command", (0.0, 1.0)))
-            return 0.01 * value("torque_constant", 1.0) * max(abs(low), abs(high))
-        if template.equation == "flow":
-            low, high = span.get("motor_speed", (0.0, 100.0))
-            return 0.01 * value("pump_displacement", 1e-7) * max(abs(low), abs(high))
-        return 0.1 * max(value("rod_coulomb", 10.0), 1.0)
+        residual = self.short.residual(on(amplitudes))
+        rough = self.rough.residual(on(amplitudes))
+        matrix = jacobian(self.rough, on(amplitudes), self.free, rough)
+        reach = max(1.0, 0.1 * float(np.abs(amplitudes).max()))
+        columns = []
+        for k in range(knots.size):
+            change = self.rough.residual(on(amplitudes + reach * np.eye(knots.size)[k])) - rough
+            columns.append(np.clip(change, -self.limit, self.limit) / reach)
+        here = FreeInput(self.short, residual, matrix)
+        return here.support_of_curve(
+            item.influence, np.column_stack(columns), item.free, amplitudes
+        )
 
+    def _moved(self, vector: FloatArray, step: FloatArray) -> FloatArray:
+        out = vector.copy()
+        for item, share in zip(self.free, np.clip(step, -_FURTHEST, _FURTHEST), strict=True):
+            out[item.at] = min(max(out[item.at] + float(share) * item.scale, item.low), item.high)
+        return out
 
-def curve_on(
-    plant: Plant,
-    vector: FloatArray,
-    template: Template,
-    low: float,
-    high: float,
-    values: FloatArray,
-    period: float = 0.0,
-) -> FloatArray:
-    """Return a vector with the effect `learned` on, as a template says."""
-    layout = plant.layout
-    effect = layout.effect(LEARNED)
-    out = vector.copy()
-
-    def put(name: str, number: float) -> None:
-        out[layout.index[f"{LEARNED}.{name}"]] = number
-
-    put("scale", 1.0)
-    for name in ("equation", "form", "variable", "place"):
-        put(name, effect.parameter(name).encode(getattr(template, name)))
-    put("period", period)
-    put("low", low)
-    put("high", high)
-    at = layout.index[f"{LEARNED}.values"]
-    out[at : at + values.size] = values
-    return out
+    def described(self, offered: Sequence[Offered]) -> list[Located]:
+        """Return curves of one variable at some places, the one that explains most first."""
+        found = [
+            self.curves.described(item.place, variable, item.influence, item.size)
+            for item in offered
+            for variable in item.place.variables
+            if self.curves.varies(variable)
+        ]
+        found.sort(key=lambda located: -located.share)
+        # a curve of the time can follow a little of anything
+        telling = [
+            item for item in found if item.template.variable != "time" or item.share > _TELLING
+        ]
+        return telling or found
 
 
-def locate_all(
+def locate(
     problem: Problem, fit: Fit, step: float, progress: Progress
 ) -> tuple[Locator, list[Located]]:
-    """Return all templates that apply, the one that explains most first."""
+    """Return curves in the equation that is short, the one that explains most first."""
     locator = Locator(problem, fit, step)
-    found = []
-    for number, template in enumerate(TEMPLATES):
-        progress("locate", number / len(TEMPLATES))
-        item = locator.locate(template)
-        if item is not None:
-            found.append(item)
-    found.sort(key=lambda item: -item.share)
-    return locator, _through_the_drive(found)
+    offered = locator.offered(progress)
+    if not offered:
+        return locator, []
+    return locator, chosen(locator, offered)
 
 
-def _through_the_drive(found: list[Located]) -> list[Located]:
-    """Put the actuation first where what depends on time alone may enter there as well.
+def chosen(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
+    """Return curves at the places that may be meant by the one with most support."""
+    best = _believed(offered)
+    near = [
+        item
+        for item in offered
+        if item.support > _AS_GOOD * best.support
+        and bool(item.place.sensors) == bool(best.place.sensors)
+    ]
+    own = [item for item in near if item.place.equation == best.place.equation]
+    driven = [item for item in near if item.place.equation == "actuation"]
+    curves = locator.described(own)
+    if best.place.equation == "actuation":
+        machine = [item for item in near if item.place.equation != "actuation"]
+        return _by_what_it_follows(curves, locator.described(machine))
+    return _by_what_it_follows(locator.described(driven), curves)
 
-    Mechanics and oil do not know the time; whoever commands them does.
+
+def _by_what_it_follows(driven: list[Located], machine: list[Located]) -> list[Located]:
+    """Return the drive's curves where what acts follows time or command, else the machine's.
+
+    The torque of motor and pump enter one balance, and no sensor lies between them. Mechanics and
+    oil do not know the time, nor what the drive was asked for; whoever drives them does.
     """
-    if not found or found[0].template.variable != "time":
-        return found
-    for item in found:
-        same = item.template.equation == "actuation" and item.template.variable == "time"
-        if same and item.share > _AS_GOOD * found[0].share:
-            return [item, *(other for other in found if other is not item)]
-    return found
+    if not machine or (driven and driven[0].share > _AS_GOOD * machine[0].share):
+        return driven
+    return machine
 
 
-def _waves(change: FloatArray, time: FloatArray, frequency: float, harmonics: int) -> FloatArray:
-    columns = [change]
-    for k in range(1, harmonics + 1):
-        angle = 2.0 * np.pi * k * frequency * time
-        columns += [change * np.cos(angle), change * np.sin(angle)]
-    return np.column_stack(columns)
+def _believed(offered: Sequence[Offered]) -> Offered:
+    """Return the place with most support; a sensor only where the case against it is complete.
 
-
-def _wave_gain(
-    time: FloatArray, product: FloatArray, square: FloatArray, frequency: float, harmonics: int
-) -> float:
-    """Predicted fall of the squared residual for a wave, from sums over windows."""
-    waves = _waves(np.ones(time.size), time, frequency, harmonics)
-    normal = (waves * square[:, None]).T @ waves
-    right = waves.T @ product
-    return float(right @ np.linalg.lstsq(normal, right, rcond=1e-9)[0])
-
-
-def _series(phase: FloatArray, amplitudes: FloatArray) -> FloatArray:
-    total = np.full(phase.size, amplitudes[0])
-    for k in range(1, (amplitudes.size + 1) // 2):
-        angle = 2.0 * np.pi * k * phase
-        total = total + amplitudes[2 * k - 1] * np.cos(angle) + amplitudes[2 * k] * np.sin(angle)
-    return total
+    A free error of a sensor can hide what shows in that sensor only, wherever it comes from.
+    """
+    balances = [item for item in offered if not item.place.sensors]
+    best = offered[0]
+    if not balances or not best.place.sensors:
+        return best
+    sensors = [item for item in offered if item.place.sensors and item.left < _COMPLETE]
+    margin = max(_LEAST, _CLEARLY * balances[0].support)
+    if sensors and sensors[0].support > balances[0].support + margin:
+        return sensors[0]
+    return balances[0]
