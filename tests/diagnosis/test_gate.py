@@ -127,6 +127,23 @@ def test_a_start_after_a_gap_knows_nothing_of_before():
     assert window.initial["current"] == found.values[first, found.outputs.index("current")]
 
 
+@pytest.mark.parametrize("first", [1000, 1001])
+def test_a_start_at_a_jump_of_an_input_stays_on_its_own_side(first: int):
+    """The speed bends where the current steps: a polynomial across it is off by its curvature."""
+    tick = np.arange(2000)
+    reading = recording(
+        current_command=np.where(tick < 1000, 1.0, 30.0),
+        current=np.where(tick <= 1000, 1.0, 30.0),
+        motor_speed=4.0 * np.maximum(tick - 1000, 0) + 0.1 * np.sin(tick / 200.0),
+    )
+    found = admit(run(reading), reading, ["current_command"], OUTPUTS)
+    window = window_at(found, first, first + 50, {"motor_speed": 0.1, "current": 0.05})
+    expected = found.values[first]
+    for name in ("motor_speed", "current"):
+        value = expected[found.outputs.index(name)]
+        assert window.initial[name] == pytest.approx(value, abs=0.01)
+
+
 def test_a_missing_input_names_the_channel():
     reading = recording()
     with pytest.raises(MissingChannelError, match="voltage"):

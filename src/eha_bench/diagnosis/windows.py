@@ -283,8 +283,8 @@ def _around(measured: Measured, first: int) -> slice:
             low = max(low, tick)
         else:
             high = min(high, tick)
-    jumps = measured.jumps
-    # what is logged at the tick of a jump belongs to what was before
+    # what is logged at the tick of a jump belongs to what was before, unless that was a gap
+    jumps = np.setdiff1d(measured.jumps, measured.breaks)
     before = int(np.searchsorted(jumps, first))
     if before > 0:
         low = max(low, int(jumps[before - 1]) + 1)
