@@ -111,6 +111,14 @@ class EhaKnee(Plant):
         Raises:
             InputError: a channel that is no state of this plant.
         """
+        return self._started(vector, initial, self.kernel_for(vector))
+
+    def _started(
+        self,
+        vector: FloatArray,
+        initial: Mapping[str, float],
+        fastest: tuple[ModuleType, FloatArray, FloatArray],
+    ) -> FloatArray:
         state = np.zeros(7)
         rest = vector[self.layout.index["initial_pressure"]]
         state[equations.PRESSURE_A] = state[equations.PRESSURE_B] = rest
@@ -121,7 +129,7 @@ class EhaKnee(Plant):
                 )
             state[_STATE[name]] = value
         read = np.array([name in initial for name in IMPOSED])
-        compiled, parameters, memory = self.kernel_for(vector)
+        compiled, parameters, memory = fastest
         compiled.settle(read, parameters, memory, state)
         return state
 
@@ -140,7 +148,9 @@ class EhaKnee(Plant):
         n = drive.time.size
         inputs = self._inputs(drive)
         out = np.full((n, len(self.outputs)), np.nan)
-        compiled, parameters, memory = self.kernel_for(vector)
+        fastest = self.kernel_for(vector)
+        state = self._started(vector, drive.initial, fastest)
+        compiled, parameters, memory = fastest
         compiled.simulate(
             drive.first,
             n - 1,
@@ -155,7 +165,7 @@ class EhaKnee(Plant):
             True,
             parameters,
             memory,
-            self.start_state(vector, drive.initial),
+            state,
             out,
         )
         return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
 
@@ -21,6 +22,25 @@ _STATE = {
     "piston_velocity": equations.VELOCITY,
     "voltage": equations.VOLTAGE,
 }
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A drive's inputs on the clock that the kernel runs on, for one control period.
+
+    Attributes:
+        period: of the controller, s. closed: whether the loop is.
+        time: (m,) the clock, s. ticks: (n,) where on it the drive's samples are.
+        voltage, reference, pulses: (m,) zeros where there is none.
+    """
+
+    period: float
+    closed: bool
+    time: FloatArray
+    ticks: NDArray[np.intp]
+    voltage: FloatArray
+    reference: FloatArray
+    pulses: FloatArray
 
 
 class LinearDrive(Plant):
@@ -67,6 +87,37 @@ class LinearDrive(Plant):
             InputError: an input or a first value that this plant does not have, or neither a
                 voltage nor a reference, or both.
         """
+        inputs = self._inputs(vector, drive)
+        out = np.full((inputs.time.size, len(self.outputs)), np.nan)
+        self.compiled.simulate(
+            int(inputs.ticks[drive.first]),
+            inputs.time.size - 1,
+            inputs.time,
+            inputs.voltage,
+            inputs.reference,
+            inputs.pulses,
+            inputs.closed,
+            step,
+            vector,
+            np.zeros(self.layout.memory),
+            self.start_state(vector, drive),
+            out,
+        )
+        return out[inputs.ticks]
+
+    def _inputs(self, vector: FloatArray, drive: Drive) -> Inputs:
+        """Return a drive's inputs as the kernel takes them, laid out once for a control period.
+
+        Raises:
+            InputError: as `simulate`.
+        """
+        period = float(vector[self.layout.index["control_period"]])
+        kept = drive.laid_out.get(self.id)
+        if not isinstance(kept, Inputs) or kept.period != period:
+            kept = drive.laid_out[self.id] = self._laid_out(drive, period)
+        return kept
+
+    def _laid_out(self, drive: Drive, period: float) -> Inputs:
         unknown = set(drive.inputs) - {"voltage", "reference", "pulses"}
         if unknown:
             raise InputError(
@@ -84,43 +135,29 @@ class LinearDrive(Plant):
                 "'pulses' are part of the voltage already",
                 hint="name 'reference' and 'pulses' under inputs for the closed loop",
             )
-        time, ticks = self._controller_clock(vector, drive.time) if closed else _same(drive.time)
-        out = np.full((time.size, len(self.outputs)), np.nan)
-        self.compiled.simulate(
-            int(ticks[drive.first]),
-            time.size - 1,
-            time,
-            self._input(drive, "voltage", time, ticks),
-            self._input(drive, "reference", time, ticks),
-            self._input(drive, "pulses", time, ticks),
-            closed,
-            step,
-            vector,
-            np.zeros(self.layout.memory),
-            self.start_state(vector, drive),
-            out,
+        time, ticks = _controller_clock(drive.time, period) if closed else _same(drive.time)
+        voltage, reference, pulses = (
+            _input(drive, name, time, ticks) for name in ("voltage", "reference", "pulses")
         )
-        return out[ticks]
+        return Inputs(period, closed, time, ticks, voltage, reference, pulses)
 
-    def _controller_clock(
-        self, vector: FloatArray, time: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Return a clock on which the controller ticks, and where on it the samples are."""
-        period = vector[self.layout.index["control_period"]]
-        parts = np.maximum(1, np.rint(np.diff(time) / period)).astype(np.intp)
-        ticks = np.concatenate(([0], np.cumsum(parts)))
-        return np.interp(np.arange(ticks[-1] + 1), ticks, time), ticks
 
-    @staticmethod
-    def _input(drive: Drive, name: str, time: FloatArray, ticks: NDArray[np.intp]) -> FloatArray:
-        """Return an input on the clock: a reference linear between samples, the rest held."""
-        if name not in drive.inputs:
-            return np.zeros(time.size)
-        values = np.asarray(drive.inputs[name], dtype=np.float64)
-        if name == "reference":
-            return np.interp(np.arange(time.size), ticks, values)
-        held = np.searchsorted(ticks, np.arange(time.size), side="right") - 1
-        return np.ascontiguousarray(values[held])
+def _controller_clock(time: FloatArray, period: float) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return a clock on which the controller ticks, and where on it the samples are."""
+    parts = np.maximum(1, np.rint(np.diff(time) / period)).astype(np.intp)
+    ticks = np.concatenate(([0], np.cumsum(parts)))
+    return np.interp(np.arange(ticks[-1] + 1), ticks, time), ticks
+
+
+def _input(drive: Drive, name: str, time: FloatArray, ticks: NDArray[np.intp]) -> FloatArray:
+    """Return an input on the clock: a reference linear between samples, the rest held."""
+    if name not in drive.inputs:
+        return np.zeros(time.size)
+    values = np.asarray(drive.inputs[name], dtype=np.float64)
+    if name == "reference":
+        return np.interp(np.arange(time.size), ticks, values)
+    held = np.searchsorted(ticks, np.arange(time.size), side="right") - 1
+    return np.ascontiguousarray(values[held])
 
 
 def _same(time: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
