@@ -26,6 +26,8 @@ _TRIED = 3
 
 def exchange(search: Search, limits: Thresholds) -> bool:
     """Replace what was added by what fits better in its place; return whether anything changed."""
+    if search.exchanged_from is search.fit:
+        return False
     changed = False
     for item in list(search.accepted):
         place = search.accepted.index(item)
@@ -42,6 +44,7 @@ def exchange(search: Search, limits: Thresholds) -> bool:
         search.fit = best.fit
         search.excess_left = excess(search.problem, search.fit)
         changed = True
+    search.exchanged_from = None if changed else search.fit
     return changed
 
 

@@ -70,6 +70,7 @@ class Search:
         fit: current best. base: without any added effect.
         accepted: in the order added. ranking: of the first look.
         looks: all that were taken, each the best first. looked_from: where the last one was.
+        exchanged_from: where an exchange last changed nothing.
         excess_base, excess_left: beyond noise before and after.
     """
 
@@ -86,6 +87,7 @@ class Search:
     ranking: list[Ranked] = field(default_factory=list)
     looks: list[list[Trial]] = field(default_factory=list)
     looked_from: Fit | None = None
+    exchanged_from: Fit | None = None
 
     def snapshot(self) -> Search:
         """Return a copy that later additions leave as it is."""
