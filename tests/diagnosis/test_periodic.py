@@ -11,9 +11,9 @@ from eha_bench.diagnosis.candidates import effect_starts
 from eha_bench.diagnosis.dataset import Run, Use
 from eha_bench.diagnosis.fit import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.gate import Measured
-from eha_bench.diagnosis.periodic import ANGLE, anchored, scan
+from eha_bench.diagnosis.periodic import in_parts, scan
 from eha_bench.diagnosis.problem import Problem
-from eha_bench.diagnosis.windows import window_at
+from eha_bench.diagnosis.windows import shaft_angle, window_at
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 
@@ -46,13 +46,12 @@ def test_count_phase_and_amplitude_are_found_beside_a_wrong_friction(problem):
     layout = problem.plant.layout
     vector = Model("eha_knee", {}).vector()
     vector[layout.index["viscous_torque"]] *= 1.1
-    held = anchored(problem)
-    held.prepare(vector)
+    problem.prepare(vector)
     keys = ["viscous_torque", "coulomb_torque"]
     free = free_parameters(layout, keys, vector)
-    fit = levenberg_marquardt(held, vector, free, iterations=3)
+    fit = levenberg_marquardt(problem, vector, free, iterations=3)
     starts = effect_starts(layout, layout.effect("cogging_torque"))
-    best = scan(held, fit, layout, starts)[0]
+    best = scan(problem, fit, layout, starts)[0]
     settings = dict(best.settings)
     assert settings[layout.index["cogging_torque.count"]] == COUNT
     off = settings[layout.index["cogging_torque.phase"]] - PHASE
@@ -61,12 +60,17 @@ def test_count_phase_and_amplitude_are_found_beside_a_wrong_friction(problem):
     assert "cogging_torque.count" not in best.keys
 
 
-def test_an_angle_that_drives_the_model_stays_as_it_was_measured(problem):
-    held = anchored(problem)
-    assert all(ANGLE in window.measured.inputs for window in held.windows)
-    again = anchored(held)
-    first, second = held.windows[-1].measured, again.windows[-1].measured
-    assert np.array_equal(first.inputs[ANGLE], second.inputs[ANGLE])
+def test_parts_follow_each_other_and_begin_at_the_angle_that_was_measured(problem):
+    measured = problem.windows[0].measured
+    whole = window_at(measured, 0, 800, NOISE)
+    parts = in_parts(Problem(problem.plant, [whole], NOISE, 1e-4), 0.2).windows
+    assert [part.first for part in parts] == [0, *(part.last for part in parts[:-1])]
+    assert parts[-1].last == 800
+    angle = shaft_angle(measured)
+    for part in parts[1:]:
+        assert part.initial["shaft_angle"] == angle[part.first]
+        assert 0.0 < part.spread["shaft_angle"] < 0.01
+    assert parts[0].spread["shaft_angle"] == 0.0, "angles count from the first sample"
 
 
 def test_the_right_phase_explains_where_the_model_turns_at_another_speed(problem):
@@ -85,8 +89,9 @@ def test_the_right_phase_explains_where_the_model_turns_at_another_speed(problem
         on[layout.index["cogging_torque.phase"]] = phase
         return kind.raw(on) - kind.raw(vector)
 
-    left = long.raw(vector)
-    held = change(anchored(long), PHASE) @ left
-    opposite = change(anchored(long), PHASE + np.pi) @ left
+    short = in_parts(long, 0.1)
+    left = short.raw(vector)
+    held = change(short, PHASE) @ left
+    opposite = change(short, PHASE + np.pi) @ left
     # the right phase takes from the residual, the opposite one adds to it
     assert held < 0.0 < opposite

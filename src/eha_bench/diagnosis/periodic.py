@@ -2,10 +2,10 @@
 
 A model that is a little off loses the angle in a long replay, and with it the phase: every count
 looks alike. The measured speed does not: its noise, integrated over seconds, is a hundredth of a
-radian. So while an effect is looked for, the angle is taken from there (`anchored`). For a fixed
-count the effect is then nearly linear in its sine and cosine amplitudes: two simulations say what
-it would gain. Only the best counts are refitted, over short windows, then over long ones, and last
-with the model's own angle.
+radian. So an effect is looked for over short windows, each of which begins at the angle that the
+measured speed has come to. For a fixed count the effect is then nearly linear in its sine and
+cosine amplitudes: two simulations say what it would gain. Only the best counts are refitted, over
+short windows, then over longer ones, and last over whole runs, whose phase the model has to keep.
 
 A periodic effect is one with parameters `count` and `phase`; its strength is the amplitude.
 """
@@ -21,15 +21,13 @@ from numpy.typing import NDArray
 
 from eha_bench.diagnosis.candidates import Start
 from eha_bench.diagnosis.fit import Fit
-from eha_bench.diagnosis.gate import Measured
 from eha_bench.diagnosis.problem import Problem, soften
-from eha_bench.diagnosis.windows import shaft_angle
+from eha_bench.diagnosis.windows import split
 from eha_bench.plants.assembly import Layout
 from eha_bench.plants.effect import Effect
 
 FloatArray = NDArray[np.float64]
 
-ANGLE = "shaft_angle"
 _COUNTS = (*range(1, 49), 54, 56, 60, 66, 72, 80, 84, 90, 96)
 _KEEP = 2
 
@@ -40,21 +38,10 @@ def is_periodic(effect: Effect) -> bool:
     return {"count", "phase"} <= names
 
 
-def anchored(problem: Problem) -> Problem:
-    """Return a problem with the shaft's angle as measured; it needs `prepare`.
-
-    Where no speed is measured, or an angle drives the model anyway, nothing changes.
-    """
-    runs: dict[int, Measured] = {}
-    for window in problem.windows:
-        own = window.measured
-        if id(own) in runs:
-            continue
-        angle = None if ANGLE in own.inputs else shaft_angle(own)
-        driven = own.inputs if angle is None else {**own.inputs, ANGLE: angle}
-        runs[id(own)] = replace(own, inputs=driven)
-    windows = [replace(window, measured=runs[id(window.measured)]) for window in problem.windows]
-    other = Problem(problem.plant, windows, problem.noise, problem.step)
+def in_parts(problem: Problem, length: float) -> Problem:
+    """Return a problem with its windows cut into parts of about a length in s, not yet prepared."""
+    parts = [part for window in problem.windows for part in split(window, length)]
+    other = Problem(problem.plant, parts, problem.noise, problem.step)
     other.soft = problem.soft
     return other
 
@@ -63,7 +50,7 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
     """Return the best counts of one periodic effect in each of its forms, the best first.
 
     Args:
-        problem: anchored, over short windows. fit: without the effect, on these windows.
+        problem: over short windows. fit: without the effect, on these windows.
         layout: of the plant. starts: the effect's own starting points.
     """
     soft, weight = soften(fit.residual, problem.soft)

@@ -17,7 +17,7 @@ from eha_bench.diagnosis.baseline import (
 from eha_bench.diagnosis.candidates import Start
 from eha_bench.diagnosis.evidence import SOFT_MEAN, Comparison, Excess
 from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.periodic import anchored, is_periodic, scan
+from eha_bench.diagnosis.periodic import in_parts, is_periodic, scan
 from eha_bench.diagnosis.problem import Problem
 from eha_bench.diagnosis.screen import Screen, Screened
 from eha_bench.diagnosis.search_state import Search, Trial
@@ -32,6 +32,8 @@ _KEEP = 3
 _HOPEFUL = 0.3
 _BENT = 0.3
 _BEGAN_WRONGLY = 1.5
+_STRETCH = 0.5
+"""Length of the windows over which what turns is fitted before whole runs, s."""
 _WORTH = 0.1
 """Least share of the short windows' excess that is worth a fit over long ones."""
 
@@ -100,7 +102,7 @@ def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> F
     for key in search.keys:
         again[layout.index[key]] = search.declared_vector[layout.index[key]]
     coarse = problem.at_step(COARSE)
-    short = anchored(medium_problem(coarse))
+    short = medium_problem(coarse)
     short.prepare(again)
     short.scale_to(short.residual(again))
     free = [item for item in free_of(search, again, extra) if item.key not in FRICTION_AT_REST]
@@ -124,7 +126,7 @@ class Near:
     def __init__(self, search: Search, coarse: Problem) -> None:
         self.search = search
         self.coarse = coarse
-        self.problem = anchored(medium_problem(search.problem.at_step(COARSE)))
+        self.problem = medium_problem(search.problem.at_step(COARSE))
         self.fit = self._begun_again() if is_bent(search.excess_left) else self._from_here()
         self._screened: dict[str, list[Screened]] = {}
 
@@ -229,7 +231,8 @@ class Near:
         turns = any(not s.mundane and is_periodic(layout.effect(s.candidate)) for s in added)
         problem = self.coarse
         if turns:
-            problem = anchored(self.coarse)
+            # over whole runs the phase is lost before the parameters are right
+            problem = in_parts(self.search.problem, _STRETCH)
             problem.prepare(near.vector)
             problem.scale_to(problem.residual(near.vector))
         free = self._free(near.vector, [start])
