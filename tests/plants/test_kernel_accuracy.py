@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.plant import Drive
+
 STATES = ("motor_speed", "pressure_a", "pressure_b", "piston_position", "piston_velocity")
 
 
@@ -88,3 +91,19 @@ def test_result_does_not_depend_on_where_a_run_is_cut(knee) -> None:
     rest = knee.run(time, commands, initial=initial, first=cut)
     assert np.all(np.isnan(rest["motor_speed"][:cut]))
     np.testing.assert_allclose(rest["pressure_a"][cut:], whole["pressure_a"][cut:], rtol=1e-12)
+
+
+def test_a_long_step_crosses_a_check_valve_as_well_as_a_short_one() -> None:
+    """What a valve that opens within a step lets in must not flow for the whole step."""
+    values = {"valve_conductance": 6e-10, "charge_pressure": 0.6e6}
+    model = Model("eha_knee", effects=(DeclaredEffect("anti_cavitation", values),))
+    time = np.arange(0.0, 0.4, 1e-3)
+    commands = _held(time, 20.0, 5.0)
+    start = {"pressure_a": 0.6e6, "pressure_b": 0.6e6}
+    drive = Drive(time, {"current_command": commands}, start, locked=True)
+    truth = model.plant.simulate(model.vector(), drive, 5e-6)
+    span = np.ptp(truth[:, 2])
+    assert (truth[:, 2:4].min(axis=0) < 0.6e6).all()
+    for step in (1e-4, 2e-4, 1e-3 / 3):
+        errors = model.plant.simulate(model.vector(), drive, step) - truth
+        assert np.abs(errors[:, 2:4]).max() < 1e-4 * span, step
