@@ -81,10 +81,10 @@ def diagnose_case(dataset: Path, out: Path, threads: int | None = None) -> None:
     if done.exists():
         return
     import eha_bench
-    from eha_bench.diagnosis import problem
+    from eha_bench.diagnosis import side_by_side
 
     if threads is not None:
-        problem.WORKERS = threads
+        side_by_side.PROCESSORS = threads
 
     out.mkdir(parents=True, exist_ok=True)
     began, cpu = time.perf_counter(), time.process_time()

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from eha_bench.diagnosis.candidates import Start
 from eha_bench.diagnosis.fit import Fit
 from eha_bench.diagnosis.problem import Problem, soften
+from eha_bench.diagnosis.side_by_side import side_by_side
 from eha_bench.diagnosis.windows import split
 from eha_bench.plants.assembly import Layout
 from eha_bench.plants.effect import Effect
@@ -59,6 +60,12 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
     basis = np.linalg.qr(matrix[:, norms > 1e-6 * norms.max(initial=1e-300)])[0]
     target = soft - basis @ (basis.T @ soft)
     base = problem.residual(fit.vector)
+
+    def moved(trial: Start) -> FloatArray:
+        """Return what a trial does off the calibrated directions."""
+        change = (problem.residual(trial.apply(fit.vector)) - base) * weight
+        return np.asarray(change - basis @ (basis.T @ change), dtype=np.float64)
+
     found: list[tuple[float, Start]] = []
     for template in _forms(layout, starts):
         name = template.candidate
@@ -66,14 +73,13 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
         counts = sorted({*_COUNTS, *(int(dict(s.settings)[at_count]) for s in starts)})
         # a small size stays where the change is proportional to it
         small = replace(template, strength=0.2 * template.strength)
+        waves = [(count, phase) for count in counts for phase in (0.0, 0.5 * math.pi)]
+        columns = side_by_side(
+            moved, [_at(small, at_count, at_phase, float(count), phase) for count, phase in waves]
+        )
         gains = []
-        for count in counts:
-            columns = []
-            for phase in (0.0, 0.5 * math.pi):
-                trial = _at(small, at_count, at_phase, float(count), phase)
-                change = (problem.residual(trial.apply(fit.vector)) - base) * weight
-                columns.append(change - basis @ (basis.T @ change))
-            pair = np.column_stack(columns)
+        for count, sine, cosine in zip(counts, columns[::2], columns[1::2], strict=True):
+            pair = np.column_stack([sine, cosine])
             normal = pair.T @ pair
             if normal[0, 0] < 1e-6 or np.linalg.cond(normal) > 1e8:
                 continue

@@ -10,7 +10,6 @@ Ljung 1999, section 5.3).
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.interruption import checkpoint
+from eha_bench.diagnosis import side_by_side
 from eha_bench.diagnosis.effort import simulated
 from eha_bench.diagnosis.unmeasured import carried, missing
 from eha_bench.diagnosis.windows import Window
@@ -30,7 +30,6 @@ from eha_bench.plants.plant import Drive, Plant
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
-WORKERS = max(1, min(4, os.cpu_count() or 1))
 SLOPES = 3.4e-4
 """Integration step of slopes, s: both ends are off by the same."""
 _SHAKEN = 5e-4
@@ -240,18 +239,19 @@ class Problem:
         """Do something with every window; `seconds` are simulated by it (default: each once)."""
         checkpoint()
         simulated(sum(part.length for part in self._parts) if seconds is None else seconds)
-        if len(self._parts) < 2 or WORKERS == 1:
+        threads = 1 if side_by_side.is_one_of_several() else side_by_side.PROCESSORS
+        if len(self._parts) < 2 or threads == 1:
             return [function(part) for part in self._parts]
         # a few tasks of about the same length each: handing over every window costs more
         lengths = np.array([part.drive.time.size for part in self._parts])
-        tasks = min(2 * WORKERS, len(self._parts))
+        tasks = min(2 * threads, len(self._parts))
         edges = np.searchsorted(np.cumsum(lengths), lengths.sum() * np.arange(1, tasks) / tasks)
         groups = np.split(np.arange(len(self._parts)), edges)
 
         def several(group: NDArray[np.intp]) -> list[T]:
             return [function(self._parts[k]) for k in group]
 
-        return [item for items in _pool(WORKERS).map(several, groups) for item in items]
+        return [item for items in _pool(threads).map(several, groups) for item in items]
 
     def _white(self, part: _Prepared, residual: FloatArray) -> FloatArray:
         if part.shrink.size == 0:
@@ -317,9 +317,9 @@ class Problem:
 
 
 @cache
-def _pool(workers: int) -> ThreadPoolExecutor:
+def _pool(threads: int) -> ThreadPoolExecutor:
     """Return the threads that simulate windows; the kernel runs without the interpreter's lock."""
-    return ThreadPoolExecutor(workers, thread_name_prefix="simulate")
+    return ThreadPoolExecutor(threads, thread_name_prefix="simulate")
 
 
 def start_of(

@@ -22,6 +22,7 @@ from eha_bench.diagnosis.problem import Problem
 from eha_bench.diagnosis.screen import Screen, Screened
 from eha_bench.diagnosis.search_state import Search, Trial
 from eha_bench.diagnosis.short_windows import medium_problem
+from eha_bench.diagnosis.side_by_side import side_by_side
 
 FloatArray = NDArray[np.float64]
 
@@ -29,6 +30,8 @@ _POOR = 1.02
 """A fit this much above the noise may be caught in another minimum."""
 _NOISE = 1.003
 _KEEP = 3
+_ALIKE = 0.999
+"""Cosine from which two starts are one."""
 _HOPEFUL = 0.3
 _BENT = 0.3
 _BEGAN_WRONGLY = 1.5
@@ -182,20 +185,22 @@ class Near:
         """
         tried = {name: [item for item in own if item.gain > 0.0]
                  for name, own in self._screened.items() if own[0].gain > 0.0}  # fmt: skip
-        order = list(tried)[: most + 2]
-        fits: list[tuple[Start, Fit]] = []
-        for number, name in enumerate(order):
-            own = [
-                self._fitted(item.start, started(item, self.fit.vector))
-                for item in tried[name][: _KEEP if number < 3 else 1]
-            ]
-            fits.append(min(own, key=lambda pair: pair[1].cost))
+        chosen = [
+            item
+            for number, name in enumerate(list(tried)[: most + 2])
+            for item in _unlike(tried[name])[: _KEEP if number < 3 else 1]
+        ]
+        found = side_by_side(
+            lambda item: self._fitted(item.start, started(item, self.fit.vector)), chosen
+        )
+        found.sort(key=lambda pair: pair[1].cost)
+        fits = list({start.candidate: (start, fit) for start, fit in reversed(found)}.values())
         fits.sort(key=lambda pair: pair[1].cost)
         if not fits:
             return []
         best = self.fit.cost - fits[0][1].cost
         hopeful = [p for p in fits if self.fit.cost - p[1].cost > _HOPEFUL * best][:most]
-        return [self._long(start, fit) for start, fit in hopeful]
+        return side_by_side(lambda pair: self._long(*pair), hopeful)
 
     def turning(self, starts: Sequence[Start], most: int) -> list[Trial]:
         """Return the best of what is periodic in the shaft's angle, refitted as `trials` does.
@@ -204,18 +209,21 @@ class Near:
             starts: of one effect or several. most: how many are taken to the long windows.
         """
         layout = self.search.problem.plant.layout
-        fits = [
-            self._fitted(start, start.apply(self.fit.vector))
+        scanned = [
+            start
             for name in dict.fromkeys(start.candidate for start in starts)
             for start in scan(
                 self.problem, self.fit, layout, [s for s in starts if s.candidate == name]
             )
         ]
+        fits = side_by_side(
+            lambda start: self._fitted(start, start.apply(self.fit.vector)), scanned
+        )
         fits.sort(key=lambda pair: pair[1].cost)
         excess = self.fit.cost - SOFT_MEAN * self.problem.size
         least = max(_WORTH * excess, _HOPEFUL * (self.fit.cost - fits[0][1].cost) if fits else 0.0)
         hopeful = [pair for pair in fits if self.fit.cost - pair[1].cost > least][:most]
-        return [self._long(start, fit) for start, fit in hopeful]
+        return side_by_side(lambda pair: self._long(*pair), hopeful)
 
     def _fitted(self, start: Start, vector: FloatArray) -> tuple[Start, Fit]:
         known = self.fit.columns
@@ -247,6 +255,20 @@ class Near:
             free = free_of(self.search, fit.vector, [start])
             fit = levenberg_marquardt(own, fit.vector, free, iterations=6, refresh=1)
         return Trial(start, fit, Comparison(0, 0, 0, 0, 1, 0))
+
+
+def _unlike(screened: Sequence[Screened]) -> list[Screened]:
+    """Return those of one candidate that do not move the outputs as a better one does already."""
+    kept: list[Screened] = []
+    for item in screened:
+        size = float(np.linalg.norm(item.direction))
+        if all(
+            abs(float(item.direction @ other.direction))
+            < _ALIKE * size * float(np.linalg.norm(other.direction))
+            for other in kept
+        ):
+            kept.append(item)
+    return kept
 
 
 def started(item: Screened, vector: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from eha_bench.diagnosis.candidates import Start
 from eha_bench.diagnosis.fit import Fit
 from eha_bench.diagnosis.problem import Problem, soften
+from eha_bench.diagnosis.side_by_side import side_by_side
 
 FloatArray = NDArray[np.float64]
 
@@ -101,9 +102,10 @@ class Screen:
         count: dict[str, int] = {}
         for start in starts:
             count[start.candidate] = count.get(start.candidate, 0) + 1
-        found = [
+
+        def screened(start: Start) -> Screened:
             # where a candidate has many starts, these differ in strength already
-            self.run(start, _SHARES if count[start.candidate] <= 2 else _SHARES[-1:])
-            for start in starts
-        ]
+            return self.run(start, _SHARES if count[start.candidate] <= 2 else _SHARES[-1:])
+
+        found = side_by_side(screened, starts)
         return sorted(found, key=lambda item: -item.gain)

@@ -34,6 +34,7 @@ from eha_bench.diagnosis.search_state import (
     begin,
 )
 from eha_bench.diagnosis.settle import refine, settle
+from eha_bench.diagnosis.side_by_side import side_by_side
 
 Progress = Callable[[str, float], None]
 
@@ -206,7 +207,8 @@ def _confirm(
         order = [name for name in order if name not in done | caught]
     shortlist = [best[name] for name in order[: _SHORTLIST - len(trials)]]
     shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
-    trials = _best_of_each([*trials, *(refit(search, coarse, item) for item in shortlist)])
+    refits = side_by_side(lambda item: refit(search, coarse, item), shortlist)
+    trials = _best_of_each([*trials, *refits])
     return _finished(search, trials, afresh=near is None)
 
 
