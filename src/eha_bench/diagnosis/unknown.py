@@ -41,12 +41,18 @@ _ROUNDS = 3
 _SETTLED = 0.01
 _IN_THE_RACE = 0.6
 """Share of the best place's support from which another one's curve may still overtake it."""
-_RIVALS = 2
+_RIVALS = 3
+"""Places of one equation of which curves are simulated: a sensor, its twin, and both alike."""
 _AS_GOOD = 0.9
+"""Share of the best one's support, or of what its curve explains, that counts as equal."""
 _CLEARLY = 0.02
+"""Share of a balance's support by which a sensor has to exceed it: models are never quite right."""
 _LEAST = 10.0
-"""Log likelihood ratio that decides (Kass, Raftery 1995 call 5 very strong, of right models)."""
-_COMPLETE = 0.1
+"""And at least this log likelihood ratio; 5 is very strong for right models (Kass, Raftery, J. Am.
+Stat. Assoc. 90 (1995) 773, doi:10.1080/01621459.1995.10476572)."""
+_COMPLETE = 0.15
+"""Share of other channels' excess that a sensor's error may leave: an input through instants 9 ms
+apart leaves that much of jumps."""
 _FURTHEST = 0.3
 _TELLING = 0.1
 
@@ -145,11 +151,13 @@ class Locator:
         """Return what stays of the excess in the channels that a sensor's fault cannot reach."""
         names = self.plant.outputs
         others = ~np.isin(self.channels, [names.index(name) for name in place.sensors])
-        floor = SOFT_MEAN * float(np.count_nonzero(others))
+        count = float(np.count_nonzero(others))
+        floor = SOFT_MEAN * count
         soft, _ = soften(self.curves.before.residual, self.short.soft)
         before = float(soft[others] @ soft[others]) - floor
-        after = float(rest[others] @ rest[others]) - floor
-        return after / max(before, REST_RELATIVE * floor)
+        # squares of so many standard normal numbers scatter by the root of twice their count
+        after = float(rest[others] @ rest[others]) - floor - 2.0 * np.sqrt(2.0 * count)
+        return max(after, 0.0) / max(before, REST_RELATIVE * floor)
 
     def _with_curves(self, found: list[Offered]) -> list[Offered]:
         """Simulate curves where more than one equation is in the race."""
@@ -266,7 +274,7 @@ def locate(
 
 def chosen(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
     """Return curves at the places that may be meant by the one with most support."""
-    best = _believed(offered)
+    best = believed(offered)
     near = [
         item
         for item in offered
@@ -278,11 +286,11 @@ def chosen(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
     curves = locator.described(own)
     if best.place.equation == "actuation":
         machine = [item for item in near if item.place.equation != "actuation"]
-        return _by_what_it_follows(curves, locator.described(machine))
-    return _by_what_it_follows(locator.described(driven), curves)
+        return by_what_it_follows(curves, locator.described(machine))
+    return by_what_it_follows(locator.described(driven), curves)
 
 
-def _by_what_it_follows(driven: list[Located], machine: list[Located]) -> list[Located]:
+def by_what_it_follows(driven: list[Located], machine: list[Located]) -> list[Located]:
     """Return the drive's curves where what acts follows time or command, else the machine's.
 
     The torque of motor and pump enter one balance, and no sensor lies between them. Mechanics and
@@ -293,7 +301,7 @@ def _by_what_it_follows(driven: list[Located], machine: list[Located]) -> list[L
     return machine
 
 
-def _believed(offered: Sequence[Offered]) -> Offered:
+def believed(offered: Sequence[Offered]) -> Offered:
     """Return the place with most support; a sensor only where the case against it is complete.
 
     A free error of a sensor can hide what shows in that sensor only, wherever it comes from.

@@ -1,0 +1,126 @@
+"""What no effect explains is told in the balance or the sensor in which it acts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.baseline import COARSE, no_progress
+from eha_bench.diagnosis.curves import Located
+from eha_bench.diagnosis.dataset import Run, Use
+from eha_bench.diagnosis.fit import free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.free_input import Support
+from eha_bench.diagnosis.gate import Measured
+from eha_bench.diagnosis.places import PLACES, Place, Template
+from eha_bench.diagnosis.problem import Problem
+from eha_bench.diagnosis.unknown import Offered, believed, by_what_it_follows, locate
+from eha_bench.diagnosis.windows import cut
+from eha_bench.plants.effects._curve import KNOTS
+from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.plant import Drive, Plant
+
+FloatArray = NDArray[np.float64]
+
+EMPTY = np.zeros(0)
+
+
+def offered(place: Place, support: float, left: float = 0.0) -> Offered:
+    return Offered(place, 1.0, EMPTY, Support(support, 0.0, 0.0, EMPTY, EMPTY), support, left)
+
+
+BALANCE = next(place for place in PLACES if not place.sensors)
+SENSOR = next(place for place in PLACES if place.sensors)
+
+
+def test_a_sensor_is_told_where_its_error_explains_all_and_clearly_more() -> None:
+    found = believed([offered(SENSOR, 1000.0), offered(BALANCE, 900.0)])
+    assert found.place is SENSOR
+
+
+@pytest.mark.parametrize(
+    ("support", "left"),
+    [(1000.0, 0.5), (905.0, 0.0)],
+    ids=["other channels are still off", "hardly more"],
+)
+def test_a_balance_is_preferred_to_a_sensor(support: float, left: float) -> None:
+    found = believed([offered(SENSOR, support, left), offered(BALANCE, 900.0)])
+    assert found.place is BALANCE
+
+
+def test_what_follows_the_time_comes_from_the_drive_and_what_follows_speed_does_not() -> None:
+    knots = np.zeros(2)
+    driven = Located(Template("actuation", "gain", "motor", "time"), 0.8, knots, knots)
+    machine = Located(Template("torque", "additive", "motor", "motor_speed"), 0.8, knots, knots)
+    assert by_what_it_follows([driven], [machine]) == [driven]
+    assert by_what_it_follows([replace(driven, share=0.3)], [machine]) == [machine]
+
+
+DECLARED = {"rotor_inertia": 1e-3, "leakage": 1e-13, "current_limit": 36.0}
+CALIBRATED = ("coulomb_torque", "viscous_torque", "leakage", "bulk_modulus", "rotor_inertia")
+NOISE = {"current": 0.05, "motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
+
+
+def _run(plant: Plant, vector: FloatArray, seed: int) -> Measured:
+    """A locked piston under a multisine, as it would be logged."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 1.0, 1e-3)
+    tones = [np.sin(2.0 * np.pi * (f * time + rng.random())) for f in (0.7, 2.0, 5.0, 11.0, 23.0)]
+    command = 9.0 + 2.5 * np.sum(tones, axis=0)
+    initial = {"pressure_a": 6e5, "pressure_b": 6e5, "motor_speed": 0.0}
+    inputs = {"current_command": command}
+    values = plant.simulate(vector, Drive(time, inputs, initial, True, False), 1e-4)[:, :4]
+    values = values + rng.standard_normal(values.shape) * list(NOISE.values())
+    run = Run(f"run_{seed}", Path("none"), None, True, False, Use.TRAIN, Recording)
+    held = {"piston_position": 0.0}
+    whole = np.ones(values.shape, dtype=np.bool_)
+    return Measured(run, time, inputs, tuple(NOISE), values, whole, held=held)
+
+
+def _told(**words: object) -> Template:
+    """Where a hidden curve is said to act, from two runs and a declared model that is 5 % off."""
+    valves = DeclaredEffect("anti_cavitation")
+    hidden = DeclaredEffect("learned", {"scale": 1.0, **words})
+    true = Model("eha_knee", DECLARED, (), (valves, hidden))
+    declared = Model("eha_knee", {**DECLARED, "rotor_inertia": 1.05e-3}, (), (valves,))
+    plant, vector = declared.plant, declared.vector()
+    runs = [_run(plant, true.vector(), seed) for seed in (1, 2)]
+    windows = [window for item in runs for window in cut(item, NOISE)]
+    problem = Problem(plant, windows, NOISE, COARSE)
+    problem.prepare(vector)
+    problem.scale_to(problem.residual(vector))
+    free = free_parameters(plant.layout, CALIBRATED, vector)
+    fit = levenberg_marquardt(problem, vector, free, iterations=4, refresh=0)
+    return locate(problem, fit, COARSE, no_progress)[1][0].template
+
+
+def _bump(size: float) -> list[float]:
+    return [size if 8 <= k < 16 else 0.0 for k in range(KNOTS)]
+
+
+def test_losses_that_grow_with_speed_are_told_as_a_torque() -> None:
+    told = _told(equation="torque", variable="motor_speed", low=-60.0, high=60.0,
+                 values=[-0.1 * w * abs(w) for w in np.linspace(-1.0, 1.0, KNOTS)])  # fmt: skip
+    assert (told.equation, told.variable) == ("torque", "motor_speed")
+
+
+def test_an_encoder_that_slips_at_times_is_told_as_a_measurement() -> None:
+    told = _told(equation="measurement", form="gain", place="motor_speed", variable="time",
+                 period=0.6, values=_bump(-0.02))  # fmt: skip
+    assert (told.equation, told.place) == ("measurement", "motor_speed")
+
+
+def test_a_gain_of_both_pressure_sensors_that_drifts_is_told_as_a_measurement() -> None:
+    told = _told(equation="measurement", form="gain", place="pressures", variable="time",
+                 low=0.0, high=1.0, values=list(np.linspace(0.0, 0.03, KNOTS)))  # fmt: skip
+    assert (told.equation, told.place) == ("measurement", "pressures")
+
+
+def test_a_leak_that_opens_and_closes_is_told_as_a_flow() -> None:
+    told = _told(equation="flow", place="a_to_b", variable="time", period=0.7,
+                 values=_bump(-2e-7))  # fmt: skip
+    assert (told.equation, told.place) == ("flow", "a_to_b")
