@@ -93,7 +93,7 @@ class LinearDrive(Plant):
             int(inputs.ticks[drive.first]),
             inputs.time.size - 1,
             inputs.time,
-            inputs.voltage,
+            inputs.voltage.copy(),  # written over with what is asked for
             inputs.reference,
             inputs.pulses,
             inputs.closed,
