@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ class Curves:
     def __init__(self, short: Problem, period: float, fit: Fit) -> None:
         self.short, self.period, self.fit = short, period, fit
         self.groups = groups_of(short)
-        self.before = self._explained_by(np.zeros((fit.residual.size, 0)), fit.free)[0]
+        self.before = self._explained_by(np.zeros((fit.residual.size, 0)))[0]
         self.excess = max(self.before.cost - SOFT_MEAN * short.size, 1.0)
         self.values = self._values()
         self.span = {
@@ -125,10 +125,12 @@ class Curves:
         rough = sorted(((_wave_gain(*sums, f, 1), float(f)) for f in frequencies), reverse=True)
         for _, frequency in rough[:2]:
             near = np.linspace(frequency - step, frequency + step, 21)
-            found = max((_wave_gain(*sums, f, 2), float(f)) for f in near)
-            share, amplitudes = self._share(_waves(change, time, found[1], 2))
+            # what the parameters can do as well counts in the end
+            costs = [self._explained_by(_waves(change, time, f, 2))[0].cost for f in near]
+            found = float(near[int(np.argmin(costs))])
+            share, amplitudes = self._share(_waves(change, time, found, 2))
             if share > best.share + _MORE:
-                period = 1.0 / found[1]
+                period = 1.0 / found
                 knots = np.linspace(0.0, period, CURVE_KNOTS, endpoint=False)
                 curve = _series(knots / period, amplitudes) * size
                 best = Located(trend.template, share, knots, curve, period)
@@ -146,15 +148,15 @@ class Curves:
 
     def _share(self, columns: FloatArray) -> tuple[float, FloatArray]:
         """Return the share of the excess that columns explain on runs left out, and amplitudes."""
-        extra = tuple(
-            Free(f"curve[{k}]", -1, -np.inf, np.inf, 1.0) for k in range(columns.shape[1])
-        )
-        after, amplitudes = self._explained_by(columns, (*self.fit.free, *extra))
+        after, amplitudes = self._explained_by(columns)
         found = compare(self.before, after, self.groups, self.excess)
         return found.share_out, amplitudes
 
-    def _explained_by(self, columns: FloatArray, free: tuple[Free, ...]) -> tuple[Fit, FloatArray]:
+    def _explained_by(self, columns: FloatArray) -> tuple[Fit, FloatArray]:
         """Return the fit to first order with some columns beside the parameters' own."""
+        extra = tuple(
+            Free(f"curve[{k}]", -1, -np.inf, np.inf, 1.0) for k in range(columns.shape[1])
+        )
         matrix = np.hstack([self.fit.jacobian, columns])
         soft, weight = soften(self.fit.residual, self.short.soft)
         weighted = matrix * weight[:, None]
@@ -163,8 +165,13 @@ class Curves:
         answer = -np.linalg.lstsq(normal + ridge, weighted.T @ soft, rcond=1e-12)[0]
         residual = self.fit.residual + matrix @ answer
         soft, _ = soften(residual, self.short.soft)
-        cost = float(soft @ soft)
-        fit = Fit(self.fit.vector, free, residual, matrix, cost, 0, self.short.soft)
+        fit = replace(
+            self.fit,
+            free=(*self.fit.free, *extra),
+            residual=residual,
+            jacobian=matrix,
+            cost=float(soft @ soft),
+        )
         return fit, np.asarray(answer[len(self.fit.free) :], dtype=np.float64)
 
 

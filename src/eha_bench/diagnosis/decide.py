@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from eha_bench.diagnosis.candidates import LEARNED
 from eha_bench.diagnosis.curves import Located
 from eha_bench.diagnosis.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.evidence import SOFT_MEAN, is_unexplained
@@ -82,13 +83,14 @@ def _learned(
     before = float(soft @ soft)
     share = (before - fit.cost) / max(before - floor, 1.0)
     template = best.template
+    period = float(fit.vector[search.problem.plant.layout.index[f"{LEARNED}.period"]])
     text = f"something acts in the {template.equation} balance"
     if template.equation == "measurement":
         text = f"something acts in the measurement of {template.place}"
     if share > _TOLD:
         text += f" and depends on {template.variable}"
-        if best.period:
-            text += f", periodic with {best.period:.4g} (SI)"
+        if period:
+            text += f", periodic with {period:.4g} (SI)"
         text += f"; a learned curve explains {share:.0%} of the excess"
     else:
         text += f"; a curve of {template.variable} explains {max(share, 0.0):.0%} of the excess, "
@@ -99,6 +101,6 @@ def _learned(
         Verdict.UNKNOWN,
         fit if learned else search.fit,
         notes,
-        Unknown(template.equation, (template.variable,), text, max(share, 0.0), best.period, when),
+        Unknown(template.equation, (template.variable,), text, max(share, 0.0), period, when),
         learned,
     )

@@ -12,6 +12,7 @@ harmonic at any frequency) describe what acts there, by what they explain on run
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -55,6 +56,7 @@ _COMPLETE = 0.15
 apart leaves that much of jumps."""
 _FURTHEST = 0.3
 _TELLING = 0.1
+"""Share of the excess from which what a curve follows means anything."""
 
 _CHAMBERS = Place("flow", "additive", "chambers", ())
 """Both chambers, each with an input of its own: to be weighed, not to be described."""
@@ -156,7 +158,7 @@ class Locator:
         soft, _ = soften(self.curves.before.residual, self.short.soft)
         before = float(soft[others] @ soft[others]) - floor
         # squares of so many standard normal numbers scatter by the root of twice their count
-        after = float(rest[others] @ rest[others]) - floor - 2.0 * np.sqrt(2.0 * count)
+        after = float(rest[others] @ rest[others]) - floor - 2.0 * math.sqrt(2.0 * count)
         return max(after, 0.0) / max(before, REST_RELATIVE * floor)
 
     def _with_curves(self, found: list[Offered]) -> list[Offered]:
@@ -296,9 +298,10 @@ def by_what_it_follows(driven: list[Located], machine: list[Located]) -> list[Lo
     The torque of motor and pump enter one balance, and no sensor lies between them. Mechanics and
     oil do not know the time, nor what the drive was asked for; whoever drives them does.
     """
-    if not machine or (driven and driven[0].share > _AS_GOOD * machine[0].share):
-        return driven
-    return machine
+    if not driven or not machine:
+        return driven or machine
+    follows = driven[0].share > max(_AS_GOOD * machine[0].share, _TELLING)
+    return driven if follows else machine
 
 
 def believed(offered: Sequence[Offered]) -> Offered:
