@@ -2,11 +2,12 @@
 
 A fit stops where a step gains little beside what is unexplained, and its problem is integrated as
 coarsely as a search can bear. Both are too far from the minimum for an interval: with a hundred
-thousand samples a tenth of the noise moves a parameter by several standard deviations. So the step
-is halved until that tells no more than a cause must gain, and the fit goes on until nothing is
-gained. What the last halving moves is kept: a method of first order or better is off by no more
-than that (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993,
-section II.4), and an instant of sticking that falls into another step makes as much.
+thousand samples a tenth of the noise moves a parameter by several standard deviations. So while a
+search lasts the step is halved until what that changes would not be looked at; at its end the fit
+goes on, at half that step, until nothing is gained. What the last halving moves is kept: a method
+of first order or better is off by no more than that (Hairer, Norsett, Wanner, Solving Ordinary
+Differential Equations I, 2nd ed. 1993, section II.4), and an instant of sticking that falls into
+another step makes as much.
 """
 
 from __future__ import annotations
