@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eha_bench.diagnosis.candidates import LEARNED, Start
 from eha_bench.diagnosis.curves import Located
 from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.places import curve_on
 from eha_bench.diagnosis.problem import Problem
+
+FloatArray = NDArray[np.float64]
+
+_ITERATIONS = 6
+_ROUNDS = 3
+_FALLS = 0.9
 
 
 def learn(
@@ -40,7 +48,7 @@ def learn(
             Free(f"{LEARNED}.period", at, 0.5 * located.period, 2 * located.period, located.period),
         )
     # without the curve the parameters had been bent to imitate it; short windows straighten them
-    near = levenberg_marquardt(short, vector, free, iterations=6, refresh=1)
+    near = _settled(short.apart(), vector, free)
     long = problem.at_step(step)
     long.soft = 1.0
     done = levenberg_marquardt(long, near.vector, free, iterations=10, refresh=1)
@@ -60,6 +68,22 @@ def learn(
         located.template.equation,
     )
     return start, done
+
+
+def _settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
+    """Fit, and weigh anew by what is left, until that no longer falls much.
+
+    What the curve left before it was there reads as outliers and as wrong starts.
+    """
+    fit = levenberg_marquardt(short, vector, free, iterations=_ITERATIONS, refresh=1)
+    for _ in range(_ROUNDS):
+        before = float(np.mean(fit.residual**2))
+        short.prepare(fit.vector)
+        short.scale_to(short.residual(fit.vector))
+        fit = levenberg_marquardt(short, fit.vector, free, iterations=_ITERATIONS, refresh=1)
+        if float(np.mean(fit.residual**2)) > _FALLS * before:
+            break
+    return fit
 
 
 def times_of(problem: Problem, fit: Fit) -> tuple[tuple[float, float], ...]:
