@@ -18,6 +18,7 @@ from eha_bench.diagnosis.free_input import Support
 from eha_bench.diagnosis.gate import Measured
 from eha_bench.diagnosis.places import PLACES, Place, Template
 from eha_bench.diagnosis.problem import Problem
+from eha_bench.diagnosis.short_windows import aligned_problem
 from eha_bench.diagnosis.unknown import Offered, believed, by_what_it_follows, locate
 from eha_bench.diagnosis.windows import cut
 from eha_bench.plants.effects._curve import KNOTS
@@ -81,8 +82,8 @@ def _run(plant: Plant, vector: FloatArray, seed: int) -> Measured:
     return Measured(run, time, inputs, tuple(NOISE), values, whole, held=held)
 
 
-def _told(**words: object) -> Template:
-    """Where a hidden curve is said to act, from two runs and a declared model that is 5 % off."""
+def _problem(**words: object) -> tuple[Problem, FloatArray]:
+    """Two runs with a hidden curve, and a declared model that is 5 % off."""
     valves = DeclaredEffect("anti_cavitation")
     hidden = DeclaredEffect("learned", {"scale": 1.0, **words})
     true = Model("eha_knee", DECLARED, (), (valves, hidden))
@@ -93,6 +94,13 @@ def _told(**words: object) -> Template:
     problem = Problem(plant, windows, NOISE, COARSE)
     problem.prepare(vector)
     problem.scale_to(problem.residual(vector))
+    return problem, vector
+
+
+def _told(**words: object) -> Template:
+    """Where a hidden curve is said to act."""
+    problem, vector = _problem(**words)
+    plant = problem.plant
     free = free_parameters(plant.layout, CALIBRATED, vector)
     fit = levenberg_marquardt(problem, vector, free, iterations=4, refresh=0)
     return locate(problem, fit, COARSE, no_progress)[1][0].template
@@ -100,6 +108,18 @@ def _told(**words: object) -> Template:
 
 def _bump(size: float) -> list[float]:
     return [size if 8 <= k < 16 else 0.0 for k in range(KNOTS)]
+
+
+def test_short_windows_begin_at_multiples_of_a_period_and_end_before_the_next() -> None:
+    problem, vector = _problem(values=[0.0] * KNOTS)
+    short, period = aligned_problem(problem, vector, KNOTS)
+    assert len(short.windows) == 18
+    for window in short.windows:
+        time = window.measured.time
+        turns = time[window.first] / period
+        assert abs(turns - round(turns)) * period < 1.5e-3
+        # the last knot lies in the gap
+        assert time[window.last - 1] - time[window.first] <= period * (1.0 - 1.0 / KNOTS)
 
 
 def test_losses_that_grow_with_speed_are_told_as_a_torque() -> None:
