@@ -74,7 +74,10 @@ class Plant(ABC):
             (n, len(outputs)), SI.
         """
 
-    def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
+    def at_rest(
+        self,
+        measured: Mapping[str, float],  # noqa: ARG002 - for plants whose states tell of each other
+    ) -> dict[str, float]:
         """Return states that have no reading at the first sample, as those that have one tell them.
 
         Args:
