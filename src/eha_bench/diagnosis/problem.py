@@ -32,8 +32,6 @@ T = TypeVar("T")
 
 SLOPES = 3.4e-4
 """Integration step of slopes, s: both ends are off by the same."""
-_SHAKEN = 5e-4
-"""Integration step where a spread that is only estimated is carried on, s."""
 _SOFT = 5.0
 _BAD = 1e9
 
@@ -161,7 +159,7 @@ class Problem:
 
     def prepare(self, vector: FloatArray) -> None:
         """Linearise the windows' start states about a parameter vector."""
-        rough = self.at_step(max(self.step, _SHAKEN))
+        rough = self.at_step(max(self.step, SLOPES))
         self._carry(vector, rough.step)
 
         def one(part: _Prepared) -> None:

@@ -20,7 +20,7 @@ from eha_bench.diagnosis.fit import Fit, Free, free_parameters, levenberg_marqua
 from eha_bench.diagnosis.periodic import in_parts, is_periodic, scan
 from eha_bench.diagnosis.problem import Problem
 from eha_bench.diagnosis.screen import Screen, Screened
-from eha_bench.diagnosis.search_state import Search, Trial
+from eha_bench.diagnosis.search_state import Search, Trial, rival_share
 from eha_bench.diagnosis.short_windows import medium_problem
 from eha_bench.diagnosis.side_by_side import side_by_side
 
@@ -199,7 +199,8 @@ class Near:
         if not fits:
             return []
         best = self.fit.cost - fits[0][1].cost
-        hopeful = [p for p in fits if self.fit.cost - p[1].cost > _HOPEFUL * best][:most]
+        least = rival_share(_HOPEFUL, best, self.fit.cost - SOFT_MEAN * self.problem.size) * best
+        hopeful = [p for p in fits if self.fit.cost - p[1].cost > least][:most]
         return side_by_side(lambda pair: self._long(*pair), hopeful)
 
     def turning(self, starts: Sequence[Start], most: int) -> list[Trial]:

@@ -32,6 +32,7 @@ from eha_bench.diagnosis.search_state import (
     Thresholds,
     Trial,
     begin,
+    rival_share,
 )
 from eha_bench.diagnosis.settle import refine, settle
 from eha_bench.diagnosis.side_by_side import side_by_side
@@ -218,7 +219,8 @@ def _finished(search: Search, trials: Sequence[Trial], *, afresh: bool) -> list[
     top = 0.0
     for number, trial in enumerate(trials):
         rough_gain = search.fit.cost - trial.fit.cost
-        if rough_gain <= 0.0 or (number > 0 and (number >= _FINALISTS or rough_gain < 0.5 * top)):
+        least = rival_share(0.5, top, search.excess_left.total) * top
+        if rough_gain <= 0.0 or (number > 0 and (number >= _FINALISTS or rough_gain < least)):
             done.append(trial)
             continue
         # where a rival has reached the noise already, a better place cannot beat it
@@ -232,7 +234,8 @@ def _settled(search: Search, finals: Sequence[Trial]) -> list[Trial]:
     """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
     order = sorted(finals, key=lambda item: item.fit.cost)
     top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
-    close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > _CLOSE * top > 0.0]
+    least = rival_share(_CLOSE, top, search.excess_left.total) * top
+    close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
     if len(close) < 2:
         return order
     # nor on what a coarse step leaves

@@ -122,6 +122,22 @@ def begin(baseline: Baseline) -> Search:
     )
 
 
+_NEARLY_ALL = 0.95
+_MAY_TIE = 0.8
+
+
+def rival_share(usual: float, best: float, excess: float) -> float:
+    """Return the share of the best gain from which a rival's fit is worth going on with.
+
+    Where the best one has come down to the noise, a rival can only tie: one that leaves a fifth of
+    what there was is too far for that, and what fits would gain on it decides nothing.
+
+    Args:
+        usual: the share where it can still win. best: gain of the best. excess: what there was.
+    """
+    return max(usual, _MAY_TIE) if best > _NEARLY_ALL * excess else usual
+
+
 @dataclass(frozen=True)
 class Thresholds:
     """When a candidate is believed.
