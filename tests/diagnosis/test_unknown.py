@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from eha_bench.diagnosis.gate import Measured
 from eha_bench.diagnosis.places import PLACES, Place, Template
 from eha_bench.diagnosis.problem import Problem
 from eha_bench.diagnosis.short_windows import aligned_problem
-from eha_bench.diagnosis.unknown import Offered, believed, by_what_it_follows, locate
+from eha_bench.diagnosis.unknown import Offered, believed, by_what_it_follows, described, locate
 from eha_bench.diagnosis.windows import cut
 from eha_bench.plants.effects._curve import KNOTS
 from eha_bench.plants.model import DeclaredEffect, Model
@@ -51,6 +52,26 @@ def test_a_sensor_is_told_where_its_error_explains_all_and_clearly_more() -> Non
 def test_a_balance_is_preferred_to_a_sensor(support: float, left: float) -> None:
     found = believed([offered(SENSOR, support, left), offered(BALANCE, 900.0)])
     assert found.place is BALANCE
+
+
+class _Describing:
+    """Describes by any variable, worth the place's support."""
+
+    def described(self, items: Sequence[Offered]) -> list[Located]:
+        return [
+            Located(
+                Template(o.place.equation, o.place.form, o.place.at, v), o.support, EMPTY, EMPTY
+            )
+            for o in items
+            for v in o.place.variables
+        ]
+
+
+def test_both_chambers_at_once_are_described_by_each_of_them() -> None:
+    both = Place("flow", "additive", "chambers", ())
+    one = next(place for place in PLACES if place.at == "chamber_a")
+    found = described(_Describing(), [offered(both, 1000.0), offered(one, 500.0)])
+    assert {item.template.place for item in found} == {"chamber_a"}
 
 
 def test_what_follows_the_time_comes_from_the_drive_and_what_follows_speed_does_not() -> None:
@@ -103,7 +124,7 @@ def _told(**words: object) -> Template:
     plant = problem.plant
     free = free_parameters(plant.layout, CALIBRATED, vector)
     fit = levenberg_marquardt(problem, vector, free, iterations=4, refresh=0)
-    return locate(problem, fit, COARSE, no_progress)[1][0].template
+    return locate(problem, fit, COARSE, no_progress)[2][0].template
 
 
 def _bump(size: float) -> list[float]:

@@ -66,9 +66,11 @@ def decide(search: Search, step: float, progress: Progress) -> Decision:
         )
         search.accepted = [item for item in search.accepted if item.start.mundane]
         search.fit = search.base
-    locator, located = locate(search.problem, search.fit, step, progress)
+    locator, equation, located = locate(search.problem, search.fit, step, progress)
     if not located:
-        unknown = Unknown("measurement", (), "nothing could be localised")
+        where = f"something acts in the {equation} balance" if equation else "nothing was located"
+        text = f"{where}; what it could depend on is not measured"
+        unknown = Unknown(equation or "measurement", (), text)
         return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
     progress("learn", 0.0)
     return _learned(search, locator, located[0], step, tuple(notes))

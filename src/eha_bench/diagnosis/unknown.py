@@ -62,7 +62,7 @@ _CHAMBERS = Place("flow", "additive", "chambers", ())
 """Both chambers, each with an input of its own: to be weighed, not to be described."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Offered:
     """A place with what speaks for it.
 
@@ -265,30 +265,39 @@ class Locator:
 
 def locate(
     problem: Problem, fit: Fit, step: float, progress: Progress
-) -> tuple[Locator, list[Located]]:
-    """Return curves in the equation that is short, the one that explains most first."""
+) -> tuple[Locator, str, list[Located]]:
+    """Return the equation that is short, and curves in it, the one that explains most first.
+
+    The equation is empty where nothing can act at all; there are no curves where no variable that
+    they could depend on is measured.
+    """
     locator = Locator(problem, fit, step)
     offered = locator.offered(progress)
     if not offered:
-        return locator, []
-    return locator, chosen(locator, offered)
+        return locator, "", []
+    best = believed(offered).place.equation
+    curves = described(locator, offered)
+    return locator, curves[0].template.equation if curves else best, curves
 
 
-def chosen(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
-    """Return curves at the places that may be meant by the one with most support."""
+def described(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
+    """Return curves at the places that may be meant by the one that is believed."""
     best = believed(offered)
+    kind = bool(best.place.sensors)
     near = [
         item
         for item in offered
-        if item.support > _AS_GOOD * best.support
-        and bool(item.place.sensors) == bool(best.place.sensors)
+        if item.support > _AS_GOOD * best.support and bool(item.place.sensors) is kind
     ]
     own = [item for item in near if item.place.equation == best.place.equation]
-    driven = [item for item in near if item.place.equation == "actuation"]
     curves = locator.described(own)
+    if not curves:
+        # both chambers at once have no curve: each of them has
+        curves = locator.described([o for o in offered if o.place.equation == best.place.equation])
     if best.place.equation == "actuation":
         machine = [item for item in near if item.place.equation != "actuation"]
         return by_what_it_follows(curves, locator.described(machine))
+    driven = [item for item in near if item.place.equation == "actuation"]
     return by_what_it_follows(locator.described(driven), curves)
 
 
