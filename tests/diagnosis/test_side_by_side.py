@@ -1,0 +1,54 @@
+"""What is done side by side is done as by one, is counted, and can be interrupted."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from eha_bench.core.interruption import checkpoint, checkpoints
+from eha_bench.diagnosis import side_by_side as module
+from eha_bench.diagnosis.effort import counted, simulated
+from eha_bench.diagnosis.side_by_side import is_one_of_several, side_by_side
+
+
+@pytest.fixture(autouse=True)
+def _two_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "PROCESSORS", 2)
+
+
+def test_values_come_in_the_order_of_the_items() -> None:
+    assert side_by_side(lambda k: k * k, range(20)) == [k * k for k in range(20)]
+    assert side_by_side(lambda k: k, []) == []
+
+
+def test_items_run_at_the_same_time_each_on_one_thread() -> None:
+    both = threading.Barrier(2, timeout=10.0)
+
+    def meet(_: int) -> tuple[bool, bool]:
+        both.wait()  # times out unless two run at once
+        return is_one_of_several(), all(side_by_side(lambda _: is_one_of_several(), range(3)))
+
+    assert side_by_side(meet, range(2)) == [(True, True)] * 2
+    assert not is_one_of_several()
+
+
+def test_what_is_simulated_there_is_counted_here() -> None:
+    with counted() as spent:
+        side_by_side(lambda k: simulated(float(k)), range(5))
+    assert sum(spent) == 10.0
+
+
+def test_a_stop_that_is_asked_for_here_stops_there() -> None:
+    with checkpoints(lambda: True), pytest.raises(KeyboardInterrupt):
+        side_by_side(lambda _: checkpoint(), range(4))
+
+
+def test_an_error_is_raised_here() -> None:
+    def fails(k: int) -> int:
+        if k == 3:
+            raise ValueError("three")
+        return k
+
+    with pytest.raises(ValueError, match="three"):
+        side_by_side(fails, range(6))
