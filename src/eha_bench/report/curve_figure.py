@@ -96,6 +96,8 @@ def _amount(said: dict[str, Any], model: Model) -> tuple[str, str]:
         return "Change of the gain, share of 1", ""
     if said["equation"] == "measurement":
         sensor = str(said["place"])
+        if sensor == "pressures":
+            return "Added to what both pressure sensors read", unit_of("pressure_a")
         return f"Added to what the sensor of {_name(sensor).lower()} reads", unit_of(sensor)
     name, unit = _AMOUNTS[str(said["equation"])]
     if said["equation"] == "actuation":
