@@ -120,6 +120,7 @@ def test_the_learned_curve_closes_its_period() -> None:
         ("torque", "friction", "motor", "motor_speed"),
         ("flow", "gain", "a_to_b", "pressure_difference"),
         ("measurement", "additive", "pressure_a", "pressure_sum"),
+        ("measurement", "additive", "pressures", "time"),
         ("force", "additive", "motor", "piston_position"),
     ],
 )
