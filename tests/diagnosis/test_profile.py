@@ -7,7 +7,7 @@ import pytest
 
 from eha_bench.diagnosis.fit import Fit, Free
 from eha_bench.diagnosis.problem import soften
-from eha_bench.diagnosis.profile import profiled
+from eha_bench.diagnosis.profile import cost_with, profiled
 
 
 class Rough:
@@ -40,3 +40,28 @@ def test_where_the_cost_is_rough_slopes_are_not_believed():
     problem = Rough(50.0, 5.0)
     # a jump within the difference's step made the slope a hundred times too steep
     assert profiled(problem, fit_at(problem, 5000.0), "a", 1.0 / 5000.0) > 1.0 / 100.0
+
+
+class Balanced:
+    """Two parameters whose columns are nearly alike: one makes up for the other."""
+
+    def __init__(self) -> None:
+        rng = np.random.default_rng(0)
+        one = rng.standard_normal(10_000)
+        self.matrix = np.column_stack([one, one + 1e-3 * rng.standard_normal(10_000)])
+        self.noise = rng.standard_normal(10_000)
+
+    def residual(self, vector: np.ndarray) -> np.ndarray:
+        return self.noise + self.matrix @ vector
+
+
+def test_a_parameter_that_only_balances_another_costs_nothing_to_take_back():
+    problem = Balanced()
+    vector = np.array([0.5, -0.5])
+    residual = problem.residual(vector)
+    soft, _ = soften(residual)
+    free = tuple(Free(name, k, -np.inf, np.inf, 1.0) for k, name in enumerate("ab"))
+    fit = Fit(vector, free, residual, problem.matrix, float(soft @ soft))
+    assert cost_with(problem, fit, "b", 0.0) - fit.cost < 1.0
+    alone, _ = soften(problem.residual(np.array([0.5, 0.0])))
+    assert float(alone @ alone) - fit.cost > 1000.0, "with the other held it would seem to matter"

@@ -61,6 +61,17 @@ def profiled(problem: Problem, fit: Fit, key: str, deviation: float) -> float:
     return float(np.sqrt(1.0 / curvature + shift**2 + bottom**2) * item.scale)
 
 
+def cost_with(problem: Problem, fit: Fit, key: str, value: float) -> float:
+    """Return the cost with a parameter at a value, the others following to first order.
+
+    Args:
+        problem: what was fitted. fit: the end. key: of what was fitted. value: SI.
+    """
+    at = next(k for k, item in enumerate(fit.free) if item.key == key)
+    place = (value - fit.vector[fit.free[at].at]) / fit.free[at].scale
+    return _cost(problem, fit, _following(fit, at), place)
+
+
 def _following(fit: Fit, at: int) -> FloatArray:
     """Return how all parameters move, scaled, where one of them moves by 1."""
     _, weight = soften(fit.residual, fit.soft)

@@ -23,6 +23,7 @@ from eha_bench.diagnosis.exchange import exchange
 from eha_bench.diagnosis.fit import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.periodic import is_periodic
 from eha_bench.diagnosis.problem import Problem, soften
+from eha_bench.diagnosis.profile import cost_with
 from eha_bench.diagnosis.refit import Near, is_bent, polish, refit, sticks
 from eha_bench.diagnosis.screen import Screen, Screened
 from eha_bench.diagnosis.search_state import (
@@ -111,12 +112,19 @@ def _nearly(search: Search) -> bool:
 
 
 def _idle(search: Search, limits: Thresholds) -> bool:
-    """Whether what was added last does nothing: its refit only led the others to a better place."""
-    vector = search.fit.vector.copy()
-    start = search.accepted[-1].start
+    """Whether what was added last does nothing: its refit only led the others to a better place.
+
+    What little of it is left may only balance the others, so these follow.
+    """
+    fit, start = search.fit, search.accepted[-1].start
+    vector = fit.vector.copy()
     vector[start.strength_at] = start.neutral
     soft, _ = soften(search.problem.residual(vector), search.problem.soft)
-    return float(soft @ soft) - search.fit.cost < limits.gain
+    least = float(soft @ soft)
+    for item in fit.free:
+        if item.at == start.strength_at:
+            least = min(least, cost_with(search.problem, fit, item.key, start.neutral))
+    return least - fit.cost < limits.gain
 
 
 def _drop_last(search: Search) -> None:
