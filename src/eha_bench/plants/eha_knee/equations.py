@@ -286,13 +286,14 @@ def _switches(before: float, after: float) -> bool:
 
 @njit()
 def valves_switch(
-    g_ab: float, g_a: float, g_b: float, bypass: float, p_a: float, p_b: float, P: Vector, S: Vector
+    a0: float, b0: float, a1: float, b1: float, bypass: float, P: Vector, S: Vector
 ) -> bool:
-    """Whether any conductance differs as by a valve from what it is at some pressures."""
+    """Whether any conductance differs as by a valve between two pairs of pressures."""
+    g_ab = P[L_IN] + bypass
     return (
-        _switches(g_a, conductance_a(0.0, p_a, p_b, P, S))
-        or _switches(g_b, conductance_b(0.0, p_a, p_b, P, S))
-        or _switches(g_ab, conductance_ab(P[L_IN] + bypass, p_a, p_b, P, S))
+        _switches(conductance_a(0.0, a0, b0, P, S), conductance_a(0.0, a1, b1, P, S))
+        or _switches(conductance_b(0.0, a0, b0, P, S), conductance_b(0.0, a1, b1, P, S))
+        or _switches(conductance_ab(g_ab, a0, b0, P, S), conductance_ab(g_ab, a1, b1, P, S))
     )
 
 
