@@ -81,7 +81,7 @@ def diagnose_case(dataset: Path, out: Path, threads: int | None = None) -> None:
     if done.exists():
         return
     import eha_bench
-    from eha_bench.diagnosis import side_by_side
+    from eha_bench.diagnosis.fit import side_by_side
 
     if threads is not None:
         side_by_side.PROCESSORS = threads

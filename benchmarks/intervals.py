@@ -19,14 +19,14 @@ from benchmarks.table import Row, write_rows
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from eha_bench.diagnosis.dataset import Run, Use
-from eha_bench.diagnosis.evidence import groups_of
-from eha_bench.diagnosis.finish import finished
-from eha_bench.diagnosis.fit import free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.gate import Measured
-from eha_bench.diagnosis.problem import Problem
-from eha_bench.diagnosis.uncertainty import estimates
-from eha_bench.diagnosis.windows import window_at
+from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.windows import window_at
+from eha_bench.diagnosis.fit.evidence import groups_of
+from eha_bench.diagnosis.fit.finish import finished
+from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.uncertainty import estimates
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from eha_bench.api import diagnose, run
     from eha_bench.comparing import ab, compare, history
     from eha_bench.core.recording import Recording
-    from eha_bench.diagnosis.prediction import predict
+    from eha_bench.diagnosis.replay.prediction import predict
     from eha_bench.diagnosis.run import calibrate
     from eha_bench.metrics import score
     from eha_bench.recordings import read, write
@@ -29,7 +29,7 @@ _HOME = {
     "ab": "eha_bench.comparing",
     "compare": "eha_bench.comparing",
     "history": "eha_bench.comparing",
-    "predict": "eha_bench.diagnosis.prediction",
+    "predict": "eha_bench.diagnosis.replay.prediction",
     "run": "eha_bench.api",
     "score": "eha_bench.metrics",
 }

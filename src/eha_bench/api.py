@@ -15,8 +15,8 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import workers_from
-from eha_bench.diagnosis.dataset import Dataset, load_dataset
-from eha_bench.diagnosis.diagnosis import Diagnosis
+from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.run import diagnose as close_the_loop
 from eha_bench.recordings import read
 from eha_bench.report import append_step_summary, markdown_summary, write_junit, write_report

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eha_bench.core.errors import InputError
-from eha_bench.diagnosis.dataset import load_dataset
+from eha_bench.diagnosis.data.dataset import load_dataset
 
 
 def write(folder: Path, runs: str) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eha_bench.diagnosis.effort import counted, simulated
+from eha_bench.diagnosis.fit.effort import counted, simulated
 
 
 def test_only_what_is_simulated_inside_is_counted():

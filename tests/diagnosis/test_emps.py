@@ -13,8 +13,8 @@ import pytest
 import scipy.io
 import scipy.signal
 
-from eha_bench.diagnosis.diagnosis import Verdict
-from eha_bench.diagnosis.prediction import predict
+from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.diagnosis.run import diagnose
 from eha_bench.plants.model import Model, load_model
 

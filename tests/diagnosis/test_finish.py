@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eha_bench.diagnosis.finish import FINEST, fine_enough, finished
-from eha_bench.diagnosis.fit import Fit, Free
-from eha_bench.diagnosis.problem import soften
+from eha_bench.diagnosis.fit.finish import FINEST, fine_enough, finished
+from eha_bench.diagnosis.fit.least_squares import Fit, Free
+from eha_bench.diagnosis.fit.problem import soften
 
 SIZE = 20_000
 COLUMN = np.sin(np.arange(SIZE) / 9.0)

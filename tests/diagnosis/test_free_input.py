@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from eha_bench.diagnosis.free_input import KNOTS, FreeInput
-from eha_bench.diagnosis.problem import Piece
+from eha_bench.diagnosis.fit.problem import Piece
+from eha_bench.diagnosis.unknown.free_input import KNOTS, FreeInput
 
 WINDOWS, TICKS, CHANNELS = 30, 100, 2
 ROWS = WINDOWS * TICKS * CHANNELS

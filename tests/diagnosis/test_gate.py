@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from eha_bench.core.errors import InputError, MissingChannelError
 from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.dataset import Run, Use
-from eha_bench.diagnosis.gate import admit, grouped, noise_of, pooled_noise, quantum_of
-from eha_bench.diagnosis.windows import window_at
+from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.gate import admit, grouped, noise_of, pooled_noise, quantum_of
+from eha_bench.diagnosis.data.windows import window_at
 
 OUTPUTS = ("current", "motor_speed", "pressure_a", "pressure_b", "piston_position")
 

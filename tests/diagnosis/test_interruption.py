@@ -14,8 +14,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from drive_data import write_drive
 
-from eha_bench.diagnosis.diagnosis import Verdict
-from eha_bench.diagnosis.prediction import predict
+from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.diagnosis.run import diagnose
 from eha_bench.plants.model import load_model
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eha_bench.diagnosis.candidates import effect_starts
-from eha_bench.diagnosis.dataset import Run, Use
-from eha_bench.diagnosis.fit import free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.gate import Measured
-from eha_bench.diagnosis.periodic import in_parts, scan
-from eha_bench.diagnosis.problem import Problem
-from eha_bench.diagnosis.windows import shaft_angle, window_at
+from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.windows import shaft_angle, window_at
+from eha_bench.diagnosis.fit.candidates import effect_starts
+from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.search.periodic import in_parts, scan
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 

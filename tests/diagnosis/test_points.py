@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from eha_bench.core.errors import EhaBenchError, InputError
-from eha_bench.diagnosis.dataset import load_dataset
-from eha_bench.diagnosis.diagnosis import Verdict
-from eha_bench.diagnosis.prediction import predict
+from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.diagnosis.run import calibrate, diagnose
 from eha_bench.plants.model import load_model
 

@@ -9,8 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.dataset import Dataset, Run, Use
-from eha_bench.diagnosis.prediction import STEP, predict
+from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
+from eha_bench.diagnosis.replay.prediction import STEP, predict
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eha_bench.diagnosis.fit import Fit, Free
-from eha_bench.diagnosis.problem import soften
-from eha_bench.diagnosis.profile import cost_with, profiled
+from eha_bench.diagnosis.fit.least_squares import Fit, Free
+from eha_bench.diagnosis.fit.problem import soften
+from eha_bench.diagnosis.fit.profile import cost_with, profiled
 
 
 class Rough:

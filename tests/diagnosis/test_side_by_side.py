@@ -7,9 +7,9 @@ import threading
 import pytest
 
 from eha_bench.core.interruption import checkpoint, checkpoints
-from eha_bench.diagnosis import side_by_side as module
-from eha_bench.diagnosis.effort import counted, simulated
-from eha_bench.diagnosis.side_by_side import is_one_of_several, side_by_side
+from eha_bench.diagnosis.fit import side_by_side as module
+from eha_bench.diagnosis.fit.effort import counted, simulated
+from eha_bench.diagnosis.fit.side_by_side import is_one_of_several, side_by_side
 
 
 @pytest.fixture(autouse=True)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from eha_bench.diagnosis.evidence import Groups, compare, left_out
-from eha_bench.diagnosis.fit import Fit, Free
-from eha_bench.diagnosis.problem import soften
-from eha_bench.diagnosis.uncertainty import spreads, undetermined
+from eha_bench.diagnosis.fit.evidence import Groups, compare, left_out
+from eha_bench.diagnosis.fit.least_squares import Fit, Free
+from eha_bench.diagnosis.fit.problem import soften
+from eha_bench.diagnosis.fit.uncertainty import spreads, undetermined
 
 
 def linear_fit(matrix: np.ndarray, residual: np.ndarray, names: list[str], values: np.ndarray):

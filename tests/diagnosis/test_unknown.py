@@ -11,17 +11,23 @@ import pytest
 from numpy.typing import NDArray
 
 from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.baseline import COARSE, no_progress
-from eha_bench.diagnosis.curves import Located
-from eha_bench.diagnosis.dataset import Run, Use
-from eha_bench.diagnosis.fit import free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.free_input import Support
-from eha_bench.diagnosis.gate import Measured
-from eha_bench.diagnosis.places import PLACES, Place, Template
-from eha_bench.diagnosis.problem import Problem
-from eha_bench.diagnosis.short_windows import aligned_problem
-from eha_bench.diagnosis.unknown import Offered, believed, by_what_it_follows, described, locate
-from eha_bench.diagnosis.windows import cut
+from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.fit.baseline import COARSE, no_progress
+from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.short_windows import aligned_problem
+from eha_bench.diagnosis.unknown.curves import Located
+from eha_bench.diagnosis.unknown.free_input import Support
+from eha_bench.diagnosis.unknown.locator import (
+    Offered,
+    believed,
+    by_what_it_follows,
+    described,
+    locate,
+)
+from eha_bench.diagnosis.unknown.places import PLACES, Place, Template
 from eha_bench.plants.effects._curve import KNOTS
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive, Plant

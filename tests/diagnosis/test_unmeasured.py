@@ -10,11 +10,11 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped
-from eha_bench.diagnosis.dataset import Run, Use
-from eha_bench.diagnosis.gate import admit
-from eha_bench.diagnosis.problem import Problem
-from eha_bench.diagnosis.unmeasured import carried, missing
-from eha_bench.diagnosis.windows import window_at
+from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.unmeasured import carried, missing
+from eha_bench.diagnosis.data.windows import window_at
+from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
 

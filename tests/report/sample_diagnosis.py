@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from sample_run import NASTY
 
-from eha_bench.diagnosis.dataset import Use
-from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
-from eha_bench.diagnosis.errors_by_channel import ChannelError
-from eha_bench.diagnosis.replay import Replay
-from eha_bench.diagnosis.uncertainty import Estimate
+from eha_bench.diagnosis.data.dataset import Use
+from eha_bench.diagnosis.fit.uncertainty import Estimate
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import DeclaredEffect, Model
 
 DECLARED = Model("eha_knee", {"bulk_modulus": 9e8}, ("bulk_modulus",))

@@ -20,7 +20,7 @@ from sample_run import NASTY
 from test_accessibility import serious
 from test_browser import quiet
 
-from eha_bench.diagnosis.dataset import Use
+from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.plants.model import DeclaredEffect
 from eha_bench.report.curve_figure import learned_curve
 from eha_bench.report.diagnosis_report import write_diagnosis_report

@@ -11,8 +11,8 @@ import typer
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
 
 if TYPE_CHECKING:
-    from eha_bench.diagnosis.diagnosis import Diagnosis
-    from eha_bench.diagnosis.uncertainty import Estimate
+    from eha_bench.diagnosis.fit.uncertainty import Estimate
+    from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 
 Dataset = Annotated[Path, typer.Argument(help="dataset.yaml: recordings and the model they meet.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result on standard output.")]
@@ -25,7 +25,7 @@ def predict(
     out: Annotated[Path, typer.Option("--out", help="Folder for one Parquet file a run.")],
 ) -> None:
     """Simulate every run freely, from its inputs and its first sample."""
-    from eha_bench.diagnosis.prediction import predict as simulate
+    from eha_bench.diagnosis.replay.prediction import predict as simulate
 
     with TerminalProgress() as bar:
         found = simulate(dataset, model, out, progress=_stages(bar))

@@ -26,13 +26,13 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from eha_bench.core.errors import InputError, MissingChannelError, Place
-from eha_bench.diagnosis.candidates import Start, all_starts
-from eha_bench.diagnosis.dataset import Dataset, Run
-from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
-from eha_bench.diagnosis.errors_by_channel import replay_errors
-from eha_bench.diagnosis.replay import Replay
-from eha_bench.diagnosis.revise import revised
-from eha_bench.diagnosis.uncertainty import Estimate
+from eha_bench.diagnosis.data.dataset import Dataset, Run
+from eha_bench.diagnosis.fit.candidates import Start, all_starts
+from eha_bench.diagnosis.fit.uncertainty import Estimate
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
+from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.replay.errors_by_channel import replay_errors
+from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
 from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.static_plant import StaticPlant

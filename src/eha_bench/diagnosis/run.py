@@ -15,17 +15,20 @@ from numpy.typing import NDArray
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption, checkpoints
-from eha_bench.diagnosis import search as searching
-from eha_bench.diagnosis.baseline import (
+from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
+from eha_bench.diagnosis.fit.baseline import (
     COARSE,
     Baseline,
     CalibrationInterrupted,
     calibrated,
     no_progress,
 )
-from eha_bench.diagnosis.dataset import Dataset, load_dataset
-from eha_bench.diagnosis.decide import Decision, decide
-from eha_bench.diagnosis.diagnosis import (
+from eha_bench.diagnosis.fit.effort import counted
+from eha_bench.diagnosis.fit.evidence import groups_of
+from eha_bench.diagnosis.fit.finish import finished
+from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates, undetermined
+from eha_bench.diagnosis.outcome.decide import Decision, decide
+from eha_bench.diagnosis.outcome.diagnosis import (
     SCHEMA_VERSION,
     Diagnosis,
     Unknown,
@@ -33,22 +36,19 @@ from eha_bench.diagnosis.diagnosis import (
     errors_to_dict,
     estimate_to_dict,
 )
-from eha_bench.diagnosis.effort import counted
-from eha_bench.diagnosis.errors_by_channel import (
+from eha_bench.diagnosis.outcome.findings import assemble, units_of
+from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.scoring import scored
+from eha_bench.diagnosis.points import diagnose_points
+from eha_bench.diagnosis.replay.errors_by_channel import (
     ChannelError,
     floors,
     replay_errors,
     replay_notes,
 )
-from eha_bench.diagnosis.evidence import groups_of
-from eha_bench.diagnosis.findings import assemble, units_of
-from eha_bench.diagnosis.finish import finished
-from eha_bench.diagnosis.points import diagnose_points
-from eha_bench.diagnosis.replay import replay
-from eha_bench.diagnosis.revise import revised
-from eha_bench.diagnosis.scoring import scored
-from eha_bench.diagnosis.search import Search
-from eha_bench.diagnosis.uncertainty import Estimate, estimates, undetermined
+from eha_bench.diagnosis.replay.replay import replay
+from eha_bench.diagnosis.search import stepwise
+from eha_bench.diagnosis.search.stepwise import Search
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
 
@@ -202,15 +202,15 @@ def _searched(
         with checkpoints(asked):
             base = calibrated(dataset, progress)
     except CalibrationInterrupted as stop:
-        search = searching.begin(stop.baseline)
+        search = stepwise.begin(stop.baseline)
         note = "interrupted while calibrating: nothing was searched for, so the verdict is open"
         decision = Decision(Verdict.UNKNOWN, search.fit, (note,), None)
         return stop.baseline, search, decision, False
-    search = searching.begin(base)
+    search = stepwise.begin(base)
     complete = True
     try:
         with checkpoints(asked):
-            searching.run(search, progress)
+            stepwise.run(search, progress)
             decision = decide(search, COARSE, progress)
     except KeyboardInterrupt:
         complete = False

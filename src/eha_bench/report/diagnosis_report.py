@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from eha_bench.diagnosis.dataset import Use
-from eha_bench.diagnosis.diagnosis import Diagnosis
-from eha_bench.diagnosis.replay import Replay
+from eha_bench.diagnosis.data.dataset import Use
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
 from eha_bench.report.curve_figure import curve_view, learned_curve

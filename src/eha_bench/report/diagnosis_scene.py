@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from eha_bench.core.channels import unit_of
 from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.replay import Replay
+from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.report.engineering import channel_name, display_unit
 from eha_bench.report.marks import Mark, Role, TimeBand, ValueBand
 from eha_bench.report.panels import Panel, Trace

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from eha_bench.diagnosis.diagnosis import Diagnosis, FoundEffect, Unknown, Verdict
-from eha_bench.diagnosis.errors_by_channel import ChannelError
-from eha_bench.diagnosis.uncertainty import Estimate
+from eha_bench.diagnosis.fit.uncertainty import Estimate
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, Unknown, Verdict
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.report.engineering import (
     DisplayUnit,
     channel_name,

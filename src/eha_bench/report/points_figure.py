@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from eha_bench.core.channels import unit_of
-from eha_bench.diagnosis.replay import Replay
+from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
 from eha_bench.report.embed_svg import SHADES

@@ -1,0 +1,1 @@
+"""Recordings and the windows that are simulated of them."""

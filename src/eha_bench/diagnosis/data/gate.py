@@ -1,0 +1,342 @@
+"""The data gate: what of a recording may be believed, and how noisy each channel is.
+
+Noise is estimated from the recording itself, never assumed: the mean square of third differences (a
+signal that is smooth over four samples vanishes in them) in blocks of a hundred samples, of which
+the median is taken, so that fast events do not count; never below what the channel's own
+quantisation makes, sqrt(1/12) of its step. Channels that do not move, stretches that
+stand still or are clipped, and gaps are said and left out.
+
+Source of the difference estimator: Von Neumann, Kent, Bellinson, Hart, The mean square successive
+difference, Ann. Math. Stat. 12 (1941) 153, doi:10.1214/aoms/1177731746.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import InputError, MissingChannelError, Place
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import Run
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+_HELD = ("current_command", "reference", "voltage", "pulses")
+# what comes on top of another input: a log without it is one in which nothing was added
+_ON_TOP = ("pulses",)
+_LOCKED_STILL = ("piston_position", "piston_velocity", "joint_angle")
+_STUCK = 40
+_GAP = 1.5
+"""A step of the clock by more than this many usual ones leaves samples out."""
+_RESTS = 3
+"""Samples on either side of a gap that show whether an input rests there."""
+_SAME = 1e-3
+"""What an input may move and still rest, as a share of its range."""
+# a number on its own, not one in a name
+_NUMBER = re.compile(r"(?<![\w.#])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
+# sum of the squares of (1, -3, 3, -1)
+_THIRD = 20.0
+_BLOCK = 100
+# median over mean of a block's mean square: chi2 with 100 / 2.31 degrees of freedom, the 2.31 from
+# the correlation of third differences of white noise (-0.75, 0.3, -0.05)
+_MEDIAN = 0.9846
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A recording that passed the gate, on its own clock.
+
+    Attributes:
+        run: where it is from, and its setup.
+        time: (n,) s from the first sample.
+        inputs: channel -> (n,), SI, without gaps.
+        outputs: channels that can be compared with the plant's.
+        values: (n, m) SI, 0 where not valid.
+        valid: (n, m) whether a value may be believed.
+        breaks: ticks before which inputs were not logged long enough to matter.
+        notes: what was found, one sentence each.
+        held: channel -> value that the setup holds (a locked piston's position), SI.
+    """
+
+    run: Run
+    time: FloatArray
+    inputs: Mapping[str, FloatArray]
+    outputs: tuple[str, ...]
+    values: FloatArray
+    valid: BoolArray
+    breaks: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def jumps(self) -> NDArray[np.intp]:
+        """Ticks at which an input jumps, in their order; what is logged there is from before."""
+        found = []
+        for values in self.inputs.values():
+            change = np.abs(np.diff(values, prepend=values[0]))
+            usual = np.quantile(change, 0.9)
+            found.append(np.flatnonzero(change > max(10.0 * usual, 0.02 * np.ptp(values) + 1e-300)))
+        return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.intp)
+
+    def column(self, channel: str) -> FloatArray | None:
+        """Return a valid channel with NaN where it may not be believed, or None."""
+        if channel not in self.outputs:
+            return None
+        at = self.outputs.index(channel)
+        if not self.valid[:, at].any():
+            return None
+        return np.where(self.valid[:, at], self.values[:, at], np.nan)
+
+
+def grouped(measured: Sequence[Measured]) -> tuple[str, ...]:
+    """Return the notes of several runs: what several say alike is said once, for all of them.
+
+    Where they differ by a number only, its range stands in its place.
+    """
+    alike: dict[str, list[tuple[str, list[str]]]] = {}
+    for item in measured:
+        for note in item.notes:
+            text = note.removeprefix(f"{item.run.name}: ")
+            alike.setdefault(_NUMBER.sub("#", text), []).append(
+                (item.run.name, _NUMBER.findall(text))
+            )
+    found = []
+    for text, said in alike.items():
+        names = ", ".join(dict.fromkeys(name for name, _ in said))
+        numbers = zip(*(own for _, own in said), strict=True)
+        ranges = [*(_range_of(own) for own in numbers), ""]
+        pieces = zip(text.split("#"), ranges, strict=True)
+        found.append(f"{names}: " + "".join(piece + value for piece, value in pieces))
+    return tuple(found)
+
+
+def _range_of(numbers: Sequence[str]) -> str:
+    low, high = min(numbers, key=float), max(numbers, key=float)
+    return low if float(low) == float(high) else f"{low} to {high}"
+
+
+def noise_of(values: FloatArray) -> float:
+    """Return the standard deviation of a channel's noise, in its unit (NaN if it has no samples).
+
+    Args:
+        values: (n,), NaN where nothing was measured.
+    """
+    good = np.isfinite(values)
+    third = np.diff(values, 3)
+    third = third[np.isfinite(third)]
+    if third.size < 8:
+        return float("nan")
+    if third.size < 5 * _BLOCK:
+        spread = float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(_THIRD))
+    else:
+        whole = third[: third.size // _BLOCK * _BLOCK].reshape(-1, _BLOCK)
+        middle = float(np.median(np.mean(whole**2, axis=1)))
+        spread = float(np.sqrt(middle / _MEDIAN / _THIRD))
+    step = quantum_of(values[good])
+    return max(spread, step / float(np.sqrt(12.0)))
+
+
+def quantum_of(values: FloatArray) -> float:
+    """Return the step in which a channel is quantised (0 where no step shows)."""
+    levels = np.unique(values)
+    if levels.size < 3 or levels.size > values.size / 2:
+        return 0.0
+    steps = np.diff(levels)
+    least = 1e-12 * max(1e-300, float(np.abs(levels).max()))
+    return float(np.median(steps[steps > least]))
+
+
+def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[str, float]:
+    """Return each channel's noise over all runs: the median of the runs' own estimates."""
+    noise: dict[str, float] = {}
+    for name in outputs:
+        found = []
+        for item in measured:
+            column = item.column(name)
+            if column is not None:
+                # what a signal does in a gap of the clock is no noise
+                steps = np.diff(item.time)
+                gaps = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
+                found.append(noise_of(np.insert(column, gaps, np.nan)))
+        usable = [value for value in found if np.isfinite(value) and value > 0]
+        if usable:
+            noise[name] = float(np.median(usable))
+    return noise
+
+
+def admit(
+    run: Run,
+    recording: Recording,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    *,
+    strict: bool = True,
+) -> Measured:
+    """Pass one recording through the gate.
+
+    Args:
+        run: where it is from. recording: what was read.
+        inputs: channels that drive the model. outputs: channels that the model gives.
+        strict: whether a recording without any output to compare is an error.
+
+    Raises:
+        MissingChannelError: an input is not in the recording.
+        InputError: an input is nowhere finite, or no output can be compared.
+    """
+    where = Place(file=str(run.log))
+    time = np.array(recording.time - recording.time[0])
+    notes = [f"{run.name}: {note}" for note in recording.notes]
+    driven: dict[str, FloatArray] = {}
+    missing = np.zeros(time.size, dtype=np.bool_)
+    for name in inputs:
+        if name not in recording and name in _ON_TOP:
+            notes.append(f"{run.name}: no '{name}' in the log, so none are taken to have acted")
+            driven[name] = np.zeros(time.size)
+            continue
+        raw = _input(name, recording, where)
+        bad = ~np.isfinite(raw)
+        if bad.any():
+            notes.append(f"{run.name}: input '{name}' has {int(bad.sum())} gaps, bridged")
+            missing |= bad
+        driven[name] = _filled(time, raw, held=name in _HELD)
+    names, columns, masks = [], [], []
+    held: dict[str, float] = {}
+    for name in outputs:
+        if name in inputs or name not in recording:
+            continue
+        raw = np.array(recording[name])
+        good = np.isfinite(raw)
+        if not good.any():
+            notes.append(f"{run.name}: '{name}' holds no finite value and is left out")
+            continue
+        if run.locked and name == "piston_position":
+            held[name] = float(raw[int(np.argmax(good))])
+        if np.ptp(raw[good]) == 0.0:
+            if not (run.locked and name in _LOCKED_STILL):
+                notes.append(f"{run.name}: '{name}' never changes (dead sensor?) and is left out")
+            continue
+        if run.locked and name in _LOCKED_STILL:
+            continue
+        stuck = _stuck(raw)
+        if stuck.any():
+            notes.append(
+                f"{run.name}: '{name}' stands still or is clipped for "
+                f"{int(stuck.sum())} samples, left out"
+            )
+            good &= ~stuck
+        if not good.all():
+            gaps = int((~np.isfinite(raw)).sum())
+            if gaps:
+                notes.append(f"{run.name}: '{name}' has {gaps} samples missing")
+        names.append(name)
+        columns.append(np.where(good, raw, 0.0))
+        masks.append(good)
+    if not names and strict:
+        raise InputError("no channel of the plant is measured", where=where)
+    breaks = _clock(run, time, driven, missing, notes)
+    return Measured(
+        run,
+        time,
+        driven,
+        tuple(names),
+        np.column_stack(columns) if columns else np.zeros((time.size, 0)),
+        np.column_stack(masks) if masks else np.zeros((time.size, 0), dtype=np.bool_),
+        breaks,
+        tuple(notes),
+        held,
+    )
+
+
+def _input(name: str, recording: Recording, where: Place) -> FloatArray:
+    if name not in recording:
+        raise MissingChannelError(name, where=where, have=tuple(recording.values))
+    raw = np.array(recording[name])
+    if not np.isfinite(raw).any():
+        raise InputError(f"input '{name}' holds no finite value", where=where)
+    return raw
+
+
+def _clock(
+    run: Run,
+    time: FloatArray,
+    inputs: Mapping[str, FloatArray],
+    missing: BoolArray,
+    notes: list[str],
+) -> tuple[int, ...]:
+    """Say what is wrong with the clock; return ticks after which inputs were unknown for long."""
+    steps = np.diff(time)
+    if not steps.size:
+        return ()
+    usual = float(np.median(steps))
+    jumps = np.flatnonzero(steps > 5.0 * usual) + 1
+    if jumps.size:
+        notes.append(
+            f"{run.name}: the clock jumps {jumps.size} times by more than five periods of "
+            f"{usual * 1e3:.3g} ms"
+        )
+    uneven = float(np.std(steps[steps <= 5.0 * usual]) / usual) if steps.size else 0.0
+    if uneven > 0.3:
+        notes.append(f"{run.name}: the sampling period varies by {uneven:.0%}")
+    holes = _long_holes(missing, time, 10.0 * usual)
+    telling = [k for k in map(int, jumps) if steps[k - 1] > 0.05 or not _held_across(inputs, k)]
+    return tuple(sorted({*telling, *holes}))
+
+
+def _held_across(inputs: Mapping[str, FloatArray], k: int) -> bool:
+    """Whether every input rests before and after a gap and is the same: it was so within it.
+
+    What moves on either side took a way through the gap that nobody knows.
+    """
+    return all(
+        np.ptp(values[max(0, k - _RESTS) : k + _RESTS]) <= _SAME * np.ptp(values)
+        for values in inputs.values()
+    )
+
+
+def _filled(time: FloatArray, raw: FloatArray, *, held: bool) -> FloatArray:
+    good = np.isfinite(raw)
+    if good.all():
+        return np.ascontiguousarray(raw, dtype=np.float64)
+    if not held:
+        return np.interp(time, time[good], raw[good])
+    last = np.maximum.accumulate(np.where(good, np.arange(raw.size), -1))
+    first = int(np.argmax(good))
+    return np.ascontiguousarray(raw[np.where(last < 0, first, last)])
+
+
+def _long_holes(missing: BoolArray, time: FloatArray, longest: float) -> list[int]:
+    ends = []
+    start: int | None = None
+    for k in range(missing.size):
+        if missing[k] and start is None:
+            start = k
+        elif not missing[k] and start is not None:
+            if time[k] - time[start] > longest:
+                ends.append(k)
+            start = None
+    return ends
+
+
+def _stuck(raw: FloatArray) -> BoolArray:
+    """Stretches of equal values that this channel's own noise makes impossible."""
+    same = np.diff(raw) == 0.0
+    mask = np.zeros(raw.size, dtype=np.bool_)
+    if not same.any():
+        return mask
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
+    lengths = edges[1::2] - edges[::2]
+    long = lengths >= _STUCK
+    outside = int(same.sum() - lengths[long].sum())
+    others = int(same.size - lengths[long].sum())
+    # where equal neighbours are common (a coarse encoder at rest), standing still proves nothing
+    if others < _STUCK or outside / others > 0.3:
+        return mask
+    for start, length in zip(edges[::2][long], lengths[long], strict=True):
+        mask[start : start + length + 1] = True
+    return mask

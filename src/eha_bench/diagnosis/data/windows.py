@@ -1,0 +1,307 @@
+"""Cuts runs into windows that are simulated on their own: multiple shooting.
+
+A locked piston, or ports connected, keep the model's error bounded, so such runs are replayed whole
+from their start. A free rod integrates every error, so those runs are cut into windows of some
+0.4 s (Bock's multiple shooting with the start states taken from the measurement; Ljung, System
+Identification, 2nd ed. 1999, section 5.3). A window never starts at a jump of the command, nor
+within 1.5 mm of a stop or reversal, where bristles and backlash have a state nobody measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.data.gate import Measured
+
+FloatArray = NDArray[np.float64]
+
+FREE_WINDOW = 0.4
+"""Length of a window of a free run, s."""
+_CLEAR = 1.5e-3
+_QUIET = 0.015
+_HALF_FIT = 8
+
+
+@dataclass(frozen=True)
+class Window:
+    """A stretch of a run that is simulated from its own start state.
+
+    Attributes:
+        measured: the run.
+        first, last: ticks, last exclusive.
+        initial: channel -> state at the start, SI.
+        spread: channel -> standard deviation of that state, SI; those without are exact.
+        noise: channel -> standard deviation of its noise, SI.
+    """
+
+    measured: Measured
+    first: int
+    last: int
+    initial: Mapping[str, float]
+    spread: Mapping[str, float]
+    noise: Mapping[str, float] = field(default_factory=dict)
+
+
+def cut(
+    measured: Measured, noise: Mapping[str, float], length: float = FREE_WINDOW
+) -> list[Window]:
+    """Return the windows of a run, in the order of time, without overlap.
+
+    Args:
+        measured: the run.
+        noise: channel -> standard deviation of its noise.
+        length: shortest window of a free run, s.
+    """
+    n = measured.time.size
+    starts = [0]
+    whole = measured.run.locked or measured.run.bypass_open
+    allowed = None if whole else _allowed(measured, noise)
+    forced = set(measured.breaks)
+    for k in range(1, n):
+        long_enough = measured.time[k] - measured.time[starts[-1]] >= length
+        if k in forced or (allowed is not None and long_enough and allowed[k]):
+            starts.append(k)
+    return [
+        window_at(measured, first, last, noise)
+        for first, last in zip(starts, [*starts[1:], n], strict=True)
+        if last - first >= 4
+    ]
+
+
+def split(window: Window, length: float) -> list[Window]:
+    """Return a long window as parts of about a length in s; a short one as it is."""
+    measured = window.measured
+    time = measured.time
+    parts = max(1, round(float(time[window.last - 1] - time[window.first]) / length))
+    edges = np.linspace(window.first, window.last, parts + 1).round().astype(int)
+    if parts == 1:
+        return [window]
+    pieces = [window_at(measured, int(a), int(b), window.noise) for a, b in pairwise(edges)]
+    return [replace(window, last=int(edges[1])), *pieces[1:]]
+
+
+def window_at(measured: Measured, first: int, last: int, noise: Mapping[str, float]) -> Window:
+    """Return one window, its start state taken from the measurement around its first tick."""
+    state, spread = _start(measured, first, noise, rested=first == 0)
+    return Window(measured, first, last, state, spread, noise)
+
+
+def shaft_angle(measured: Measured) -> FloatArray | None:
+    """Return the shaft's angle from the integrated measured speed, (n,) rad, or None."""
+    speed = measured.inputs.get("motor_speed")
+    if speed is None:
+        speed = measured.column("motor_speed")
+    if speed is None:
+        return None
+    good = np.isfinite(speed)
+    filled = np.interp(measured.time, measured.time[good], speed[good])
+    steps = 0.5 * (filled[1:] + filled[:-1]) * np.diff(measured.time)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_]:
+    """Where a window may start: command without jumps, rod and shaft well under way."""
+    time = measured.time
+    n = time.size
+    fine = np.ones(n, dtype=np.bool_)
+    period = float(np.median(np.diff(time)))
+    reach = max(2, round(_QUIET / period))
+    for k in measured.jumps:
+        fine[max(0, k - reach) : k + reach] = False
+    position = measured.column("piston_position")
+    if position is not None:
+        fine &= _clear_of_reversals(time, position, noise.get("piston_position", 0.0))
+    for name in ("piston_velocity", "motor_speed"):
+        speed = measured.column(name)
+        if speed is not None:
+            level = np.abs(_smooth(np.nan_to_num(speed), reach))
+            fine &= level > 5.0 * noise.get(name, 0.0)
+    for column in range(measured.values.shape[1]):
+        fine &= measured.valid[:, column]
+    fine[: _HALF_FIT + 1] = False
+    fine[n - _HALF_FIT - 1 :] = False
+    return fine
+
+
+def _clear_of_reversals(time: FloatArray, position: FloatArray, noise: float) -> NDArray[np.bool_]:
+    """Whether the rod has moved on by 1.5 mm since it last reversed or rested."""
+    good = np.isfinite(position)
+    x = np.interp(time, time[good], position[good])
+    clear = min(_CLEAR, 0.1 * float(np.ptp(x)))
+    hysteresis = max(6.0 * noise, 0.02 * clear)
+    ok = np.zeros(x.size, dtype=np.bool_)
+    direction = 0.0
+    extreme = turn = x[0]
+    for k in range(1, x.size):
+        if direction == 0.0:
+            if abs(x[k] - turn) > hysteresis:
+                direction = float(np.sign(x[k] - turn))
+                extreme = x[k]
+        elif direction * (x[k] - extreme) > 0.0:
+            extreme = x[k]
+        elif direction * (extreme - x[k]) > hysteresis:
+            turn, direction, extreme = extreme, -direction, x[k]
+        ok[k] = direction != 0.0 and abs(x[k] - turn) > clear
+    return ok
+
+
+def _smooth(values: FloatArray, half: int) -> FloatArray:
+    kernel = np.ones(2 * half + 1) / (2 * half + 1)
+    return np.convolve(values, kernel, mode="same")
+
+
+def _start(
+    measured: Measured, first: int, noise: Mapping[str, float], *, rested: bool
+) -> tuple[dict[str, float], dict[str, float]]:
+    """State at a window's start from the measurement around it, and how far it may be off."""
+    state: dict[str, float] = dict(measured.held)
+    spread: dict[str, float] = {}
+    lead = _rest_length(measured, noise) if rested else 0
+    for name in measured.outputs:
+        column = measured.column(name)
+        if column is None:
+            continue
+        sigma = noise.get(name, 0.0)
+        if lead > 0:
+            part = column[:lead]
+            part = part[np.isfinite(part)]
+            if not part.size:
+                continue
+            state[name] = float(np.median(part) if part.size > 4 else part.mean())
+            if name in ("motor_speed", "piston_velocity"):
+                at_rest = abs(part.mean()) < 4.0 * sigma / np.sqrt(part.size) + 1e-12
+                state[name] = 0.0 if at_rest else float(part.mean())
+                if at_rest:
+                    continue
+            spread[name] = max(3.0 * sigma / np.sqrt(part.size), 0.1 * sigma)
+        else:
+            local = _local(measured.time, column, first, _around(measured, first))
+            if local is None:
+                continue
+            state[name] = local[0]
+            spread[name] = 10.0 * sigma + local[1]
+    _derive_velocity(measured, first, noise, lead, state, spread)
+    command = measured.inputs.get("current_command")
+    current = measured.column("current")
+    if first in measured.breaks and current is not None and np.isfinite(current[first]):
+        # nobody knows what was asked for in the gap, and a polynomial bends where it steps
+        state["current"] = float(current[first])
+    elif "current" not in state and command is not None:
+        state["current"] = float(command[first if first in measured.breaks else max(0, first - 1)])
+    if lead > 0:
+        state["current"] = _start_current(measured, state)
+    if measured.run.locked:
+        for name in ("piston_velocity",):
+            state.pop(name, None)
+            spread.pop(name, None)
+    angle = shaft_angle(measured)
+    if angle is not None:
+        state["shaft_angle"] = float(angle[first])
+        if "motor_speed" in noise and "motor_speed" not in measured.inputs:
+            # what the noise of the speed adds up to
+            period = float(measured.time[-1]) / (measured.time.size - 1)
+            walked = np.sqrt(float(measured.time[first]) * period)
+            spread["shaft_angle"] = noise["motor_speed"] * walked
+    spread.pop("current", None)
+    return state, spread
+
+
+def _start_current(measured: Measured, state: Mapping[str, float]) -> float:
+    value = state.get("current", 0.0)
+    column = measured.column("current")
+    if column is not None and np.isfinite(column[0]):
+        value = float(column[0])
+        # at rest a current within the noise of nothing is nothing
+        if abs(value) < 0.02 * float(np.nanmax(np.abs(column))):
+            value = 0.0
+    return value
+
+
+def _derive_velocity(
+    measured: Measured,
+    first: int,
+    noise: Mapping[str, float],
+    lead: int,
+    state: dict[str, float],
+    spread: dict[str, float],
+) -> None:
+    """Where no velocity is logged, take the slope of the position."""
+    if "piston_velocity" in state or measured.run.locked:
+        return
+    position = measured.column("piston_position")
+    if position is None or "piston_velocity" in measured.inputs:
+        return
+    if lead > 1:
+        return
+    around = _around(measured, first)
+    t, x = measured.time[around], position[around]
+    good = np.isfinite(x)
+    if good.sum() < 4:
+        return
+    t = t[good] - measured.time[first]
+    slope = float(np.polyfit(t, x[good], 2 if good.sum() > 5 else 1)[-2])
+    state["piston_velocity"] = slope
+    sigma = noise.get("piston_position", 0.0)
+    random = 10.0 * sigma / float(np.sqrt(np.sum((t - t.mean()) ** 2)) + 1e-300)
+    further = float(np.polyfit(t, x[good], 3)[-2]) if good.sum() > 6 else slope
+    spread["piston_velocity"] = random + 3.0 * abs(further - slope)
+
+
+def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:
+    """Samples from the start until something moves, an input or an output: 1 to 200."""
+    longest = min(200, measured.time.size)
+    end = longest
+    for values in measured.inputs.values():
+        little = 1e-3 * (np.ptp(values) or 1.0)
+        moved = np.flatnonzero(np.abs(values[:longest] - values[0]) > little)
+        if moved.size:
+            end = min(end, int(moved[0]) + 1)
+    for name in measured.outputs:
+        column = measured.column(name)
+        if column is None:
+            continue
+        moved = np.flatnonzero(np.abs(column[:end] - column[0]) > 6.0 * noise.get(name, 0.0))
+        if moved.size:
+            # it began to move earlier than it left the noise
+            end = min(end, max(1, int(moved[0]) // 4))
+    return max(1, end)
+
+
+def _around(measured: Measured, first: int) -> slice:
+    """Return a tick's neighbours on its own side of gaps and of jumps of an input.
+
+    Beyond a jump everything bends, and a current is another one.
+    """
+    low, high = max(0, first - _HALF_FIT), min(measured.time.size, first + _HALF_FIT + 1)
+    for tick in measured.breaks:
+        if tick <= first:
+            low = max(low, tick)
+        else:
+            high = min(high, tick)
+    # what is logged at the tick of a jump belongs to what was before, unless that was a gap
+    jumps = np.setdiff1d(measured.jumps, measured.breaks)
+    before = int(np.searchsorted(jumps, first))
+    if before > 0:
+        low = max(low, int(jumps[before - 1]) + 1)
+    if before < jumps.size:
+        high = min(high, int(jumps[before]) + 1)
+    return slice(low, high)
+
+
+def _local(
+    time: FloatArray, column: FloatArray, first: int, around: slice
+) -> tuple[float, float] | None:
+    """Value at a tick from a polynomial through its neighbours, and how far the next degree is."""
+    t, y = time[around] - time[first], column[around]
+    good = np.isfinite(y)
+    if good.sum() < 3:
+        return None
+    if good.sum() < 7:
+        return float(np.mean(y[good])), float(np.ptp(y[good]))
+    value = float(np.polyfit(t[good], y[good], 2)[-1])
+    return value, abs(float(np.polyfit(t[good], y[good], 4)[-1]) - value)

@@ -1,0 +1,1 @@
+"""The simulation error over windows, its minimum, and what the minimum is worth."""

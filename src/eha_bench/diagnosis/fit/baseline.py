@@ -1,0 +1,339 @@
+"""The declared model, calibrated on all training runs: where every diagnosis starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.interruption import checkpoints
+from eha_bench.diagnosis.data.dataset import Dataset
+from eha_bench.diagnosis.data.gate import Measured, admit, grouped, pooled_noise
+from eha_bench.diagnosis.data.windows import Window, cut, split
+from eha_bench.diagnosis.fit.evidence import refined_noise
+from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem, soften
+from eha_bench.plants.plant import Drive
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+STEP = 2e-4
+"""Integration step of fits, s: five a tick at 1 kHz; its error is below 0.1 of usual noise."""
+
+COARSE = 3.4e-4
+"""Integration step while searching, where only differences between candidates count, s: three a
+tick at 1 kHz."""
+
+SCREENING = 5e-4
+"""Integration step where only a simulation's change by a candidate counts, s."""
+
+BUDGET = 40.0
+"""Most that is simulated for one residual, s; longer training data are sampled evenly."""
+
+CHUNK = 4.0
+"""Length of the parts of long windows that are chosen from, s."""
+
+FRICTION_AT_REST = {
+    "rod_creep_speed": (0.0, 1e-5, 1e-4, 1e-3),
+    "pump_creep_speed": (0.0, 1e-3, 1e-2, 1e-1),
+    "creep_speed": (0.0, 1e-5, 1e-4, 1e-3),
+}
+"""How friction behaves at rest is nobody's declared knowledge: fitted always, never an effect.
+
+Sticking (0) is asked for again like any other: creeping may have imitated what was missing.
+"""
+_OF_THE_SHAFT = ("pump_creep_speed",)
+_TELLING = 20.0
+"""Fall of the cost that says that friction at rest is another one."""
+
+
+@dataclass
+class Baseline:
+    """A calibrated model and what it was calibrated on.
+
+    Attributes:
+        dataset: with the declared model.
+        measured: training runs that passed the gate.
+        problem: residuals over their windows.
+        fit: of the parameters under `calibrate` and what is mundane.
+        keys: what was fitted.
+        nuisance: those of `keys` that the model file does not list.
+        notes: what the gate found.
+    """
+
+    dataset: Dataset
+    measured: tuple[Measured, ...]
+    problem: Problem
+    fit: Fit
+    keys: tuple[str, ...]
+    nuisance: tuple[str, ...]
+    declared_cost: float
+    notes: tuple[str, ...] = field(default=())
+
+
+def no_progress(_stage: str, _fraction: float) -> None:
+    """Say nothing."""
+
+
+def gather(dataset: Dataset) -> tuple[tuple[Measured, ...], list[Window], dict[str, float]]:
+    """Read the training runs, and return them with their windows and their noise.
+
+    Raises:
+        InputError: no run has anything to compare.
+    """
+    plant = dataset.model.plant
+    measured = tuple(
+        admit(run, run.read(), dataset.inputs, plant.outputs) for run in dataset.training
+    )
+    noise = pooled_noise(measured, plant.outputs)
+    if not noise:
+        raise InputError(
+            "no measured channel can be held against the model",
+            where=Place(file=dataset.source),
+            hint=f"{plant.id} gives: {', '.join(plant.outputs)}",
+        )
+    windows = [window for item in measured for window in cut(item, noise)]
+    windows = _with_unmeasured(dataset, thinned(windows))
+    return measured, windows, noise
+
+
+def thinned(windows: list[Window], budget: float = BUDGET) -> list[Window]:
+    """Return evenly chosen windows where all of them together are longer than a budget in s."""
+    total = sum(_length(window) for window in windows)
+    if total <= budget:
+        return windows
+    pieces = [part for window in windows for part in split(window, CHUNK)]
+    count = max(1, round(len(pieces) * budget / total))
+    chosen = np.unique(np.linspace(0, len(pieces) - 1, count).round().astype(int))
+    return [pieces[k] for k in chosen]
+
+
+def _length(window: Window) -> float:
+    time = window.measured.time
+    return float(time[window.last - 1] - time[window.first])
+
+
+def _with_unmeasured(dataset: Dataset, windows: list[Window]) -> list[Window]:
+    """Give windows inside a run a start for states that nobody measured, from the declared model.
+
+    Such a start is a guess, so its spread is that of the state over the whole run.
+    """
+    plant = dataset.model.plant
+    vector = dataset.model.vector()
+    free: dict[str, FloatArray] = {}
+    out = []
+    for window in windows:
+        measured = window.measured
+        missing = [
+            (at, name)
+            for at, name in enumerate(plant.outputs)
+            if name in plant.states and name not in window.initial and name not in measured.inputs
+        ]
+        if window.first == 0 or not missing:
+            out.append(window)
+            continue
+        name_of_run = measured.run.name
+        if name_of_run not in free:
+            start = next(w for w in windows if w.measured is measured).initial
+            drive = Drive(
+                measured.time,
+                measured.inputs,
+                {key: value for key, value in start.items() if key in plant.states},
+                measured.run.locked,
+                measured.run.bypass_open,
+            )
+            free[name_of_run] = plant.simulate(vector, drive, COARSE)
+        values = free[name_of_run]
+        initial = dict(window.initial)
+        spread = dict(window.spread)
+        for at, name in missing:
+            initial[name] = float(values[window.first, at])
+            spread[name] = float(np.std(values[:, at]))
+        out.append(replace(window, initial=initial, spread=spread))
+    return out
+
+
+class CalibrationInterrupted(KeyboardInterrupt):
+    """Calibration was interrupted; `baseline` is as far as it had come."""
+
+    def __init__(self, baseline: Baseline) -> None:
+        super().__init__()
+        self.baseline = baseline
+
+
+def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
+    """Fit the parameters under `calibrate`, and what is mundane, to all training runs.
+
+    Raises:
+        InputError: nothing to calibrate with.
+        CalibrationInterrupted: Ctrl-C once the data were read.
+    """
+    progress("read", 0.0)
+    measured, windows, noise = gather(dataset)
+    best = [dataset.model.vector()]
+    try:
+        return _calibrated(dataset, measured, windows, noise, best, progress)
+    except KeyboardInterrupt as stop:
+        with checkpoints(lambda: False):
+            reached = _as_far_as(dataset, measured, windows, noise, best[-1])
+        raise CalibrationInterrupted(reached) from stop
+
+
+def _calibrated(
+    dataset: Dataset,
+    measured: tuple[Measured, ...],
+    windows: list[Window],
+    noise: dict[str, float],
+    best: list[FloatArray],
+    progress: Progress,
+) -> Baseline:
+    """Calibrate; the last of `best` is always the best vector so far."""
+    plant = dataset.model.plant
+    vector = dataset.model.vector()
+    keys = tuple(dict.fromkeys(dataset.model.calibrate))
+    rough = Problem(plant, windows, noise, COARSE)
+    progress("calibrate", 0.1)
+    rough.prepare(vector)
+    first = rough.residual(vector)
+    rough.scale_to(first)
+    declared_cost = float(np.sum(first**2))
+    layout = plant.layout
+    fit = levenberg_marquardt(
+        rough,
+        vector,
+        free_parameters(layout, keys, vector),
+        iterations=6,
+        refresh=1,
+        watch=best.append,
+    )
+    rough.scale_to(fit.residual)
+    progress("calibrate", 0.4)
+    fit = at_rest(rough, fit)
+    best.append(fit.vector)
+    progress("calibrate", 0.6)
+    noise = refined_noise(rough, fit.residual, noise)
+    problem = Problem(plant, windows, noise, STEP)
+    problem.prepare(fit.vector)
+    problem.scale_to(problem.residual(fit.vector))
+    nuisance = tuple(key for key in FRICTION_AT_REST if key in layout.index and key not in keys)
+    fit = levenberg_marquardt(
+        problem, fit.vector, fit.free, known=fit.columns, refresh=1, watch=best.append
+    )
+    progress("calibrate", 1.0)
+    return Baseline(
+        dataset,
+        measured,
+        problem,
+        fit,
+        (*keys, *nuisance),
+        nuisance,
+        declared_cost,
+        _notes(measured),
+    )
+
+
+def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:
+    notes = grouped(measured)
+    total = sum(float(item.time[-1]) for item in measured)
+    if total > BUDGET:
+        notes = (*notes, f"of {total:.0f} s of training data {BUDGET:.0f} s are simulated, evenly")
+    return notes
+
+
+def _as_far_as(
+    dataset: Dataset,
+    measured: tuple[Measured, ...],
+    windows: list[Window],
+    noise: dict[str, float],
+    vector: FloatArray,
+) -> Baseline:
+    """Return a baseline at a vector that no fit has finished with."""
+    layout = dataset.model.plant.layout
+    keys = tuple(dict.fromkeys(dataset.model.calibrate))
+    nuisance = tuple(key for key in FRICTION_AT_REST if key in layout.index and key not in keys)
+    problem = Problem(dataset.model.plant, windows, noise, COARSE)
+    problem.prepare(vector)
+    problem.scale_to(problem.residual(vector))
+    creeps = (key for key in nuisance if vector[layout.index[key]] != 0.0)
+    free = free_parameters(layout, (*keys, *creeps), vector)
+    fit = levenberg_marquardt(problem, vector, free, iterations=0)
+    return Baseline(
+        dataset, measured, problem, fit, (*keys, *nuisance), nuisance, np.nan, _notes(measured)
+    )
+
+
+def at_rest(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit with friction at rest as the data ask for: sticking, or creeping at any speed.
+
+    A start state spreads otherwise where friction creeps otherwise, so the problem is prepared anew
+    for what is compared, and for what is returned.
+    """
+    layout = problem.plant.layout
+    vector = fit.vector
+    for key, sizes in FRICTION_AT_REST.items():
+        if key not in layout.index:
+            continue
+        moving = [
+            k
+            for k, window in enumerate(problem.windows)
+            if key in _OF_THE_SHAFT or not window.measured.run.locked
+        ]
+        if not moving:
+            continue
+        at = layout.index[key]
+        part = problem.subset(moving).apart()
+        costs = {}
+        for size in dict.fromkeys((float(vector[at]), *sizes)):
+            trial = vector.copy()
+            trial[at] = size
+            part.prepare(trial)
+            soft, _ = soften(part.residual(trial), part.soft)
+            costs[size] = float(soft @ soft)
+        size = min(costs, key=lambda size: costs[size])
+        if costs[size] < costs[float(vector[at])] - _TELLING:
+            vector = vector.copy()
+            vector[at] = size
+    if vector is fit.vector:
+        return fit
+    problem.prepare(vector)
+    return _along(problem, fit, vector)
+
+
+def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit with friction at rest as the data ask for, in a problem prepared as it is."""
+    layout = problem.plant.layout
+    for key, sizes in FRICTION_AT_REST.items():
+        if key not in layout.index:
+            continue
+        at = layout.index[key]
+        best, cost = fit.vector, fit.cost
+        for size in sizes:
+            trial = fit.vector.copy()
+            trial[at] = size
+            soft, _ = soften(problem.residual(trial), problem.soft)
+            if float(soft @ soft) < cost:
+                best, cost = trial, float(soft @ soft)
+        if best is not fit.vector:
+            moved = _along(problem, fit, best)
+            if moved.cost < fit.cost - _TELLING:
+                fit = moved
+    return fit
+
+
+def _along(problem: Problem, fit: Fit, vector: FloatArray) -> Fit:
+    """Return the fit from a vector whose friction at rest is another one."""
+    layout = problem.plant.layout
+    changed = [
+        key
+        for key in FRICTION_AT_REST
+        if key in layout.index and vector[layout.index[key]] != fit.vector[layout.index[key]]
+    ]
+    known = {key: column for key, column in fit.columns.items() if key not in changed}
+    creeps = [key for key in changed if vector[layout.index[key]] != 0.0]
+    free = [item for item in fit.free if item.key not in changed]
+    free += free_parameters(layout, creeps, vector)
+    return levenberg_marquardt(problem, vector, free, iterations=4, known=known, refresh=0)

@@ -1,0 +1,115 @@
+"""The end of a search: a step of integration that no longer shows, and the bottom of the cost.
+
+A fit stops where a step gains little beside what is unexplained, and its problem is integrated as
+coarsely as a search can bear. Both are too far from the minimum for an interval: with a hundred
+thousand samples a tenth of the noise moves a parameter by several standard deviations. So while a
+search lasts the step is halved until what that changes would not be looked at; at its end the fit
+goes on, at half that step, until nothing is gained. What the last halving moves is kept: a method
+of first order or better is off by no more than that (Hairer, Norsett, Wanner, Solving Ordinary
+Differential Equations I, 2nd ed. 1993, section II.4), and an instant of sticking that falls into
+another step makes as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
+from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem, soften
+
+FloatArray = NDArray[np.float64]
+
+FINEST = 1.25e-5
+"""Finest integration step, s: an eighth of the usual one."""
+
+_LITTLE = 0.002
+"""Share of the noise's cost that an error of integration may make: a tenth of what is looked at."""
+_SHARE = 0.02
+"""The same, of what is unexplained."""
+_ROUNDS = 4
+_FAR = 1.0
+"""Fall of the cost from which slopes are computed anew, in squares of a standard deviation."""
+_NOTHING = 0.1
+"""Fall of the cost that ends a fit, in squares of a standard deviation."""
+
+
+def fine_enough(problem: Problem, vector: FloatArray) -> Problem:
+    """Return the problem at a step whose halving changes the cost too little to be looked at.
+
+    Args:
+        problem: at the usual step. vector: where it is simulated.
+    """
+    noise = SOFT_MEAN * problem.size
+    cost = _cost(problem, vector)
+    while problem.step > FINEST:
+        finer = problem.at_step(0.5 * problem.step)
+        other = _cost(finer, vector)
+        if abs(cost - other) < max(_LITTLE * noise, _SHARE * (other - noise)):
+            return problem
+        problem, cost = finer, other
+    return problem
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A fit at the bottom of its cost.
+
+    Attributes:
+        fit: with a Jacobian of its own place.
+        shifts: what halving the step of integration last moved each parameter by, SI, by key.
+    """
+
+    fit: Fit
+    shifts: Mapping[str, float]
+
+
+def finished(problem: Problem, fit: Fit) -> Finished:
+    """Return a fit at the bottom of the cost, at half the step at which it was found or the finest.
+
+    Args:
+        problem: what was fitted. fit: its end.
+    """
+    finer = problem.at_step(max(0.5 * problem.step, FINEST))
+    fit = _at(finer, fit)
+    for _ in range(_ROUNDS):
+        better = levenberg_marquardt(
+            finer,
+            fit.vector,
+            fit.free,
+            iterations=4,
+            tolerance=_NOTHING,
+            known=fit.columns,
+            refresh=0,
+        )
+        gain = fit.cost - better.cost
+        fit = _at(finer, better) if gain > _FAR else better
+        if gain < _NOTHING:
+            break
+    soft, weight = soften(fit.residual, fit.soft)
+    coarse, _ = soften(problem.at_step(2.0 * finer.step).residual(fit.vector), fit.soft)
+    matrix = fit.jacobian * weight[:, None]
+    moved = np.linalg.lstsq(matrix, coarse - soft, rcond=1e-10)[0] if fit.free else np.zeros(0)
+    return Finished(
+        fit,
+        {item.key: float(step * item.scale) for item, step in zip(fit.free, moved, strict=True)},
+    )
+
+
+def _at(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit as it is in a problem, with a Jacobian computed anew."""
+    residual = problem.residual(fit.vector)
+    soft, _ = soften(residual, problem.soft)
+    matrix = jacobian(problem, fit.vector, fit.free, residual)
+    return replace(
+        fit, residual=residual, jacobian=matrix, cost=float(soft @ soft), soft=problem.soft
+    )
+
+
+def _cost(problem: Problem, vector: FloatArray) -> float:
+    soft, _ = soften(problem.residual(vector), problem.soft)
+    return float(soft @ soft)

@@ -1,0 +1,276 @@
+"""Levenberg-Marquardt with bounds on the simulation error.
+
+Finite differences of 1 % or more (stick events make smaller ones noise), soft-L1 at 5 sigma, steps
+cut at the bounds by a few active-set passes. A Jacobian costs one simulation a parameter, so it is
+updated by Broyden's rule while that works, and computed anew only where it does not.
+
+Sources: Moré, The Levenberg-Marquardt algorithm: implementation and theory (1978),
+doi:10.1007/BFb0067700; Broyden, Math. Comp. 19 (1965) 577, doi:10.1090/S0025-5718-1965-0198670-6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.fit.problem import SLOPES, Problem, soften
+from eha_bench.plants.assembly import Layout
+
+FloatArray = NDArray[np.float64]
+
+_DIFFERENCE = 0.01
+_LARGEST_DIFFERENCE = 1.0
+_SHOWS = 10.0
+"""Least size of the change of the residual by a difference, in standard deviations of the noise."""
+_STANDS_OUT = 60.0
+"""The same for what may be hardly there."""
+_TELLS = 5.0
+"""Least size of a step's change of the residual from which the Jacobian learns."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """One number that a fit may move.
+
+    Attributes:
+        key: `name` of the plant's parameter or `effect.name`.
+        at: place in the vector.
+        low, high: bounds, SI.
+        scale: a change that matters, SI.
+    """
+
+    key: str
+    at: int
+    low: float
+    high: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The end of a fit.
+
+    Attributes:
+        vector: parameters.
+        free: what moved.
+        residual: (N,) whitened residual there.
+        jacobian: (N, p) its derivative by scaled parameters (last one computed).
+        cost: sum of soft-L1 losses of the residual.
+        steps: accepted steps.
+        soft: scale of the soft-L1 loss.
+    """
+
+    vector: FloatArray
+    free: tuple[Free, ...]
+    residual: FloatArray
+    jacobian: FloatArray
+    cost: float
+    steps: int = 0
+    soft: float = 1.0
+
+    @property
+    def columns(self) -> dict[str, FloatArray]:
+        """Return the Jacobian's columns by key."""
+        return {item.key: self.jacobian[:, k] for k, item in enumerate(self.free)}
+
+    def values(self) -> dict[str, float]:
+        """Return the fitted values by key."""
+        return {item.key: float(self.vector[item.at]) for item in self.free}
+
+
+def free_parameters(
+    layout: Layout,
+    keys: Sequence[str],
+    vector: FloatArray,
+    spans: Mapping[str, float] | None = None,
+) -> tuple[Free, ...]:
+    """Return parameters of a layout as free numbers.
+
+    Args:
+        layout: of the plant.
+        keys: `name` or `effect.name`; one that holds several numbers gives as many.
+        vector: where the fit starts; the scale of a parameter is its size there, or its default's.
+        spans: key -> scale, where neither says one.
+    """
+    found = []
+    for key in keys:
+        parameter = layout.by_key[key]
+        for k in range(parameter.size):
+            at = layout.index[key] + k
+            scale = max(abs(vector[at]), 0.1 * abs(parameter.default))
+            if spans and key in spans:
+                scale = spans[key]
+            if scale == 0.0:
+                width = parameter.high - parameter.low
+                scale = 0.1 * width if np.isfinite(width) else 1.0
+            name = key if parameter.size == 1 else f"{key}[{k}]"
+            found.append(Free(name, at, parameter.low, parameter.high, float(scale)))
+    return tuple(found)
+
+
+def jacobian(
+    problem: Problem,
+    vector: FloatArray,
+    free: Sequence[Free],
+    base: FloatArray,
+    known: Mapping[str, FloatArray] | None = None,
+) -> FloatArray:
+    """Return d residual / d (parameter / scale), (N, p), by one-sided differences.
+
+    A slope needs no fine step of integration: both ends are off by the same.
+    """
+    known = known or {}
+    if problem.step < SLOPES and any(item.key not in known for item in free):
+        problem = problem.at_step(SLOPES)
+        base = problem.residual(vector)
+    columns = [
+        known[item.key] if item.key in known else _slope(problem, vector, item, base)
+        for item in free
+    ]
+    # column by column in memory: a hundred thousand rows are multiplied and updated that way
+    return np.array(columns).T if columns else np.zeros((base.size, 0))
+
+
+def _slope(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -> FloatArray:
+    """Return one column, by a difference large enough to stand out.
+
+    Every instant of sticking that a difference shifts from one integration step to another adds
+    noise. Where a parameter does little, that noise would pass for its effect, and the parameter
+    for well determined. That threatens effects, which may be hardly there at all.
+    """
+    enough = problem.soft * (_STANDS_OUT if "." in item.key else _SHOWS)
+    relative = _DIFFERENCE
+    while True:
+        step = relative * item.scale
+        if vector[item.at] + step > item.high:
+            step = -step
+        moved = vector.copy()
+        moved[item.at] = max(vector[item.at] + step, item.low)
+        step = moved[item.at] - vector[item.at]
+        change = problem.residual(moved) - base
+        size = float(np.linalg.norm(change))
+        if size >= enough or relative >= _LARGEST_DIFFERENCE:
+            return np.asarray(change * (item.scale / step), dtype=np.float64)
+        relative = min(_LARGEST_DIFFERENCE, relative * max(enough / max(size, 1e-300), 2.0))
+
+
+def levenberg_marquardt(
+    problem: Problem,
+    vector: FloatArray,
+    free: Sequence[Free],
+    *,
+    iterations: int = 12,
+    tolerance: float = 1.0,
+    known: Mapping[str, FloatArray] | None = None,
+    refresh: int = 2,
+    watch: Callable[[FloatArray], None] | None = None,
+) -> Fit:
+    """Minimise the soft-L1 cost of a problem over the free parameters.
+
+    Args:
+        problem: residuals.
+        vector: start.
+        free: what may move.
+        iterations: most steps.
+        tolerance: fall of the cost in one step that ends it (a cost of 1 is one sigma).
+        known: columns of a Jacobian from nearby, by key, to start with.
+        refresh: how often the Jacobian may be computed anew.
+        watch: given every vector that is better than all before.
+    """
+    free = tuple(free)
+    vector = vector.copy()
+    residual = problem.residual(vector)
+    soft, weight = soften(residual, problem.soft)
+    cost = float(soft @ soft)
+    if not free:
+        return Fit(vector, free, residual, np.zeros((residual.size, 0)), cost, 0, problem.soft)
+    scales = np.array([item.scale for item in free])
+    matrix = jacobian(problem, vector, free, residual, known)
+    fresh = not known
+    damping = 1e-3
+    taken = 0
+    weighted = np.empty_like(matrix)
+    for _ in range(iterations):
+        np.multiply(matrix, weight[:, None], out=weighted)
+        normal = weighted.T @ weighted
+        gradient = weighted.T @ soft
+        gain = 0.0
+        for _try in range(4 if fresh else 2):
+            step = _bounded_step(normal, gradient, damping, vector, free)
+            trial = vector.copy()
+            for item, move in zip(free, step, strict=True):
+                trial[item.at] = min(max(trial[item.at] + move * item.scale, item.low), item.high)
+            done = np.array([trial[item.at] - vector[item.at] for item in free]) / scales
+            length = float(done @ done)
+            if length == 0.0:
+                break
+            new_residual = problem.residual(trial)
+            new_soft, new_weight = soften(new_residual, problem.soft)
+            new_cost = float(new_soft @ new_soft)
+            change = new_residual - residual
+            if float(change @ change) > (_TELLS * problem.soft) ** 2:
+                # a smaller change is the noise of sticking as much as it is the parameters'
+                unforeseen = change - matrix @ done
+                for k in np.flatnonzero(done):
+                    matrix[:, k] += unforeseen * (done[k] / length)
+            if new_cost < cost:
+                gain = cost - new_cost
+                vector, residual, soft, weight = trial, new_residual, new_soft, new_weight
+                cost = new_cost
+                damping = max(damping / 5.0, 1e-9)
+                taken += 1
+                if watch:
+                    watch(vector)
+                break
+            damping = max(damping * 10.0, 1e-4)
+            np.multiply(matrix, weight[:, None], out=weighted)
+            normal = weighted.T @ weighted
+            gradient = weighted.T @ soft
+        stalled = gain < max(tolerance, 0.01 * (cost - problem.size))
+        # where much is unexplained, the last digits of the parameters do not matter
+        enough = max(tolerance, 0.002 * (cost - problem.size))
+        if gain < enough and fresh:
+            break
+        if stalled and not fresh:
+            if refresh <= 0:
+                break
+            matrix = jacobian(problem, vector, free, residual)
+            fresh = True
+            refresh -= 1
+            damping = 1e-3
+        elif gain:
+            fresh = False
+    return Fit(vector, free, residual, matrix, cost, taken, problem.soft)
+
+
+def _bounded_step(
+    normal: FloatArray,
+    gradient: FloatArray,
+    damping: float,
+    vector: FloatArray,
+    free: Sequence[Free],
+) -> FloatArray:
+    """Solve the damped normal equations, holding what would leave its bounds at them."""
+    size = len(free)
+    step = np.zeros(size)
+    active = np.ones(size, dtype=np.bool_)
+    diagonal = np.diag(normal) + 1e-12 * max(float(np.trace(normal)), 1e-300)
+    low = np.array([(item.low - vector[item.at]) / item.scale for item in free])
+    high = np.array([(item.high - vector[item.at]) / item.scale for item in free])
+    for _ in range(size):
+        rows = np.flatnonzero(active)
+        if not rows.size:
+            break
+        matrix = normal[np.ix_(rows, rows)] + damping * np.diag(diagonal[rows])
+        fixed = np.flatnonzero(~active)
+        right = -gradient[rows] - normal[np.ix_(rows, fixed)] @ step[fixed]
+        step[rows] = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+        over = active & ((step < low - 1e-12) | (step > high + 1e-12))
+        if not over.any():
+            break
+        step[over] = np.clip(step[over], low[over], high[over])
+        active &= ~over
+    return np.clip(step, low, high)

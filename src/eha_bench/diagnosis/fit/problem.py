@@ -1,0 +1,362 @@
+"""The simulation error of a parameter vector over all windows, whitened for the start states.
+
+The weighted residual of a window is r = (measured - simulated) / noise. Its start state comes from
+noisy measurements, so r carries the part U z, z ~ N(0, 1), with U the sensitivity to the start
+state times its spread; with C = I + U U' the whitened residual is C^(-1/2) r, and an error that a
+start state could have made no longer counts. U comes from a few perturbed simulations a window and
+is kept until `prepare` is called again (the approach of error-in-start-state multiple shooting; see
+Ljung 1999, section 5.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.interruption import checkpoint
+from eha_bench.diagnosis.data.unmeasured import carried, missing
+from eha_bench.diagnosis.data.windows import Window
+from eha_bench.diagnosis.fit import side_by_side
+from eha_bench.diagnosis.fit.effort import simulated
+from eha_bench.plants.plant import Drive, Plant
+
+FloatArray = NDArray[np.float64]
+T = TypeVar("T")
+
+SLOPES = 3.4e-4
+"""Integration step of slopes, s: both ends are off by the same."""
+_SOFT = 5.0
+_BAD = 1e9
+
+
+@dataclass
+class _Prepared:
+    """One window ready to be simulated."""
+
+    window: Window
+    drive: Drive
+    columns: NDArray[np.intp]
+    pick: NDArray[np.intp]
+    places: NDArray[np.intp]
+    target: FloatArray
+    scale: FloatArray
+    basis: FloatArray
+    shrink: FloatArray
+
+    @property
+    def length(self) -> float:
+        """Time that a simulation of it covers, s."""
+        time = self.window.measured.time
+        return float(time[self.window.last - 1] - time[self.window.first])
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Which part of the stacked residual belongs to which window and channel."""
+
+    window: int
+    rows: slice
+    ticks: NDArray[np.intp]
+    channels: NDArray[np.intp]
+
+
+class Problem:
+    """Residuals of one plant over windows, for any parameter vector.
+
+    Args:
+        plant: the plant.
+        windows: stretches to simulate.
+        noise: channel -> standard deviation; channels without are not compared.
+        step: largest integration step, s.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        windows: Sequence[Window],
+        noise: Mapping[str, float],
+        step: float,
+    ) -> None:
+        self.plant = plant
+        self.windows = tuple(windows)
+        self.noise = dict(noise)
+        self.step = step
+        self.soft = 1.0
+        self._defect: FloatArray | None = None
+        self._outputs = {name: at for at, name in enumerate(plant.outputs)}
+        self._parts = [self._ready(window) for window in windows]
+        offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
+        self._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
+        self.size = int(offsets[-1])
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Layout of the stacked residual."""
+        found = []
+        for number, (part, rows) in enumerate(zip(self._parts, self._rows, strict=True)):
+            width = part.columns.size
+            found.append(Piece(number, rows, part.pick // width, part.columns[part.pick % width]))
+        return tuple(found)
+
+    def subset(self, keep: Sequence[int]) -> Problem:
+        """Return the problem over some of the windows; start-state bases are shared."""
+        other = object.__new__(Problem)
+        other.plant, other.noise, other.step = self.plant, self.noise, self.step
+        other.soft = self.soft
+        other._defect = None
+        other._outputs = self._outputs
+        other.windows = tuple(self.windows[k] for k in keep)
+        other._parts = [self._parts[k] for k in keep]
+        offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in other._parts])])
+        other._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
+        other.size = int(offsets[-1])
+        return other
+
+    def apart(self) -> Problem:
+        """Return the same problem with start-state bases of its own."""
+        other = self.subset(range(len(self.windows)))
+        other._parts = [replace(part) for part in self._parts]
+        return other
+
+    def at_step(self, step: float) -> Problem:
+        """Return the same problem integrated at another step; start-state bases are shared."""
+        other = self.subset(range(len(self.windows)))
+        other.step = step
+        return other
+
+    def coarser(self, step: float, vector: FloatArray, residual: FloatArray) -> Problem:
+        """Return the problem at a coarser step, less that step's own error at a vector.
+
+        Args:
+            step: s. vector: where the residual of the coarser problem becomes `residual`.
+            residual: of this problem there.
+        """
+        other = self.at_step(step)
+        other._defect = residual - other.residual(vector)
+        return other
+
+    def with_noise(self, noise: Mapping[str, float]) -> Problem:
+        """Return the same windows weighted by another noise; it needs `prepare`."""
+        return Problem(self.plant, self.windows, noise, self.step)
+
+    def scale_to(self, residual: FloatArray) -> None:
+        """Set what counts as an outlier by a residual's usual size, never below the noise.
+
+        Where the model is far off everywhere, 5 sigma of the noise would make outliers of all.
+        """
+        self.soft = max(1.0, float(np.median(np.abs(residual)) / 0.6745))
+
+    def rows_of(self, keep: Sequence[int]) -> NDArray[np.intp]:
+        """Return the places in the stacked residual of some windows."""
+        return np.concatenate([np.arange(self._rows[k].start, self._rows[k].stop) for k in keep])
+
+    def prepare(self, vector: FloatArray) -> None:
+        """Linearise the windows' start states about a parameter vector."""
+        rough = self.at_step(max(self.step, SLOPES))
+        self._carry(vector, rough.step)
+
+        def one(part: _Prepared) -> None:
+            base = rough._weighted(part, vector, {})
+            columns = []
+            for name, spread in part.window.spread.items():
+                if not np.isfinite(spread) or spread <= 0 or name not in self.plant.states:
+                    continue
+                # half a spread: a compromise between noise of stick events and curvature
+                moved = rough._weighted(part, vector, {name: 0.2 * spread})
+                columns.append((moved - base) / 0.2)
+            if not columns:
+                part.basis = np.zeros((base.size, 0))
+                part.shrink = np.zeros(0)
+                return
+            q, s, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
+            part.basis = q
+            part.shrink = 1.0 - 1.0 / np.sqrt(1.0 + s * s)
+
+        shaken = sum((1 + len(part.window.spread)) * part.length for part in self._parts)
+        self._each(one, shaken)
+
+    def _carry(self, vector: FloatArray, step: float) -> None:
+        """Give windows what no sensor says of their start."""
+        runs: dict[int, list[int]] = {}
+        for number, window in enumerate(self.windows):
+            runs.setdefault(id(window.measured), []).append(number)
+        for numbers in runs.values():
+            numbers.sort(key=lambda k: self.windows[k].first)
+            own = [self.windows[k] for k in numbers]
+            if any(missing(self.plant, window) for window in own):
+                simulated(float(own[0].measured.time[-1]))
+                for number, window in zip(
+                    numbers, carried(self.plant, vector, own, step), strict=True
+                ):
+                    self._parts[number].window = window
+
+    def raw(self, vector: FloatArray) -> FloatArray:
+        """Return the weighted residual without whitening, (size,)."""
+        return np.concatenate(self._each(lambda part: self._weighted(part, vector, {})))
+
+    def residual(self, vector: FloatArray) -> FloatArray:
+        """Return the whitened weighted residual, (size,): white, variance 1 where all is said."""
+
+        def one(part: _Prepared) -> FloatArray:
+            return self._white(part, self._weighted(part, vector, {}))
+
+        found = np.concatenate(self._each(one))
+        return found if self._defect is None else found + self._defect
+
+    def with_best_start(self, vector: FloatArray) -> FloatArray:
+        """Return the weighted residual with each window's start state at its best, (size,).
+
+        Needs `prepare` at this vector.
+        """
+
+        def one(part: _Prepared) -> FloatArray:
+            residual = self._weighted(part, vector, {})
+            if part.shrink.size == 0:
+                return residual
+            # 1 - 1 / (1 + s^2), from 1 - 1 / sqrt(1 + s^2)
+            share = 1.0 - (1.0 - part.shrink) ** 2
+            return residual - part.basis @ (share * (part.basis.T @ residual))
+
+        return np.concatenate(self._each(one))
+
+    def fitted(self, vector: FloatArray) -> list[FloatArray]:
+        """Return each window's simulated outputs with the start state's best correction, SI.
+
+        Each is (ticks, outputs of the plant).
+        """
+        return self._each(lambda part: self._simulated(part, vector, {})[part.drive.first :])
+
+    def _each(self, function: Callable[[_Prepared], T], seconds: float | None = None) -> list[T]:
+        """Do something with every window; `seconds` are simulated by it (default: each once)."""
+        checkpoint()
+        simulated(sum(part.length for part in self._parts) if seconds is None else seconds)
+        threads = 1 if side_by_side.is_one_of_several() else side_by_side.PROCESSORS
+        if len(self._parts) < 2 or threads == 1:
+            return [function(part) for part in self._parts]
+        # a few tasks of about the same length each: handing over every window costs more
+        lengths = np.array([part.drive.time.size for part in self._parts])
+        tasks = min(2 * threads, len(self._parts))
+        edges = np.searchsorted(np.cumsum(lengths), lengths.sum() * np.arange(1, tasks) / tasks)
+        groups = np.split(np.arange(len(self._parts)), edges)
+
+        def several(group: NDArray[np.intp]) -> list[T]:
+            return [function(self._parts[k]) for k in group]
+
+        return [item for items in _pool(threads).map(several, groups) for item in items]
+
+    def _white(self, part: _Prepared, residual: FloatArray) -> FloatArray:
+        if part.shrink.size == 0:
+            return residual
+        return residual - part.basis @ (part.shrink * (part.basis.T @ residual))
+
+    def _ready(self, window: Window) -> _Prepared:
+        measured = window.measured
+        use = [
+            at
+            for at, name in enumerate(measured.outputs)
+            if name in self.noise and self.noise[name] > 0 and name in self._outputs
+        ]
+        span = slice(window.first, window.last)
+        lead = max(0, window.first - 100)
+        drive = Drive(
+            np.ascontiguousarray(measured.time[lead : window.last]),
+            {
+                name: np.ascontiguousarray(values[lead : window.last])
+                for name, values in measured.inputs.items()
+            },
+            {},
+            measured.run.locked,
+            measured.run.bypass_open,
+            window.first - lead,
+        )
+        valid = measured.valid[span][:, use]
+        scale = np.array([self.noise[measured.outputs[at]] for at in use])
+        pick = np.flatnonzero(valid.ravel())
+        columns = np.array([self._outputs[measured.outputs[at]] for at in use], dtype=np.intp)
+        ticks, channels = np.divmod(pick, columns.size)
+        return _Prepared(
+            window,
+            drive,
+            columns,
+            pick,
+            (drive.first + ticks) * len(self.plant.outputs) + columns[channels],
+            (measured.values[span][:, use] / scale).ravel()[pick],
+            scale[channels],
+            np.zeros((pick.size, 0)),
+            np.zeros(0),
+        )
+
+    def _simulated(
+        self, part: _Prepared, vector: FloatArray, shift: Mapping[str, float]
+    ) -> FloatArray:
+        drive = part.drive
+        initial = start_of(self.plant, vector, drive, part.window.initial)
+        for name, change in shift.items():
+            initial[name] = initial.get(name, 0.0) + change
+        return self.plant.simulate(vector, drive.starting(initial), self.step)
+
+    def _weighted(
+        self, part: _Prepared, vector: FloatArray, shift: Mapping[str, float]
+    ) -> FloatArray:
+        out = self._simulated(part, vector, shift).ravel()[part.places]
+        out /= part.scale
+        difference = np.subtract(part.target, out, out=out)
+        if not np.abs(difference).max(initial=0.0) <= _BAD:
+            difference = np.nan_to_num(difference, nan=_BAD, posinf=_BAD, neginf=-_BAD)
+            difference = np.clip(difference, -_BAD, _BAD)
+        return difference
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Return the threads that simulate windows; the kernel runs without the interpreter's lock."""
+    return ThreadPoolExecutor(threads, thread_name_prefix="simulate")
+
+
+def start_of(
+    plant: Plant, vector: FloatArray, drive: Drive, measured: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the start state at which the plant's sensors would read what was measured.
+
+    A sensor with an offset reads another value than the state has: one tick is simulated, and the
+    state is moved by what the sensor adds.
+    """
+    measured = {name: value for name, value in measured.items() if name in plant.states}
+    initial = {**plant.at_rest(measured), **measured}
+    if plant.layout.sensors_are_ideal(vector):
+        return initial
+    first = drive.first
+    tick = Drive(
+        drive.time[: first + 1],
+        {name: values[: first + 1] for name, values in drive.inputs.items()},
+        initial,
+        drive.locked,
+        drive.bypass_open,
+        first,
+    )
+    reads = plant.simulate(vector, tick, 1.0)[first]
+    for at, name in enumerate(plant.outputs):
+        if name in measured and name != "current" and np.isfinite(reads[at]):
+            initial[name] += measured[name] - reads[at]
+    return initial
+
+
+def soften(residual: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and row weights under soft-L1 at 5 sigma, or 5 times a larger scale.
+
+    rho(r) = 2 c^2 (sqrt(1 + (r / c)^2) - 1); the weights multiply the rows of a Jacobian.
+    """
+    limit = _SOFT * scale
+    ratio = residual / limit
+    root = np.sqrt(1.0 + ratio * ratio)
+    soft = np.sign(residual) * np.sqrt(2.0 * limit**2 * (root - 1.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weight = np.where(np.abs(residual) > 1e-6, residual / (root * soft), 1.0)
+    return soft, np.where(np.isfinite(weight), weight, 1.0)

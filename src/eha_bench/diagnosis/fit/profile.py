@@ -1,0 +1,109 @@
+"""How well the cost itself determines a parameter, where a Jacobian cannot tell.
+
+Friction that sticks makes the cost jump: a rod breaks away or does not. Near its minimum the cost
+of a weak effect is rough, the fit ends in one of its pits, and slopes say more about the pit than
+about the parameter. So the parameter is moved to both sides, the others following to first order,
+until the cost has clearly risen, and a parabola is laid through what was found. Its curvature, its
+scatter, and how far its bottom is from where the fit has ended make the standard deviation.
+
+Source of profiles: Venzon, Moolgavkar, Appl. Statist. 37 (1988) 87, doi:10.2307/2347496.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.problem import Problem, soften
+
+FloatArray = NDArray[np.float64]
+
+_RISEN = 9.0
+"""Rise of the cost at which a parabola can be seen (three standard deviations)."""
+_ROUGH = 4.0
+_BEGIN = 1.5
+_FEWEST, _MOST = 3, 9
+
+
+def profiled(problem: Problem, fit: Fit, key: str, deviation: float) -> float:
+    """Return a parameter's standard deviation by the profile of the cost, SI.
+
+    Args:
+        problem: what was fitted, at any step. fit: the end, with its Jacobian there.
+        key: of what was fitted. deviation: by the Jacobian, SI: where to begin.
+    """
+    at = next(k for k, item in enumerate(fit.free) if item.key == key)
+    item = fit.free[at]
+    if not np.isfinite(deviation) or deviation <= 0.0:
+        return deviation
+    direction = _following(fit, at)
+    places, costs = [0.0], [_cost(problem, fit, direction, 0.0)]
+    width = _BEGIN * deviation / item.scale
+    for doubling in range(1, _MOST + 1):
+        for place in (-width, width):
+            if item.low <= fit.vector[item.at] + place * item.scale <= item.high:
+                places.append(place)
+                costs.append(_cost(problem, fit, direction, place))
+        if doubling >= _FEWEST and len(places) >= 5:
+            rise = min(costs[-2:]) - costs[0]
+            if rise > _RISEN + _ROUGH * _parabola(places, costs)[2]:
+                break
+        width *= 2.0
+    if len(places) < 5:
+        return deviation
+    curvature, bottom, scatter = _parabola(places, costs)
+    if curvature <= 0.0:
+        return float("inf")
+    spread = float(np.sqrt(np.mean(np.square(places))))
+    # a scatter of the costs shifts the bottom of the parabola
+    shift = scatter / (2.0 * curvature * spread * np.sqrt(len(places)))
+    return float(np.sqrt(1.0 / curvature + shift**2 + bottom**2) * item.scale)
+
+
+def cost_with(problem: Problem, fit: Fit, key: str, value: float) -> float:
+    """Return the cost with a parameter at a value, the others following to first order.
+
+    Args:
+        problem: what was fitted. fit: the end. key: of what was fitted. value: SI.
+    """
+    at = next(k for k, item in enumerate(fit.free) if item.key == key)
+    place = (value - fit.vector[fit.free[at].at]) / fit.free[at].scale
+    return _cost(problem, fit, _following(fit, at), place)
+
+
+def _following(fit: Fit, at: int) -> FloatArray:
+    """Return how all parameters move, scaled, where one of them moves by 1."""
+    _, weight = soften(fit.residual, fit.soft)
+    weighted = fit.jacobian * weight[:, None]
+    normal = weighted.T @ weighted
+    others = [k for k in range(len(fit.free)) if k != at]
+    direction = np.zeros(len(fit.free))
+    direction[at] = 1.0
+    if others:
+        direction[others] = -np.linalg.lstsq(
+            normal[np.ix_(others, others)], normal[others, at], rcond=1e-10
+        )[0]
+    return direction
+
+
+def _cost(problem: Problem, fit: Fit, direction: FloatArray, place: float) -> float:
+    vector = fit.vector.copy()
+    for item, share in zip(fit.free, direction, strict=True):
+        value = vector[item.at] + place * share * item.scale
+        vector[item.at] = min(max(value, item.low), item.high)
+    soft, _ = soften(problem.residual(vector), fit.soft)
+    return float(soft @ soft)
+
+
+def _parabola(places: list[float], costs: list[float]) -> tuple[float, float, float]:
+    """Return the curvature, the place of the bottom, and the scatter of the costs about it."""
+    unit = max(abs(place) for place in places)
+    x = np.array(places) / unit
+    y = np.array(costs) - costs[0]
+    factors = np.polyfit(x, y, 2)
+    scatter = float(np.sqrt(np.sum((np.polyval(factors, x) - y) ** 2) / max(1, x.size - 3)))
+    if factors[0] <= 0.0:
+        return 0.0, 0.0, scatter
+    bottom = -0.5 * factors[1] / factors[0]
+    return float(factors[0] / unit**2), float(bottom * unit), scatter

@@ -1,0 +1,233 @@
+"""Intervals that respect correlated residuals, and directions that the data do not determine.
+
+The variance is the larger of the usual one, scaled by the mean square of the residual, and of the
+sandwich H^-1 (sum over blocks g g') H^-1 with blocks of 0.3 s, which stays right where residuals
+are correlated (White, Econometrica 48 (1980) 817, doi:10.2307/1912934; Liang, Zeger, Biometrika 73
+(1986) 13, doi:10.1093/biomet/73.1.13).
+
+Where an equation's form is not quite right, runs made under other conditions ask for other values.
+Where runs disagree more than chance would (Chow, Econometrica 28 (1960) 591, doi:10.2307/1910133),
+the variance grows by how much leaving runs out changes, over what noise would change (Birge, Phys.
+Rev. 40 (1932) 207, doi:10.1103/PhysRev.40.207). Runs are few, so that ratio is averaged with that
+of all parameters (Smyth, Stat. Appl. Genet. Mol. Biol. 3 (2004) 3, doi:10.2202/1544-6115.1027) and
+Student's t takes as many degrees of freedom as runs of equal say are worth (Carter, Schnepel,
+Steigerwald, Rev. Econ. Stat. 99 (2017) 698, doi:10.1162/REST_a_00639).
+
+Where a stick event jumps, the cost is no parabola, and no Jacobian tells how well it determines a
+parameter. The sizes of effects are therefore checked against their profile (`profile`). What the
+step of integration moves (`finish`) is added, as an error of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri, stdtrit
+
+from eha_bench.diagnosis.fit.evidence import Groups
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.problem import soften
+
+FloatArray = NDArray[np.float64]
+
+_Z = 1.96
+_LOOSE = 0.3
+_RIDGE = 0.02
+_CONCERNED = 0.01
+_CHANCE = 0.05
+_TOGETHER = 3
+"""Blocks of 0.1 s that are taken together: an error with a memory of 20 ms is longer than one."""
+_ALONE = 0.1
+"""Below this many degrees of freedom one run says nearly all, and no other can disagree."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval, SI."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far a fitted number may be off.
+
+    Attributes:
+        deviation: standard deviation, SI (inf: not determined).
+        degrees: of freedom with which that is known.
+    """
+
+    deviation: float
+    degrees: float = float("inf")
+
+    @property
+    def half_width(self) -> float:
+        """Half of the 95 % interval, SI (inf: not determined)."""
+        return self.deviation * float(stdtrit(self.degrees, 0.975))
+
+
+def spreads(fit: Fit, groups: Groups) -> dict[str, Spread]:
+    """Return how far every fitted number may be off, by key.
+
+    Args:
+        fit: with a Jacobian of its own place. groups: rows by block and by run.
+    """
+    if not fit.free:
+        return {}
+    soft, weight = soften(fit.residual, fit.soft)
+    weighted = fit.jacobian * weight[:, None]
+    lengths = np.linalg.norm(weighted, axis=0)
+    dead = lengths < 1e-3
+    scale = np.where(dead, 1.0, lengths)
+    matrix = weighted / scale
+    values, vectors = np.linalg.eigh(matrix.T @ matrix)
+    inverse = vectors @ np.diag(1.0 / np.maximum(values, 1e-12)) @ vectors.T
+    scores = _scores(matrix, soft, groups)
+    middle = sum((own.T @ own for own in scores), np.zeros_like(inverse))
+    sandwich = np.diag(inverse @ middle @ inverse)
+    usual = np.diag(inverse) * max(1.0, float(soft @ soft) / max(1, soft.size - len(fit.free)))
+    ratio, degrees = _disagreement(matrix, soft, scores, groups)
+    variance = np.maximum(sandwich, usual) * ratio
+    return {
+        item.key: Spread(
+            float("inf") if dead[k] else float(np.sqrt(variance[k]) / scale[k] * item.scale),
+            float(degrees[k]),
+        )
+        for k, item in enumerate(fit.free)
+    }
+
+
+def _scores(matrix: FloatArray, soft: FloatArray, groups: Groups) -> list[FloatArray]:
+    """Return the gradient of each block, (blocks, p), run by run."""
+    owner = np.zeros(soft.size, dtype=np.intp)
+    for number, rows in enumerate(groups.runs):
+        owner[rows] = number
+    found: list[list[FloatArray]] = [[] for _ in groups.runs]
+    for rows in groups.blocks:
+        found[owner[rows[0]]].append(matrix[rows].T @ soft[rows])
+    return [
+        np.add.reduceat(np.array(own), np.arange(0, len(own), _TOGETHER), axis=0)
+        if own
+        else np.zeros((1, matrix.shape[1]))
+        for own in found
+    ]
+
+
+def _disagreement(
+    matrix: FloatArray, soft: FloatArray, scores: Sequence[FloatArray], groups: Groups
+) -> tuple[FloatArray, FloatArray]:
+    """Return by how much runs disagree about each parameter, and how well that is known.
+
+    Every run is left out in turn, to first order, and the square of what that changes is held
+    against what noise would change, as correlated as it is within a run. Where runs disagree at
+    all, a parameter that few of them tell borrows from the others: its own ratio and that of all
+    are averaged by their degrees of freedom.
+
+    Args:
+        matrix: (N, p) weighted, columns of length 1. soft: (N,).
+        scores: (blocks, p) of each run. groups: rows by block and by run.
+
+    Returns:
+        (p,) ratio of variances, 1 where chance makes as much; (p,) its degrees of freedom.
+    """
+    normal = matrix.T @ matrix
+    gradient = matrix.T @ soft
+    size = matrix.shape[1]
+    # what a left-out run alone determines stays near where it was
+    ridge = _RIDGE * np.diag(np.diag(normal))
+    to_the_end = -np.linalg.pinv(normal + ridge, rcond=1e-10) @ gradient
+    total, shares, squares = np.zeros(size), np.zeros(size), np.zeros(size)
+    chow, ranks = 0.0, -size
+    for rows, blocks in zip(groups.runs, scores, strict=True):
+        part = matrix[rows]
+        own = part.T @ part
+        score = blocks.sum(axis=0)
+        apart = blocks - blocks.mean(axis=0)
+        noise = apart.T @ apart
+        inverse = np.linalg.pinv(normal - own + ridge, rcond=1e-10)
+        step = inverse @ (score - gradient) - to_the_end
+        expected = np.maximum(np.diag(inverse @ own @ inverse), np.diag(inverse @ noise @ inverse))
+        # a run that says nothing about a parameter has no say
+        concerned = np.diag(own) > _CONCERNED
+        total += np.where(concerned, step**2 / np.maximum(expected, 1e-300), 0.0)
+        shares += np.where(concerned, np.diag(own), 0.0)
+        squares += np.where(concerned, np.diag(own) ** 2, 0.0)
+        values, vectors = np.linalg.eigh(own)
+        told = values > _CONCERNED * max(float(values.max(initial=0.0)), 1e-300)
+        level = np.maximum(values, np.diag(vectors.T @ noise @ vectors))[told]
+        chow += float(np.sum((vectors[:, told].T @ score) ** 2 / level))
+        ranks += int(told.sum())
+    if ranks <= 0 or chow < chdtri(ranks, _CHANCE):
+        return np.ones(size), np.full(size, np.inf)
+    # as many runs of equal say as these are worth
+    own_degrees = shares**2 / np.maximum(squares, 1e-300) - 1.0
+    own_degrees = np.where(own_degrees > _ALONE, own_degrees, 0.0)
+    shared = ranks / size
+    degrees = own_degrees + shared
+    ratio = (np.where(own_degrees > 0.0, total, 0.0) + shared * chow / ranks) / degrees
+    return np.maximum(ratio, 1.0), degrees
+
+
+def estimates(
+    fit: Fit,
+    groups: Groups,
+    units: dict[str, str],
+    profiled: Mapping[str, float] | None = None,
+    shift: Mapping[str, float] | None = None,
+) -> dict[str, Estimate]:
+    """Return every fitted number with its 95 % interval inside its bounds, by key.
+
+    Args:
+        fit: with a Jacobian of its own place. groups: rows by block and by run.
+        units: by key. profiled: standard deviations by the profile, SI, where there is one.
+        shift: what halving the step of integration moves each number by, SI (`finish`).
+    """
+    found = {}
+    for key, spread in spreads(fit, groups).items():
+        item = next(free for free in fit.free if free.key == key)
+        value = float(fit.vector[item.at])
+        wider = replace(spread, deviation=max(spread.deviation, (profiled or {}).get(key, 0.0)))
+        half = float(np.hypot(wider.half_width, _Z * (shift or {}).get(key, 0.0)))
+        found[key] = Estimate(
+            value, max(item.low, value - half), min(item.high, value + half), units.get(key, "")
+        )
+    return found
+
+
+def undetermined(fit: Fit) -> tuple[str, ...]:
+    """Return, in words, the directions in which the parameters could move unnoticed.
+
+    A direction counts where one standard deviation along it changes parameters by 30 %.
+    """
+    free = [item for item in fit.free if "." not in item.key and "[" not in item.key]
+    columns = [k for k, item in enumerate(fit.free) if item in free]
+    if not columns:
+        return ()
+    _, weight = soften(fit.residual, fit.soft)
+    size = np.array([abs(fit.vector[item.at]) or item.scale for item in free])
+    scale = np.array([item.scale for item in free])
+    matrix = fit.jacobian[:, columns] * weight[:, None] * (size / scale)
+    level = float(np.sqrt(max(1.0, fit.cost / max(1, fit.residual.size))))
+    values, vectors = np.linalg.eigh(matrix.T @ matrix)
+    found = []
+    for k in range(values.size):
+        if level / np.sqrt(max(values[k], 1e-300)) < _LOOSE:
+            continue
+        direction = vectors[:, k]
+        order = np.argsort(-np.abs(direction))
+        main = [int(j) for j in order if abs(direction[j]) > 0.4 * abs(direction[order[0]])]
+        names = [free[j].key for j in main]
+        if len(names) == 1:
+            found.append(f"{names[0]} is not determined by these data")
+        elif len(names) == 2:
+            same = direction[main[0]] * direction[main[1]] > 0
+            found.append(f"{names[0]} and {names[1]} only as a {'ratio' if same else 'product'}")
+        else:
+            found.append(f"{', '.join(names[:-1])} and {names[-1]} only in combination")
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""The verdict, and what is written of it."""

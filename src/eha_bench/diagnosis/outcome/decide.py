@@ -1,0 +1,108 @@
+"""The verdict: an effect, nothing, or something that no known effect explains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from eha_bench.diagnosis.fit.candidates import LEARNED
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, is_unexplained
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.problem import soften
+from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.search.stepwise import Search
+from eha_bench.diagnosis.unknown.curves import Located
+from eha_bench.diagnosis.unknown.learn import learn, times_of
+from eha_bench.diagnosis.unknown.locator import Locator, locate
+
+Progress = Callable[[str, float], None]
+
+_EXPLAINED = 0.5
+_TOLD = 0.1
+"""Share of the excess from which a curve's variable is what it depends on."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A verdict with what it rests on.
+
+    Attributes:
+        verdict: effect, none or unknown. fit: of the revised model.
+        notes: sentences for the report. unknown: where something unexplained acts.
+        learned: whether the revised model carries a learned curve.
+    """
+
+    verdict: Verdict
+    fit: Fit
+    notes: tuple[str, ...]
+    unknown: Unknown | None
+    learned: bool = False
+
+
+def decide(search: Search, step: float, progress: Progress) -> Decision:
+    """Return the verdict on a finished search.
+
+    Args:
+        search: finished. step: integration step of the localisation, s. progress: called often.
+    """
+    rest = search.excess_left
+    unexplained = is_unexplained(rest)
+    before = max(search.excess_base.total, 1.0)
+    share = 1.0 - max(rest.total, 0.0) / before
+    notes = [
+        f"what remains is {max(rest.relative, 0.0):.1%} above the noise "
+        f"({max(search.excess_base.relative, 0.0):.1%} before)"
+    ]
+    if search.effects and (not unexplained or share >= _EXPLAINED):
+        if unexplained:
+            notes.append("what was found does not explain everything: something else is missing")
+        return Decision(Verdict.EFFECT, search.fit, tuple(notes), None)
+    if not unexplained:
+        return Decision(Verdict.NONE, search.fit, tuple(notes), None)
+    if search.effects:
+        notes.append(
+            "the best known effects explain less than half of it: "
+            + ", ".join(item.start.candidate for item in search.effects)
+        )
+        search.accepted = [item for item in search.accepted if item.start.mundane]
+        search.fit = search.base
+    locator, equation, located = locate(search.problem, search.fit, step, progress)
+    if not located:
+        where = f"something acts in the {equation} balance" if equation else "nothing was located"
+        text = f"{where}; what it could depend on is not measured"
+        unknown = Unknown(equation or "measurement", (), text)
+        return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
+    progress("learn", 0.0)
+    return _learned(search, locator, located[0], step, tuple(notes))
+
+
+def _learned(
+    search: Search, locator: Locator, best: Located, step: float, notes: tuple[str, ...]
+) -> Decision:
+    _, fit = learn(search.problem, locator.short, search.fit, best, step)
+    floor = SOFT_MEAN * search.problem.size
+    soft, _ = soften(search.fit.residual, fit.soft)
+    before = float(soft @ soft)
+    share = (before - fit.cost) / max(before - floor, 1.0)
+    template = best.template
+    period = float(fit.vector[search.problem.plant.layout.index[f"{LEARNED}.period"]])
+    text = f"something acts in the {template.equation} balance"
+    if template.equation == "measurement":
+        text = f"something acts in the measurement of {template.place}"
+    if share > _TOLD:
+        text += f" and depends on {template.variable}"
+        if period:
+            text += f", periodic with {period:.4g} (SI)"
+        text += f"; a learned curve explains {share:.0%} of the excess"
+    else:
+        text += f"; a curve of {template.variable} explains {max(share, 0.0):.0%} of the excess, "
+        text += "so it depends on more than one variable, or on what was before"
+    when = times_of(search.problem, fit) if template.variable == "time" else ()
+    learned = fit.cost < before
+    return Decision(
+        Verdict.UNKNOWN,
+        fit if learned else search.fit,
+        notes,
+        Unknown(template.equation, (template.variable,), text, max(share, 0.0), period, when),
+        learned,
+    )

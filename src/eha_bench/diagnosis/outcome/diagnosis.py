@@ -1,0 +1,212 @@
+"""What a diagnosis found, and its file diagnosis.json (contract, section 7)."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from eha_bench.core.atomic_file import write_text
+from eha_bench.core.finite import finite_or_none
+from eha_bench.diagnosis.fit.uncertainty import Estimate
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+from eha_bench.diagnosis.replay.replay import Replay
+from eha_bench.plants.model import Model
+
+SCHEMA_VERSION = 1
+
+
+class Verdict(StrEnum):
+    """What is missing in the declared model."""
+
+    EFFECT = "effect"
+    NONE = "none"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that was added.
+
+    Attributes:
+        id: public name. equation: balance it acts in. parameters: with 95 % intervals, SI.
+        settings: its words (which chamber, which sensor).
+        share: part of the excess that it explains on runs left out, when it was added.
+        p_value: that it gains nothing there.
+    """
+
+    id: str
+    equation: str
+    parameters: Mapping[str, Estimate]
+    settings: Mapping[str, str] = field(default_factory=dict)
+    share: float = math.nan
+    p_value: float = math.nan
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """Something missing that no known effect explains.
+
+    Attributes:
+        equation: balance it acts in. variables: what it depends on.
+        description: one sentence. share: part of the excess that the learned curve explains.
+        period: of the variable where it is periodic, else 0. when: (start, stop) times in s.
+    """
+
+    equation: str
+    variables: tuple[str, ...]
+    description: str = ""
+    share: float = math.nan
+    period: float = 0.0
+    when: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class RankLine:
+    """One candidate: its score (share of the excess explained), and what would remain."""
+
+    id: str
+    score: float
+    p_value: float
+    error_after: float
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The outcome of closing the loop once.
+
+    Attributes:
+        verdict: effect, none or unknown.
+        effects: what was added, the strongest first.
+        unknown: where something acts that nothing known explains.
+        equivalent: sets of candidates that these data cannot tell apart.
+        separate: effect's id -> the experiment that would tell it from its look-alikes.
+        ranking: all candidates, the best first.
+        train, holdout: channel -> errors.
+        calibrated: parameters of the revised model with intervals.
+        undetermined: directions that the data do not determine, in words.
+        notes: what the data gate and the search found, one sentence each.
+        revised: the model with everything that was found.
+        recalibrated: the model with its own parameters estimated anew and nothing added.
+        replays: every run replayed freely by the declared, the recalibrated and the revised model;
+            what the errors are computed from. Not in diagnosis.json: `predict` gives them again.
+        complete: False where it was interrupted.
+        seconds: how long it took.
+        simulations: how many simulations of all training data that equals, by simulated time.
+    """
+
+    verdict: Verdict
+    revised: Model
+    recalibrated: Model
+    effects: tuple[FoundEffect, ...] = ()
+    unknown: Unknown | None = None
+    equivalent: tuple[tuple[str, ...], ...] = ()
+    separate: Mapping[str, str] = field(default_factory=dict)
+    ranking: tuple[RankLine, ...] = ()
+    train: Mapping[str, ChannelError] = field(default_factory=dict)
+    holdout: Mapping[str, ChannelError] = field(default_factory=dict)
+    calibrated: Mapping[str, Estimate] = field(default_factory=dict)
+    undetermined: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    replays: tuple[Replay, ...] = ()
+    complete: bool = True
+    seconds: float = math.nan
+    simulations: float = math.nan
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of diagnosis.json; what is not computable is null."""
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "verdict": self.verdict.value,
+            "effects": [
+                {
+                    "id": item.id,
+                    "equation": item.equation,
+                    "parameters": {
+                        name: estimate_to_dict(e) for name, e in item.parameters.items()
+                    },
+                    "settings": dict(item.settings),
+                    "share": finite_or_none(item.share),
+                    "p_value": finite_or_none(item.p_value),
+                }
+                for item in self.effects
+            ],
+            "unknown": None if self.unknown is None else {
+                "equation": self.unknown.equation,
+                "variables": list(self.unknown.variables),
+                "description": self.unknown.description,
+                "share": finite_or_none(self.unknown.share),
+                "period": self.unknown.period or None,
+                "when": [list(pair) for pair in self.unknown.when],
+            },
+            "equivalent": [list(group) for group in self.equivalent],
+            "separate": dict(self.separate),
+            "ranking": [
+                {
+                    "id": line.id,
+                    "score": finite_or_none(line.score),
+                    "p_value": finite_or_none(line.p_value),
+                    "error_after": finite_or_none(line.error_after),
+                    "reason": line.reason,
+                }
+                for line in self.ranking
+            ],
+            "error": {"train": errors_to_dict(self.train), "holdout": errors_to_dict(self.holdout)},
+            "model": "revised.yaml",
+            "calibrated": {name: estimate_to_dict(e) for name, e in self.calibrated.items()},
+            "undetermined": list(self.undetermined),
+            "notes": list(self.notes),
+            "complete": self.complete,
+            "seconds": finite_or_none(self.seconds),
+            "simulations": finite_or_none(self.simulations),
+        }  # fmt: skip
+
+    def to_json(self) -> str:
+        """Return diagnosis.json's text."""
+        return json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def write(self, folder: Path) -> None:
+        """Write diagnosis.json, revised.yaml and recalibrated.yaml into a folder."""
+        folder.mkdir(parents=True, exist_ok=True)
+        names = ", ".join(item.id for item in self.effects) or "nothing"
+        self.revised.write(
+            folder / "revised.yaml", f"Revised by eha-bench diagnose; added: {names}"
+        )
+        self.recalibrated.write(
+            folder / "recalibrated.yaml", "Recalibrated by eha-bench diagnose; nothing added"
+        )
+        write_text(folder / "diagnosis.json", self.to_json())
+
+
+def estimate_to_dict(item: Estimate) -> dict[str, Any]:
+    """Return an estimate as it stands in JSON."""
+    return {
+        "value": finite_or_none(item.value),
+        "low": finite_or_none(item.low),
+        "high": finite_or_none(item.high),
+        "unit": item.unit,
+    }
+
+
+def errors_to_dict(items: Mapping[str, ChannelError]) -> dict[str, Any]:
+    """Return errors by channel as they stand in JSON."""
+    return {
+        name: {
+            "before": finite_or_none(item.before),
+            "after": finite_or_none(item.after),
+            "noise_floor": finite_or_none(item.noise_floor),
+            "unit": item.unit,
+            "uncalibrated": finite_or_none(item.uncalibrated),
+            "before_predict": finite_or_none(item.before_predict),
+            "after_predict": finite_or_none(item.after_predict),
+            "before_windows": finite_or_none(item.before_windows),
+            "after_windows": finite_or_none(item.after_windows),
+            "start": finite_or_none(item.start),
+        }
+        for name, item in items.items()
+    }

@@ -1,0 +1,171 @@
+"""From a finished search to what was found: effects with intervals, look-alikes, the ranking."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from eha_bench.diagnosis.data.dataset import Dataset
+from eha_bench.diagnosis.fit.baseline import COARSE, FRICTION_AT_REST, Baseline
+from eha_bench.diagnosis.fit.candidates import LEARNED
+from eha_bench.diagnosis.fit.finish import Finished, finished
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.profile import profiled
+from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates, spreads, undetermined
+from eha_bench.diagnosis.outcome.decide import Decision
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
+from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.search.state import Ranked
+from eha_bench.diagnosis.search.stepwise import Search
+from eha_bench.plants.effect import Effect
+from eha_bench.plants.model import Model
+
+
+def units_of(model: Model) -> dict[str, str]:
+    """Return the unit of every parameter by key."""
+    return {key: parameter.unit for key, parameter in model.plant.layout.items()}
+
+
+def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decision) -> Diagnosis:
+    """Return what was found, without errors: no run is replayed here."""
+    model = dataset.model
+    layout = model.plant.layout
+    end = _finished(search, decision)
+    fit = end.fit
+    added = [item.start.candidate for item in search.effects]
+    if decision.unknown is not None and decision.learned:
+        added.append(LEARNED)
+    mundane = [item.start.keys[0] for item in search.accepted if item.start.mundane]
+    keys = [*base.keys, *mundane]
+    profiles = _profiles(search, decision, fit)
+    values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
+    effects = []
+    for item in search.effects:
+        effect = layout.effect(item.start.candidate)
+        at = {p.name: layout.index[f"{effect.id}.{p.name}"] for p in effect.parameters}
+        numbers = {p.name: float(fit.vector[at[p.name]]) for p in effect.parameters if p.size == 1}
+        effects.append(
+            FoundEffect(
+                effect.id,
+                str(effect.equation(layout.plant, numbers).value),
+                _numbers(effect, item.start.keys, values, numbers),
+                {p.name: str(p.decode(numbers[p.name])) for p in effect.parameters if p.choices},
+                item.comparison.share_out,
+                item.comparison.p_value,
+            )
+        )
+    effects.sort(key=lambda item: -_share(search, item.id))
+    groups = tuple(
+        (item.start.candidate, *item.equivalent) for item in search.effects if item.equivalent
+    )
+    separate = {
+        name: layout.effect(name).separate for name in {n for group in groups for n in group}
+    }
+    notes = list(base.notes)
+    for key in base.nuisance:
+        if fit.vector[layout.index[key]] == 0.0:
+            continue
+        text = f"friction at rest was estimated: {key} = {fit.vector[layout.index[key]]:.3g}"
+        notes.append(f"{text} {layout.by_key[key].unit}")
+    for key in mundane:
+        notes.append(
+            f"{key} is only assumed in the model; the data ask for "
+            f"{fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}"
+        )
+    notes += decision.notes
+    return Diagnosis(
+        decision.verdict,
+        revised(model, fit.vector, keys, added),
+        revised(model, search.base.vector, base.keys),
+        tuple(effects) if decision.verdict is not Verdict.NONE else (),
+        decision.unknown,
+        groups,
+        dict(sorted(separate.items())),
+        _ranking(search),
+        {},
+        {},
+        {key: item for key, item in values.items() if "." not in key},
+        undetermined(fit),
+        tuple(notes),
+    )
+
+
+def _finished(search: Search, decision: Decision) -> Finished:
+    """Return what was decided at the bottom of its cost; a learned curve stays as it is."""
+    fit = decision.fit
+    if decision.learned:
+        return Finished(fit, {})
+    layout = search.problem.plant.layout
+    still = {key for key in FRICTION_AT_REST if key in layout.index
+             and fit.vector[layout.index[key]] == 0.0}  # fmt: skip
+    free = tuple(item for item in fit.free if item.key not in still)
+    return finished(search.problem, replace(fit, free=free))
+
+
+def _profiles(search: Search, decision: Decision, fit: Fit) -> dict[str, float]:
+    """Return the standard deviation of every effect's fitted numbers by profile, SI, by key."""
+    if decision.learned:
+        return {}
+    problem = search.problem.coarser(COARSE, fit.vector, fit.residual)
+    begin = spreads(fit, search.groups)
+    sought = {key for item in search.effects for key in item.start.keys}
+    return {
+        item.key: profiled(problem, fit, item.key, begin[item.key].deviation)
+        for item in fit.free
+        if item.key in sought
+    }
+
+
+def _numbers(
+    effect: Effect, keys: tuple[str, ...], values: dict[str, Estimate], numbers: dict[str, float]
+) -> dict[str, Estimate]:
+    """What was fitted, with its interval; a count that a scan found is exact."""
+    found = {}
+    for parameter in effect.parameters:
+        key = f"{effect.id}.{parameter.name}"
+        if key in keys and key in values:
+            found[parameter.name] = values[key]
+        elif parameter.name == "count":
+            number = numbers[parameter.name]
+            found[parameter.name] = Estimate(number, number, number, parameter.unit)
+    return found
+
+
+def _share(search: Search, name: str) -> float:
+    """How much an effect explains: the gain when it was added."""
+    return next(i.comparison.gain for i in search.effects if i.start.candidate == name)
+
+
+def _ranking(search: Search) -> tuple[RankLine, ...]:
+    """Return what was added, then what was refitted, then the rest, each the best first."""
+    lines = []
+    size = max(1, search.problem.size)
+    order = {name: k for k, name in enumerate(i.start.candidate for i in search.accepted)}
+    same = {name for item in search.accepted for name in item.equivalent}
+    best = max((i.score for i in search.ranking if i.candidate in order), default=0.0)
+    for item in search.ranking:
+        error = float(np.sqrt(max(item.cost, 0.0) / size))
+        place = order.get(item.candidate, len(order) + (0 if item.refitted else 1))
+        reason = "added" if item.candidate in order else _why(item, best)
+        if item.candidate in same:
+            reason = "fits as well as what was added"
+        line = RankLine(item.candidate, item.score, item.p_value, error, reason)
+        lines.append((place, -item.score, line))
+    return tuple(line for _, _, line in sorted(lines, key=lambda entry: entry[:2]))
+
+
+def _why(item: Ranked, best: float) -> str:
+    """Say in words why a candidate was not added."""
+    if not item.refitted:
+        if item.score < 0.005:
+            return "its simulation does not move the outputs the way the residual goes"
+        return (
+            f"one simulation predicts that it takes {item.score:.1%} of the excess; "
+            "others promised more, so it was not refitted"
+        )
+    if item.score <= 0.0:
+        return "refitted with all parameters, it is no better on runs left out of the fit"
+    behind = f", where the best takes {min(best, 1.0):.1%}" if best > item.score else ""
+    chance = "" if item.p_value < 1e-3 else f"; by chance with a probability of {item.p_value:.2g}"
+    return f"refitted, it takes {item.score:.1%} of the excess on runs left out{behind}{chance}"

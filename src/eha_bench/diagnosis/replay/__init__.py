@@ -1,0 +1,1 @@
+"""Whole runs, simulated freely from their inputs and first sample."""

@@ -1,0 +1,161 @@
+"""Simulation error by channel, before and after, beside the noise floor; root mean square, SI.
+
+The errors that count are those of whole runs replayed freely, from a start within the noise of
+their first sample. Beside them stand those of `predict`, from the first sample as it is: the same
+but for the channels that one noisy sample moves for good, as a free rod's position. And those over
+the windows of the fit (locked and bypassed runs whole, free ones about 0.4 s): where small errors
+add up over a whole run, these say how good the equations are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.channels import unit_of
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.replay.replay import Replay
+
+FloatArray = NDArray[np.float64]
+
+_MOVED = 2.0
+_ADDED_UP = 3.0
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """Root mean square errors of one channel, SI.
+
+    Attributes:
+        uncalibrated: of the declared model. before: recalibrated, without what was found.
+        after: with it. All three over whole runs, replayed freely; inf where a replay diverges.
+        noise_floor: of the channel's noise.
+        unit: of all of them.
+        before_predict, after_predict: as `predict` gives it, from the first sample as it is.
+        before_windows, after_windows: over the windows of the fit.
+        start: what one standard deviation of the first sample changes in a whole replay.
+    """
+
+    uncalibrated: float
+    before: float
+    after: float
+    noise_floor: float
+    unit: str
+    before_predict: float = nan
+    after_predict: float = nan
+    before_windows: float = nan
+    after_windows: float = nan
+    start: float = nan
+
+
+def replay_errors(
+    replays: Sequence[Replay],
+    floors: Mapping[str, float],
+    windows: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
+    places: tuple[int, int, int] = (0, 1, 2),
+) -> dict[str, ChannelError]:
+    """Return the errors of the declared, the recalibrated and the revised model, by channel.
+
+    Args:
+        replays: by these models.
+        floors: channel -> noise floor, SI.
+        windows: the recalibrated and the revised model's errors over windows, by channel.
+        places: of the declared, the recalibrated and the revised model among the replays'.
+    """
+    found = {}
+    for name in sorted({name for item in replays for name in item.measured}):
+        own = [item for item in replays if name in item.measured]
+        errors = [item.errors(name) for item in own]
+        predicted = [item.prediction_errors(name) for item in own]
+        declared, before, after = (_rms([e[k] for e in errors]) for k in places)
+        counts = [float(np.isfinite(item.measured[name]).sum()) for item in own]
+        moved = [item.moved.get(name, nan) for item in own]
+        found[name] = ChannelError(
+            declared,
+            before,
+            after,
+            floors.get(name, nan),
+            unit_of(name),
+            _rms([e[places[1]] for e in predicted]),
+            _rms([e[places[2]] for e in predicted]),
+            windows[0].get(name, nan),
+            windows[1].get(name, nan),
+            float(np.sqrt(np.average(np.square(moved), weights=counts))),
+        )
+    return found
+
+
+def _rms(errors: Sequence[FloatArray]) -> float:
+    """Root mean square of errors, NaN where nothing was measured; inf where a replay diverged."""
+    total, count = 0.0, 0
+    for error in errors:
+        there = error[~np.isnan(error)]
+        with np.errstate(over="ignore"):
+            total += float(there @ there)
+        count += there.size
+    return float(np.sqrt(total / count)) if count else nan
+
+
+def replay_notes(replays: Sequence[Replay], errors: Mapping[str, ChannelError]) -> Iterator[str]:
+    """Say where the error of a whole replay tells little about the model, one sentence each."""
+    loose = [
+        f"{name} of {item.run} by {moved / errors[name].noise_floor:.1f}"
+        for item in replays
+        for name, moved in item.moved.items()
+        if name in errors and moved > _MOVED * errors[name].noise_floor
+    ]
+    if loose:
+        yield (
+            f"one standard deviation of the first sample moves a whole replay ({', '.join(loose)} "
+            "noise floors): such runs are replayed from the start within that noise that fits "
+            "best, while predict starts from the sample as it is"
+        )
+    for name, error in errors.items():
+        if error.after == inf:
+            yield f"a whole replay of {name} diverges with the revised model"
+        elif error.after > _ADDED_UP * max(error.after_windows, error.noise_floor):
+            yield (
+                f"{name}: small errors add up over whole runs, to {error.after:.3g} "
+                f"{error.unit}; over short windows it is {error.after_windows:.3g} {error.unit}"
+            )
+
+
+def rms_by_channel(problem: Problem, vector: FloatArray) -> dict[str, float]:
+    """Return each channel's root mean square error over windows, SI, P1 - P2 included."""
+    problem.prepare(vector)
+    residual = problem.with_best_start(vector)
+    names = problem.plant.outputs
+    sums: dict[str, list[float]] = {}
+    for piece in problem.pieces:
+        rows = residual[piece.rows]
+        by_name: dict[str, tuple[NDArray[np.intp], FloatArray]] = {}
+        for channel in np.unique(piece.channels):
+            mask = piece.channels == channel
+            name = names[channel]
+            error = rows[mask] * problem.noise[name]
+            by_name[name] = (piece.ticks[mask], error)
+            _add(sums, name, error)
+        if "pressure_a" in by_name and "pressure_b" in by_name:
+            ticks_a, error_a = by_name["pressure_a"]
+            ticks_b, error_b = by_name["pressure_b"]
+            _, at_a, at_b = np.intersect1d(ticks_a, ticks_b, return_indices=True)
+            _add(sums, "pressure_difference", error_a[at_a] - error_b[at_b])
+    return {name: float(np.sqrt(total / max(count, 1))) for name, (total, count) in sums.items()}
+
+
+def _add(sums: dict[str, list[float]], name: str, error: FloatArray) -> None:
+    entry = sums.setdefault(name, [0.0, 0.0])
+    entry[0] += float(error @ error)
+    entry[1] += error.size
+
+
+def floors(noise: Mapping[str, float]) -> dict[str, float]:
+    """Return each channel's noise floor, SI, the pressure difference included."""
+    found = dict(noise)
+    if "pressure_a" in noise and "pressure_b" in noise:
+        found["pressure_difference"] = float(np.hypot(noise["pressure_a"], noise["pressure_b"]))
+    return found

@@ -1,0 +1,233 @@
+"""Whole runs replayed freely by several models: what `predict` gives, beside what was measured.
+
+The errors of a diagnosis are those of these replays, so that anybody can compute them again from
+`predict` with recalibrated.yaml and revised.yaml. But one noisy sample is all that a replay starts
+from, and where a small change of the start lasts or grows, its error says more about that sample
+than about the model. So each run is replayed once more from a start one standard deviation of the
+sensors' noise away; where that shows, the run is replayed from the start within three standard
+deviations that fits it best (one Gauss-Newton step). Both errors are kept.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.data.dataset import Use
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.fit.effort import simulated
+from eha_bench.diagnosis.replay.prediction import STEP, first_state, simulate_from
+from eha_bench.plants.model import Model
+
+FloatArray = NDArray[np.float64]
+Columns = Mapping[str, FloatArray]
+
+COARSE = 2e-4
+"""Integration step where only differences between two starts count, s."""
+
+_LOOSE = 0.3
+_FURTHEST = 3.0
+_WORKERS = max(1, min(4, os.cpu_count() or 1))
+
+
+@dataclass(frozen=True)
+class Replay:
+    """One run as measured and as each model replays it.
+
+    Attributes:
+        run: its name. use: train or holdout. locked, bypass_open: its setup.
+        time: (n,) s from the first sample.
+        inputs: channel -> (n,) what drove the models, SI.
+        measured: channel -> (n,) SI, NaN where it may not be believed.
+        simulated: one mapping channel -> (n,) SI for each model, in the order they were given, from
+            the best start within the noise of the first sample.
+        predicted: the same from the first sample as it is.
+        moved: channel -> root mean square change by one standard deviation of the start, SI, of the
+            last model.
+    """
+
+    run: str
+    use: Use
+    locked: bool
+    bypass_open: bool
+    time: FloatArray
+    inputs: Columns
+    measured: Columns
+    simulated: tuple[Columns, ...]
+    predicted: tuple[Columns, ...]
+    moved: Mapping[str, float]
+
+    def errors(self, channel: str) -> tuple[FloatArray, ...]:
+        """Return measured less simulated, (n,) for each model.
+
+        NaN where nothing was measured, infinite where a simulation diverged.
+        """
+        return tuple(self._error(channel, values) for values in self.simulated)
+
+    def prediction_errors(self, channel: str) -> tuple[FloatArray, ...]:
+        """Return measured less predicted, (n,) for each model, as `errors` does."""
+        return tuple(self._error(channel, values) for values in self.predicted)
+
+    def _error(self, channel: str, values: Columns) -> FloatArray:
+        measured, other = self.measured[channel], values[channel]
+        return np.where(np.isfinite(other), measured - other, measured + np.inf)
+
+
+def replay(
+    runs: Sequence[Measured],
+    models: Sequence[Model],
+    noise: Mapping[str, float],
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Replay, ...]:
+    """Replay runs from their inputs and first samples, as `predict` does.
+
+    Args:
+        runs: that passed the gate; those with nothing to compare are left out.
+        models: of one plant, the last one is what was found.
+        noise: channel -> standard deviation of the sensors' noise, SI.
+        progress: called with the fraction done.
+    """
+    found = []
+    usable = [item for item in runs if item.outputs]
+    with ThreadPoolExecutor(_WORKERS) as pool:
+        for number, item in enumerate(pool.map(lambda m: _one(m, models, noise), usable)):
+            found.append(item)
+            simulated(len(models) * float(item.time[-1]))
+            if progress:
+                progress((number + 1) / len(usable))
+    return tuple(found)
+
+
+def _one(measured: Measured, models: Sequence[Model], noise: Mapping[str, float]) -> Replay:
+    own = _with_difference(
+        {name: column for name in measured.outputs
+         if (column := measured.column(name)) is not None}
+    )  # fmt: skip
+    starts = [first_state(measured, model) for model in models]
+    predicted = [
+        _simulated(measured, model, start, STEP)
+        for model, start in zip(models, starts, strict=True)
+    ]
+    moved = _moved(measured, models[-1], starts[-1], own, noise)
+    loose = any(value > _LOOSE * noise[name] for name, value in moved.items() if name in noise)
+    simulated = [
+        _from_best_start(measured, model, start, values, own, noise) if loose else values
+        for model, start, values in zip(models, starts, predicted, strict=True)
+    ]
+    return Replay(
+        measured.run.name,
+        measured.run.use,
+        measured.run.locked,
+        measured.run.bypass_open,
+        measured.time,
+        measured.inputs,
+        own,
+        tuple(simulated),
+        tuple(predicted),
+        moved,
+    )
+
+
+def _spreads(
+    measured: Measured, start: Mapping[str, float], noise: Mapping[str, float]
+) -> dict[str, float]:
+    """Return how far each state at the start may be off, one standard deviation, SI."""
+    found = {name: noise[name] for name in sorted(start) if noise.get(name, 0.0) > 0.0}
+    found.pop("current", None)
+    if measured.run.locked:
+        found.pop("piston_velocity", None)
+        found.pop("piston_position", None)
+    return found
+
+
+def _moved(
+    measured: Measured,
+    model: Model,
+    start: Mapping[str, float],
+    own: Columns,
+    noise: Mapping[str, float],
+) -> dict[str, float]:
+    """Return how far a start one standard deviation off in every state moves each channel."""
+    spreads = _spreads(measured, start, noise)
+    if not spreads:
+        return dict.fromkeys(own, 0.0)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], len(spreads))
+    shaken = dict(start)
+    for (name, size), sign in zip(spreads.items(), signs, strict=True):
+        shaken[name] += float(sign) * size
+    other = _simulated(measured, model, shaken, COARSE)
+    base = _simulated(measured, model, start, COARSE)
+    moved = {}
+    for name, column in own.items():
+        change = (other[name] - base[name])[np.isfinite(column)]
+        moved[name] = float(np.sqrt(np.mean(change**2)))
+    return moved
+
+
+def _from_best_start(
+    measured: Measured,
+    model: Model,
+    start: Mapping[str, float],
+    values: Columns,
+    own: Columns,
+    noise: Mapping[str, float],
+) -> Columns:
+    """Replay from the start that fits best within the noise of the first sample."""
+    weights = {name: size for name, size in noise.items() if name in own and size > 0.0}
+    target = _stacked(own, values, weights)
+    if not weights or not np.isfinite(target).all():
+        return values
+    spreads = _spreads(measured, start, noise)
+    base = _simulated(measured, model, start, COARSE)
+    columns = []
+    for name, size in spreads.items():
+        moved = _simulated(measured, model, {**start, name: start[name] + size}, COARSE)
+        columns.append(_stacked(moved, base, weights, where=own))
+    matrix = np.column_stack(columns)
+    if not np.isfinite(matrix).all():
+        return values
+    # a start is as likely off by one standard deviation as a sample is by its noise
+    normal = matrix.T @ matrix + np.eye(len(columns))
+    step = np.clip(np.linalg.solve(normal, matrix.T @ target), -_FURTHEST, _FURTHEST)
+    better = dict(start)
+    for (name, size), share in zip(spreads.items(), step, strict=True):
+        better[name] += float(share) * size
+    found = _simulated(measured, model, better, STEP)
+    after = _stacked(own, found, weights)
+    return found if float(after @ after) < float(target @ target) else values
+
+
+def _stacked(
+    one: Columns, other: Columns, weights: Mapping[str, float], where: Columns | None = None
+) -> FloatArray:
+    """Return the difference of some channels where they were measured, in their noise, (N,)."""
+    there = where or one
+    parts = [
+        ((one[name] - other[name]) / size)[np.isfinite(there[name])]
+        for name, size in weights.items()
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _simulated(
+    measured: Measured, model: Model, start: Mapping[str, float], step: float
+) -> Columns:
+    values = simulate_from(measured, model, start, step)
+    return _columns(values, measured.outputs, model.plant.outputs)
+
+
+def _columns(values: FloatArray, channels: Sequence[str], outputs: Sequence[str]) -> Columns:
+    return _with_difference(
+        {name: np.ascontiguousarray(values[:, outputs.index(name)]) for name in channels}
+    )
+
+
+def _with_difference(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    if "pressure_a" in columns and "pressure_b" in columns:
+        columns["pressure_difference"] = columns["pressure_a"] - columns["pressure_b"]
+    return columns

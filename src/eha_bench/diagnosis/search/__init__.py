@@ -1,0 +1,1 @@
+"""What is missing: one known effect after the other."""

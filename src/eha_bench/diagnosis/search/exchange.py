@@ -1,0 +1,95 @@
+"""Takes another look at what was added, once everything is there.
+
+What is added first is fitted while the rest is still missing, so it may be a look-alike of two
+effects together, or the right effect in the wrong form. Each of what was added is therefore taken
+out in turn, with the others kept, and its rivals (the closest of its own look, and its own other
+forms) are fitted in its place; the better one stays. This is the backward half of stepwise
+selection (Miller, Subset Selection in Regression, 2nd ed. 2002, section 3.4: sequential
+replacement).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from eha_bench.diagnosis.fit.baseline import COARSE
+from eha_bench.diagnosis.fit.candidates import Start, all_starts
+from eha_bench.diagnosis.fit.evidence import compare, excess
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.search.refit import Near, polish
+from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds, Trial
+
+_RIVALS = 3
+_CLOSE = 0.4
+_TRIED = 3
+
+
+def exchange(search: Search, limits: Thresholds) -> bool:
+    """Replace what was added by what fits better in its place; return whether anything changed."""
+    if search.exchanged_from is search.fit:
+        return False
+    changed = False
+    for item in list(search.accepted):
+        place = search.accepted.index(item)
+        starts = _rivals(search, item)
+        if item.start.mundane or not starts:
+            continue
+        others = [other for other in search.accepted if other is not item]
+        best = _best(search, item, others, starts)
+        if best is None or best.fit.cost > search.fit.cost - limits.gain:
+            continue
+        equal = tuple(name for name in item.equivalent if name != best.candidate)
+        found = compare(_before(search, item), best.fit, search.groups, search.excess_base.total)
+        search.accepted[place] = Accepted(best.start, found, equal)
+        search.fit = best.fit
+        search.excess_left = excess(search.problem, search.fit)
+        changed = True
+    search.exchanged_from = None if changed else search.fit
+    return changed
+
+
+def _rivals(search: Search, item: Accepted) -> list[Start]:
+    """Return starts of the closest rivals of the look in which an item was added, and its own."""
+    trials = next(
+        (look for look in search.looks if any(t.candidate == item.start.candidate for t in look)),
+        [],
+    )
+    gain = max((trial.comparison.gain for trial in trials), default=0.0)
+    taken = {other.start.candidate for other in search.accepted}
+    names = [
+        trial.candidate
+        for trial in trials
+        if trial.candidate not in taken and trial.comparison.gain > _CLOSE * gain
+    ]
+    names = [item.start.candidate, *names[:_RIVALS]]
+    layout = search.problem.plant.layout
+    kept = [name for name in taken if name != item.start.candidate]
+    starts = all_starts(layout, search.fit.vector, [*search.declared, *kept], search.keys)
+    return [start for start in starts if start.candidate in names and not start.mundane]
+
+
+def _best(
+    search: Search, item: Accepted, others: list[Accepted], starts: list[Start]
+) -> Trial | None:
+    """Return the best of some starts in an item's place, refitted to the end."""
+    kept = search.snapshot()
+    search.accepted = others
+    search.fit = _before(search, item)
+    search.excess_left = excess(search.problem, search.fit)
+    try:
+        coarse = search.problem.at_step(COARSE)
+        near = Near(search, coarse)
+        near.promising(starts, _TRIED)
+        trials = near.trials(_TRIED)
+        done = [replace(t, fit=polish(search, t.fit, [t.start], afresh=False)) for t in trials[:2]]
+        return min(done, key=lambda trial: trial.fit.cost, default=None)
+    finally:
+        search.restore(kept)
+
+
+def _before(search: Search, item: Accepted) -> Fit:
+    """Return the present fit with one item switched off."""
+    vector = search.fit.vector.copy()
+    vector[item.start.strength_at] = item.start.neutral
+    free = tuple(f for f in search.fit.free if f.key not in item.start.keys)
+    return levenberg_marquardt(search.problem, vector, free, iterations=0)

@@ -1,0 +1,283 @@
+"""Refits of candidates: over long windows from where the search is, and over short ones afresh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.fit.baseline import (
+    COARSE,
+    FRICTION_AT_REST,
+    SCREENING,
+    at_rest,
+    friction_at_rest,
+)
+from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Comparison, Excess
+from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.short_windows import medium_problem
+from eha_bench.diagnosis.fit.side_by_side import side_by_side
+from eha_bench.diagnosis.search.periodic import in_parts, is_periodic, scan
+from eha_bench.diagnosis.search.screen import Screen, Screened
+from eha_bench.diagnosis.search.state import Search, Trial, rival_share
+
+FloatArray = NDArray[np.float64]
+
+_POOR = 1.02
+"""A fit this much above the noise may be caught in another minimum."""
+_NOISE = 1.003
+_KEEP = 3
+_ALIKE = 0.999
+"""Cosine from which two starts are one."""
+_HOPEFUL = 0.3
+_BENT = 0.3
+_BEGAN_WRONGLY = 1.5
+_STRETCH = 0.5
+"""Length of the windows over which what turns is fitted before whole runs, s."""
+_WORTH = 0.1
+"""Least share of the short windows' excess that is worth a fit over long ones."""
+
+
+def is_bent(left: Excess) -> bool:
+    """Whether so much is missing that calibrated parameters are bent to imitate it."""
+    return left.relative > _BENT
+
+
+def free_of(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
+    """Return what a fit with some more candidates may move."""
+    layout = search.problem.plant.layout
+    keys = [key for key in search.keys if not sticks(key, vector[layout.index[key]])]
+    for start in [*(item.start for item in search.accepted), *extra]:
+        keys += [key for key in start.keys if key not in keys]
+    return free_parameters(layout, keys, vector)
+
+
+def sticks(key: str, value: float) -> bool:
+    """Whether friction at rest has come back to sticking: free there, it spoils a Jacobian."""
+    return key in FRICTION_AT_REST and value == 0.0
+
+
+def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
+    """Fit a screened candidate roughly, from where the search is."""
+    vector = started(item, search.fit.vector)
+    free = free_of(search, vector, [item.start])
+    # where a start has moved what is calibrated, the search's Jacobian is not the one there
+    own = {item.start.strength_at, *(at for at, _ in item.start.settings)}
+    moved = any(f.at in own for f in search.fit.free)
+    known = {} if moved else search.fit.columns
+    fit = levenberg_marquardt(
+        coarse, vector, free, iterations=6 if moved else 4, known=known, refresh=int(moved)
+    )
+    return Trial(item.start, fit, Comparison(0, 0, 0, 0, 1, 0))
+
+
+def polish(search: Search, rough: Fit, extra: Sequence[Start], *, afresh: bool = True) -> Fit:
+    """Fit to the end, from where the rough fit is and, if that is poor, from declared values."""
+    problem = search.problem
+    vector = rough.vector
+    known = rough.columns
+    if afresh and rough.cost > _POOR * SOFT_MEAN * problem.size:
+        other = begun_again(search, vector, extra)
+        if other.cost < rough.cost:
+            vector = other.vector
+            known = other.columns
+    elif not afresh:
+        # what an effect left in the residual had bent friction at rest as well
+        better = at_rest(problem.at_step(COARSE), rough)
+        vector, known = better.vector, better.columns
+    return levenberg_marquardt(
+        problem, vector, free_of(search, vector, extra), known=known, refresh=1
+    )
+
+
+def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> Fit:
+    """Fit from declared values, over short windows first and then over long ones.
+
+    Without an effect the parameters had been bent to imitate it, and over long windows they may
+    stay caught there; short windows have hardly any other minimum.
+    """
+    problem = search.problem
+    layout = problem.plant.layout
+    again = vector.copy()
+    for key in search.keys:
+        again[layout.index[key]] = search.declared_vector[layout.index[key]]
+    coarse = problem.at_step(COARSE)
+    short = medium_problem(coarse)
+    short.prepare(again)
+    short.scale_to(short.residual(again))
+    free = [item for item in free_of(search, again, extra) if item.key not in FRICTION_AT_REST]
+    near = levenberg_marquardt(short, again, free, iterations=8, refresh=1)
+    other = levenberg_marquardt(coarse, near.vector, free, iterations=4, refresh=0)
+    return friction_at_rest(coarse, other)
+
+
+class Near:
+    """The search over windows of 0.1 s, begun again from the declared parameters where it is bent.
+
+    Where much is missing, a calibration over long windows bends the parameters until they imitate
+    it, and candidates tried from there stay caught. Over short windows an error has no time to
+    grow: parameters stay near where they belong, and what a candidate does is nearly linear. Where
+    little is missing the parameters stay; there, short windows only hold the phase of what turns.
+
+    Args:
+        search: with what has been added. coarse: its problem at a coarse step.
+    """
+
+    def __init__(self, search: Search, coarse: Problem) -> None:
+        self.search = search
+        self.coarse = coarse
+        self.problem = medium_problem(search.problem.at_step(COARSE))
+        self.fit = self._begun_again() if is_bent(search.excess_left) else self._from_here()
+        self._screened: dict[str, list[Screened]] = {}
+
+    def _begun_again(self) -> Fit:
+        layout = self.search.problem.plant.layout
+        vector = self.search.fit.vector.copy()
+        for key in self.search.keys:
+            vector[layout.index[key]] = self.search.declared_vector[layout.index[key]]
+        self._weigh(vector)
+        free = self._free(vector, ())
+        fit = levenberg_marquardt(self.problem, vector, free, iterations=6, refresh=1)
+        self._weigh(fit.vector)
+        fit = levenberg_marquardt(
+            self.problem, fit.vector, free, iterations=3, known=fit.columns, refresh=0
+        )
+        return friction_at_rest(self.problem, fit)
+
+    def _from_here(self) -> Fit:
+        """Stay with parameters that are hardly bent; what fits worse than they do began wrongly."""
+        vector = self.search.fit.vector
+        self._weigh(vector)
+        residual = self.problem.residual(vector)
+        squares = np.array([np.mean(residual[piece.rows] ** 2) for piece in self.problem.pieces])
+        keep = np.flatnonzero(squares < _BEGAN_WRONGLY * np.median(squares))
+        self.problem = self.problem.subset([int(k) for k in keep])
+        self.problem.scale_to(self.problem.residual(vector))
+        return levenberg_marquardt(self.problem, vector, self._free(vector, ()), iterations=3)
+
+    def promising(self, starts: Sequence[Start], most: int) -> list[Start]:
+        """Screen candidates over the short windows, and return the best starts of each.
+
+        Args:
+            starts: of the candidates. most: how many of each are returned.
+        """
+        self._screened = {}
+        for item in Screen(self.problem.at_step(SCREENING), self.fit).all(starts):
+            self._screened.setdefault(item.start.candidate, []).append(item)
+        return [item.start for own in self._screened.values() for item in own[:most]]
+
+    def _weigh(self, vector: FloatArray) -> None:
+        self.problem.prepare(vector)
+        self.problem.scale_to(self.problem.residual(vector))
+
+    def _free(self, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
+        free = free_of(self.search, vector, extra)
+        return tuple(item for item in free if item.key not in FRICTION_AT_REST)
+
+    def trials(self, most: int) -> list[Trial]:
+        """Return the best of the screened refitted, first over short windows, then long ones.
+
+        Args:
+            most: how many are taken to the long windows.
+        """
+        tried = {name: [item for item in own if item.gain > 0.0]
+                 for name, own in self._screened.items() if own[0].gain > 0.0}  # fmt: skip
+        chosen = [
+            item
+            for number, name in enumerate(list(tried)[: most + 2])
+            for item in _unlike(tried[name])[: _KEEP if number < 3 else 1]
+        ]
+        found = side_by_side(
+            lambda item: self._fitted(item.start, started(item, self.fit.vector)), chosen
+        )
+        found.sort(key=lambda pair: pair[1].cost)
+        fits = list({start.candidate: (start, fit) for start, fit in reversed(found)}.values())
+        fits.sort(key=lambda pair: pair[1].cost)
+        if not fits:
+            return []
+        best = self.fit.cost - fits[0][1].cost
+        least = rival_share(_HOPEFUL, best, self.fit.cost - SOFT_MEAN * self.problem.size) * best
+        hopeful = [p for p in fits if self.fit.cost - p[1].cost > least][:most]
+        return side_by_side(lambda pair: self._long(*pair), hopeful)
+
+    def turning(self, starts: Sequence[Start], most: int) -> list[Trial]:
+        """Return the best of what is periodic in the shaft's angle, refitted as `trials` does.
+
+        Args:
+            starts: of one effect or several. most: how many are taken to the long windows.
+        """
+        layout = self.search.problem.plant.layout
+        scanned = [
+            start
+            for name in dict.fromkeys(start.candidate for start in starts)
+            for start in scan(
+                self.problem, self.fit, layout, [s for s in starts if s.candidate == name]
+            )
+        ]
+        fits = side_by_side(
+            lambda start: self._fitted(start, start.apply(self.fit.vector)), scanned
+        )
+        fits.sort(key=lambda pair: pair[1].cost)
+        excess = self.fit.cost - SOFT_MEAN * self.problem.size
+        least = max(_WORTH * excess, _HOPEFUL * (self.fit.cost - fits[0][1].cost) if fits else 0.0)
+        hopeful = [pair for pair in fits if self.fit.cost - pair[1].cost > least][:most]
+        return side_by_side(lambda pair: self._long(*pair), hopeful)
+
+    def _fitted(self, start: Start, vector: FloatArray) -> tuple[Start, Fit]:
+        known = self.fit.columns
+        free = self._free(vector, [start])
+        return start, levenberg_marquardt(
+            self.problem, vector, free, iterations=6, known=known, refresh=1
+        )
+
+    def _long(self, start: Start, near: Fit) -> Trial:
+        """Fit over long windows from where short ones have led."""
+        layout = self.search.problem.plant.layout
+        added = [start, *(item.start for item in self.search.accepted)]
+        turns = any(not s.mundane and is_periodic(layout.effect(s.candidate)) for s in added)
+        problem = self.coarse
+        if turns:
+            # over whole runs the phase is lost before the parameters are right
+            problem = in_parts(self.search.problem, _STRETCH)
+            problem.prepare(near.vector)
+            problem.scale_to(problem.residual(near.vector))
+        free = self._free(near.vector, [start])
+        rounds = 8 if turns else 5
+        fit = levenberg_marquardt(problem, near.vector, free, iterations=rounds, refresh=1)
+        if fit.cost > _NOISE * SOFT_MEAN * problem.size:
+            fit = friction_at_rest(problem, fit)
+        if turns:
+            # with the parameters right, the model keeps the phase by itself; a fast turn needs the
+            # finer step
+            own = self.search.problem
+            free = free_of(self.search, fit.vector, [start])
+            fit = levenberg_marquardt(own, fit.vector, free, iterations=6, refresh=1)
+        return Trial(start, fit, Comparison(0, 0, 0, 0, 1, 0))
+
+
+def _unlike(screened: Sequence[Screened]) -> list[Screened]:
+    """Return those of one candidate that do not move the outputs as a better one does already."""
+    kept: list[Screened] = []
+    for item in screened:
+        size = float(np.linalg.norm(item.direction))
+        if all(
+            abs(float(item.direction @ other.direction))
+            < _ALIKE * size * float(np.linalg.norm(other.direction))
+            for other in kept
+        ):
+            kept.append(item)
+    return kept
+
+
+def started(item: Screened, vector: FloatArray) -> FloatArray:
+    """Return a vector with a screened candidate on, at the size that was predicted."""
+    # a predicted amplitude is a fraction of the real one; never start from nothing
+    size = float(np.sign(item.amplitude) or 1.0) * max(abs(item.amplitude), 1e-3)
+    out = item.start.apply(vector, size)
+    out[item.start.strength_at] = np.clip(
+        out[item.start.strength_at], item.start.low, item.start.high
+    )
+    return out

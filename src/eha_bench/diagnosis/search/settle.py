@@ -1,0 +1,63 @@
+"""Brings a search to rest after what it fits has changed: step, noise, start states, fit.
+
+What a fit has not reached yet, and what a step of integration makes, would be taken for something
+that is missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.fit.evidence import excess, refined_noise
+from eha_bench.diagnosis.fit.finish import fine_enough
+from eha_bench.diagnosis.fit.problem import soften
+from eha_bench.diagnosis.search.refit import polish
+from eha_bench.diagnosis.search.state import Search
+
+FloatArray = NDArray[np.float64]
+
+_ROUNDS = 4
+_SETTLED = 0.002
+
+
+def settle(search: Search) -> None:
+    """Fit, and weigh anew by what is left, until neither changes much any more."""
+    for _ in range(_ROUNDS):
+        refine(search, search.fit.vector)
+        residual = _reweighted(search, search.fit.vector)
+        soft, _ = soften(residual, search.problem.soft)
+        here = replace(search.fit, residual=residual, cost=float(soft @ soft))
+        search.fit = polish(search, here, [], afresh=False)
+        if here.cost - search.fit.cost < _SETTLED * here.cost:
+            break
+    search.excess_left = excess(search.problem, search.fit)
+
+
+def refine(search: Search, vector: FloatArray) -> None:
+    """Integrate as finely as a vector asks for, with the search's fit as it is there."""
+    problem = fine_enough(search.problem, vector)
+    if problem.step == search.problem.step:
+        return
+    search.problem = problem
+    residual = problem.residual(search.fit.vector)
+    soft, _ = soften(residual, problem.soft)
+    search.fit = replace(search.fit, residual=residual, cost=float(soft @ soft))
+    search.excess_left = excess(problem, search.fit)
+
+
+def _reweighted(search: Search, vector: FloatArray) -> FloatArray:
+    """Take noise, outliers and start states from a better fit, and return its residual.
+
+    What an effect leaves in a residual reads as noise and as outliers until the effect is there.
+    """
+    problem = search.problem
+    problem.prepare(vector)
+    noise = refined_noise(problem, problem.residual(vector), problem.noise)
+    search.problem = problem.with_noise(noise)
+    search.problem.prepare(vector)
+    residual = search.problem.residual(vector)
+    search.problem.scale_to(residual)
+    return residual

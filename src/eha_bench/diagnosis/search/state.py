@@ -1,0 +1,159 @@
+"""The state of a search: candidates tried, effects added, and when one is believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.fit.baseline import Baseline
+from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.evidence import Comparison, Excess, Groups, excess, groups_of
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.problem import Problem
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate after its refit.
+
+    Attributes:
+        start: where its search began. fit: the end. comparison: with the fit without it.
+    """
+
+    start: Start
+    fit: Fit
+    comparison: Comparison
+
+    @property
+    def candidate(self) -> str:
+        """Effect's id, or `parameter:name`."""
+        return self.start.candidate
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """What was added: an effect, or a parameter that was only assumed.
+
+    Attributes:
+        start: the candidate. comparison: what it gained when it was added.
+        equivalent: other candidates that fit as well, the best first.
+    """
+
+    start: Start
+    comparison: Comparison
+    equivalent: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One line of the ranking: the best that a candidate could do as the first to be added."""
+
+    candidate: str
+    score: float
+    p_value: float
+    cost: float
+    predicted: float
+    refitted: bool
+
+
+@dataclass
+class Search:
+    """The state of a search.
+
+    Attributes:
+        problem: residuals over all training windows.
+        keys: parameters that are always fitted.
+        fit: current best. base: without any added effect.
+        accepted: in the order added. ranking: of the first look.
+        looks: all that were taken, each the best first. looked_from: where the last one was.
+        exchanged_from: where an exchange last changed nothing.
+        excess_base, excess_left: beyond noise before and after.
+    """
+
+    problem: Problem
+    keys: tuple[str, ...]
+    declared: tuple[str, ...]
+    base: Fit
+    fit: Fit
+    groups: Groups
+    declared_vector: FloatArray
+    excess_base: Excess
+    excess_left: Excess
+    accepted: list[Accepted] = field(default_factory=list)
+    ranking: list[Ranked] = field(default_factory=list)
+    looks: list[list[Trial]] = field(default_factory=list)
+    looked_from: Fit | None = None
+    exchanged_from: Fit | None = None
+
+    def snapshot(self) -> Search:
+        """Return a copy that later additions leave as it is."""
+        return replace(self, accepted=list(self.accepted))
+
+    def restore(self, kept: Search) -> None:
+        """Go back to a snapshot; what was tried since stays in the looks."""
+        self.problem, self.base, self.fit = kept.problem, kept.base, kept.fit
+        self.excess_base, self.excess_left = kept.excess_base, kept.excess_left
+        self.accepted = list(kept.accepted)
+
+    @property
+    def effects(self) -> list[Accepted]:
+        """What was added and is an effect."""
+        return [item for item in self.accepted if not item.start.mundane]
+
+
+def begin(baseline: Baseline) -> Search:
+    """Return a search that starts from a calibrated model."""
+    model = baseline.dataset.model
+    found = excess(baseline.problem, baseline.fit)
+    return Search(
+        baseline.problem,
+        baseline.keys,
+        tuple(effect.id for effect in model.effects),
+        baseline.fit,
+        baseline.fit,
+        groups_of(baseline.problem),
+        model.vector(),
+        found,
+        found,
+    )
+
+
+_NEARLY_ALL = 0.95
+_MAY_TIE = 0.8
+
+
+def rival_share(usual: float, best: float, excess: float) -> float:
+    """Return the share of the best gain from which a rival's fit is worth going on with.
+
+    Where the best one has come down to the noise, a rival can only tie: one that leaves a fifth of
+    what there was is too far for that, and what fits would gain on it decides nothing.
+
+    Args:
+        usual: the share where it can still win. best: gain of the best. excess: what there was.
+    """
+    return max(usual, _MAY_TIE) if best > _NEARLY_ALL * excess else usual
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """When a candidate is believed.
+
+    Attributes:
+        gain: least fall of the cost, fitted and left out (a cost of 1 is one sigma).
+        share: least part of the present excess that it takes on runs left out.
+        p_value: largest probability that it gains nothing on runs left out.
+        runs_better: least part of the runs that it changes for which it gains.
+        part: the share for the first of two effects, of which neither explains much alone.
+        together: least part of the excess that such two must explain in the end.
+    """
+
+    gain: float = 30.0
+    share: float = 0.25
+    p_value: float = 1e-3
+    runs_better: float = 0.5
+    part: float = 0.08
+    together: float = 0.8

@@ -1,0 +1,379 @@
+"""Finds what is missing, one effect after the other, with another look at those already found.
+
+Everything that is mundane (calibrated parameters, start states, noise, friction at rest) is fitted
+with every candidate; a candidate is credited only with what these cannot do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING, STEP
+from eha_bench.diagnosis.fit.candidates import all_starts
+from eha_bench.diagnosis.fit.evidence import (
+    REST_SIGNIFICANCE,
+    SOFT_MEAN,
+    Groups,
+    compare,
+    excess,
+    is_unexplained,
+)
+from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem, soften
+from eha_bench.diagnosis.fit.profile import cost_with
+from eha_bench.diagnosis.fit.side_by_side import side_by_side
+from eha_bench.diagnosis.search.exchange import exchange
+from eha_bench.diagnosis.search.periodic import is_periodic
+from eha_bench.diagnosis.search.refit import Near, is_bent, polish, refit, sticks
+from eha_bench.diagnosis.search.screen import Screen, Screened
+from eha_bench.diagnosis.search.settle import refine, settle
+from eha_bench.diagnosis.search.state import (
+    Accepted,
+    Ranked,
+    Search,
+    Thresholds,
+    Trial,
+    begin,
+    rival_share,
+)
+
+Progress = Callable[[str, float], None]
+
+__all__ = ["Search", "begin", "equivalents", "look", "run"]
+
+MOST_EFFECTS = 4
+_SHORTLIST = 5
+_NEAREST = 4
+_FINALISTS = 3
+_TURNING = 3
+_PROMISING = 3
+_TIED, _AT_NOISE = 0.03, 0.003
+_NEARLY = 0.1
+_CLOSE = 0.4
+"""Share of the best one's gain from which a rival may still overtake it."""
+_WORTH = 0.02
+"""Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
+outputs move by a seventh of the noise."""
+_MOSTLY = 0.3
+"""Share of the excess that may be left before the scan of what turns with the shaft is worth it."""
+_LEAST = 5.0
+"""Least predicted fall of the cost that is worth a refit, which gains several times as much."""
+
+
+def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = None) -> None:
+    """Add effects to the search until nothing more is found, and look at them again together."""
+    limits = thresholds or Thresholds()
+    progress("search", 0.0)
+    if is_unexplained(search.excess_base) and not is_bent(search.excess_base):
+        # so little may also be what a calibration that stopped early leaves over
+        settle(search)
+        search.base, search.excess_base = search.fit, search.excess_left
+    before = search.snapshot()
+    _grow(search, limits, progress)
+    if not search.accepted and is_unexplained(search.excess_left):
+        # two effects may hide each other: the best of the first look may still be one of them
+        _grow(search, replace(limits, share=limits.part), progress)
+        left = search.excess_left.total / max(search.excess_base.total, 1.0)
+        if len(search.accepted) < 2 or left > 1.0 - limits.together:
+            search.restore(before)
+    if search.effects and is_unexplained(search.excess_left):
+        progress("search", 0.8)
+        if exchange(search, limits):
+            _review(search, limits)
+            _grow(search, limits, progress)
+    progress("search", 1.0)
+
+
+def _grow(search: Search, limits: Thresholds, progress: Progress) -> None:
+    """Add one effect after the other until nothing more is found."""
+    for _ in range(MOST_EFFECTS - len(search.accepted)):
+        if search.looks and not _worth_a_look(search):
+            return
+        progress("search", len(search.accepted) / (MOST_EFFECTS + 1))
+        trials = _looked(search)
+        chosen = _choose(trials, limits)
+        if chosen is None:
+            return
+        _add(search, chosen, trials)
+        if _idle(search, limits):
+            _drop_last(search)
+            continue
+        _review(search, limits)
+        if _nearly(search):
+            # what is left of what was nearly explained is more likely a wrong form than a new cause
+            exchange(search, limits)
+
+
+def _nearly(search: Search) -> bool:
+    """Whether what was found explains nearly everything, but not all of it."""
+    nearly = search.excess_left.total < _NEARLY * search.excess_base.total
+    return nearly and _worth_a_look(search) and len(search.accepted) > 0
+
+
+def _idle(search: Search, limits: Thresholds) -> bool:
+    """Whether what was added last does nothing: its refit only led the others to a better place.
+
+    What little of it is left may only balance the others, so these follow.
+    """
+    fit, start = search.fit, search.accepted[-1].start
+    vector = fit.vector.copy()
+    vector[start.strength_at] = start.neutral
+    soft, _ = soften(search.problem.residual(vector), search.problem.soft)
+    least = float(soft @ soft)
+    for item in fit.free:
+        if item.at == start.strength_at:
+            least = min(least, cost_with(search.problem, fit, item.key, start.neutral))
+    return least - fit.cost < limits.gain
+
+
+def _drop_last(search: Search) -> None:
+    """Take out what was added last, and keep the better place."""
+    item, kept = search.accepted[-1], search.accepted[:-1]
+    search.fit = _without(search, item, kept)
+    search.accepted = kept
+    search.excess_left = excess(search.problem, search.fit)
+
+
+def _worth_a_look(search: Search) -> bool:
+    """Whether so much is left that another cause could be told from what a fit leaves over."""
+    left = search.excess_left
+    return left.relative > _WORTH and left.significance > REST_SIGNIFICANCE
+
+
+def _looked(search: Search) -> list[Trial]:
+    """Return a look from where the search is, or the last one where nothing has changed since."""
+    if search.looks and search.looked_from is search.fit:
+        return search.looks[-1]
+    search.looks.append(look(search, first=not search.looks))
+    search.looked_from = search.fit
+    return search.looks[-1]
+
+
+def look(search: Search, *, first: bool) -> list[Trial]:
+    """Screen everything, refit the most promising, and return these, the best first."""
+    layout = search.problem.plant.layout
+    used = [item.start.candidate for item in search.accepted]
+    starts = [
+        start
+        for start in all_starts(layout, search.fit.vector, [*search.declared, *used], search.keys)
+        if start.candidate not in used
+    ]
+    turning = [effect.id for effect in layout.effects if is_periodic(effect)]
+    still = [start for start in starts if start.candidate not in turning]
+    # screening and first refits only compare candidates, so a coarser step is enough
+    coarse = search.problem.coarser(COARSE, search.fit.vector, search.fit.residual)
+    # what is small must not drown in the instants of sticking that a coarser step shifts
+    much = is_bent(search.excess_left)
+    near = Near(search, coarse) if much else None
+    if near is not None:
+        # over long windows only what promised most over short ones
+        still = near.promising(still, _PROMISING)
+    screen = Screen(search.problem.at_step(SCREENING) if much else coarse, search.fit)
+    screened = screen.all(still)
+    finals = _confirm(search, coarse, screened, near)
+    reached = min((item.fit.cost for item in finals), default=search.fit.cost)
+    floor = search.fit.cost - search.excess_left.total
+    if _worth_a_look(search) and reached > floor + max(_MOSTLY * search.excess_left.total, 30.0):
+        own = [start for start in starts if start.candidate in turning]
+        rough = (near or Near(search, coarse)).turning(own, _TURNING) if own else []
+        finals += _finished(search, _best_of_each(rough), afresh=False)
+    best: dict[str, Screened] = {}
+    for item in screened:
+        best.setdefault(item.start.candidate, item)
+    finals = [_compared(search, item) for item in _settled(search, finals)]
+    finals.sort(key=lambda item: item.fit.cost)
+    if first:
+        search.ranking = _ranking(best, finals, search)
+    return finals
+
+
+def _confirm(
+    search: Search, coarse: Problem, screened: Sequence[Screened], near: Near | None
+) -> list[Trial]:
+    """Refit the most promising roughly, and to the end those that may win.
+
+    Args:
+        search: so far. coarse: its problem at a coarse step. screened: the best first.
+        near: the same over short windows, where the search's parameters are bent; or None.
+    """
+    best: dict[str, Screened] = {}
+    second: dict[str, Screened] = {}
+    for item in screened:
+        if item.start.candidate not in best:
+            best[item.start.candidate] = item
+        elif item.start.candidate not in second:
+            second[item.start.candidate] = item
+    least = max(_LEAST, 0.01 * search.excess_left.total)
+    order = [name for name in best if best[name].gain > least]
+    trials = []
+    if near is not None:
+        trials = near.trials(_NEAREST)
+        # without the candidate the fit is there already: what ends worse than that was caught
+        caught = {item.candidate for item in trials if item.fit.cost >= search.fit.cost}
+        done = {item.candidate for item in trials} - caught
+        trials += [refit(search, coarse, best[name]) for name in order if name in caught]
+        order = [name for name in order if name not in done | caught]
+    shortlist = [best[name] for name in order[: _SHORTLIST - len(trials)]]
+    shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
+    refits = side_by_side(lambda item: refit(search, coarse, item), shortlist)
+    trials = _best_of_each([*trials, *refits])
+    return _finished(search, trials, afresh=near is None)
+
+
+def _finished(search: Search, trials: Sequence[Trial], *, afresh: bool) -> list[Trial]:
+    """Refit those to the end that may win, the best first."""
+    done: list[Trial] = []
+    top = 0.0
+    for number, trial in enumerate(trials):
+        rough_gain = search.fit.cost - trial.fit.cost
+        least = rival_share(0.5, top, search.excess_left.total) * top
+        if rough_gain <= 0.0 or (number > 0 and (number >= _FINALISTS or rough_gain < least)):
+            done.append(trial)
+            continue
+        # where a rival has reached the noise already, a better place cannot beat it
+        again = afresh and top < 0.95 * search.excess_left.total
+        done.append(replace(trial, fit=polish(search, trial.fit, [trial.start], afresh=again)))
+        top = max(top, search.fit.cost - done[-1].fit.cost)
+    return done
+
+
+def _settled(search: Search, finals: Sequence[Trial]) -> list[Trial]:
+    """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
+    order = sorted(finals, key=lambda item: item.fit.cost)
+    top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
+    least = rival_share(_CLOSE, top, search.excess_left.total) * top
+    close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
+    if len(close) < 2:
+        return order
+    # nor on what a coarse step leaves
+    refine(search, close[0].fit.vector)
+    done = [replace(t, fit=polish(search, t.fit, [t.start], afresh=False)) for t in close]
+    return [*done, *(item for item in order if all(item is not other for other in close))]
+
+
+def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search) -> list[Ranked]:
+    lines = [
+        Ranked(
+            item.candidate,
+            min(item.comparison.share, item.comparison.share_out),
+            item.comparison.p_value,
+            item.fit.cost,
+            best[item.candidate].gain if item.candidate in best else item.comparison.gain,
+            True,
+        )
+        for item in finals
+    ]
+    done = {item.candidate for item in finals}
+    # where there is hardly any excess, shares of it mean nothing
+    scale = max(search.excess_left.total, 300.0)
+    lines += [
+        Ranked(name, item.gain / scale, float("nan"), search.fit.cost - item.gain, item.gain, False)
+        for name, item in best.items()
+        if name not in done
+    ]
+    return lines
+
+
+def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
+    best: dict[str, Trial] = {}
+    for item in trials:
+        if item.candidate not in best or item.fit.cost < best[item.candidate].fit.cost:
+            best[item.candidate] = item
+    return sorted(best.values(), key=lambda item: item.fit.cost)
+
+
+def _compared(search: Search, trial: Trial) -> Trial:
+    found = compare(search.fit, trial.fit, search.groups, search.excess_left.total)
+    return replace(trial, comparison=found)
+
+
+def _choose(trials: Sequence[Trial], limits: Thresholds) -> Trial | None:
+    good = [item for item in trials if _believed(item, limits)]
+    if not good:
+        return None
+    chosen = good[0]
+    for item in good:
+        # what is mundane is preferred where it explains as much
+        behind = item.fit.cost - chosen.fit.cost
+        if item.start.mundane and behind < 0.02 * chosen.comparison.gain:
+            return item
+    tied = min(_TIED * chosen.comparison.gain, _AT_NOISE * chosen.fit.residual.size)
+    alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
+    # of those that leave equally little, the one with the fewest numbers to choose is the likeliest
+    return min(alike, key=lambda item: len(item.start.keys))
+
+
+def _believed(item: Trial, limits: Thresholds) -> bool:
+    found = item.comparison
+    return (
+        found.gain > limits.gain
+        and found.gain_out > limits.gain / 2
+        and min(found.share, found.share_out) > limits.share
+        and found.p_value < limits.p_value
+        and found.runs_better >= limits.runs_better
+    )
+
+
+def equivalents(chosen: Trial, trials: Sequence[Trial], groups: Groups) -> tuple[str, ...]:
+    """Return candidates whose fit is not worse than the chosen one's beyond resampling noise."""
+    found = []
+    for item in trials:
+        if item.candidate == chosen.candidate or item.start.mundane:
+            continue
+        if item.comparison.gain < 0.5 * chosen.comparison.gain:
+            continue
+        behind = compare(item.fit, chosen.fit, groups, 1.0)
+        # down at the noise the likelihood ratio holds; above it only resampling does
+        at_noise = chosen.fit.cost < 1.01 * SOFT_MEAN * chosen.fit.residual.size
+        little = behind.gain < 0.05 * chosen.comparison.gain
+        if behind.gain < 12.0 or (not at_noise and little and behind.p_value > 0.02):
+            found.append(item.candidate)
+    return tuple(found)
+
+
+def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
+    # the fit first: interrupted in what follows, the two still belong together
+    search.fit = chosen.fit
+    search.accepted.append(
+        Accepted(chosen.start, chosen.comparison, equivalents(chosen, trials, search.groups))
+    )
+    settle(search)
+    search.base = levenberg_marquardt(
+        # what is bent this far needs no finer step
+        search.problem.at_step(max(search.problem.step, STEP)),
+        search.base.vector,
+        search.base.free,
+        known=search.base.columns,
+        refresh=0,
+    )
+    search.excess_base = excess(search.problem, search.base)
+
+
+def _review(search: Search, limits: Thresholds) -> None:
+    """Take out what a later addition has made needless."""
+    for item in list(search.accepted[:-1]):
+        kept = [other for other in search.accepted if other is not item]
+        trial = _without(search, item, kept)
+        found = compare(trial, search.fit, search.groups, search.excess_base.total)
+        if found.gain_out < limits.gain / 2 or found.p_value > limits.p_value:
+            search.accepted = kept
+            search.fit = trial
+            search.excess_left = excess(search.problem, trial)
+
+
+def _without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
+    vector = search.fit.vector.copy()
+    vector[item.start.strength_at] = item.start.neutral
+    layout = search.problem.plant.layout
+    keys = [key for key in search.keys if not sticks(key, vector[layout.index[key]])]
+    for other in kept:
+        keys += [key for key in other.start.keys if key not in keys]
+    free = free_parameters(layout, keys, vector)
+    coarse = search.problem.at_step(COARSE)
+    rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
+    before, search.accepted = search.accepted, list(kept)
+    try:
+        return polish(search, rough, [])
+    finally:
+        search.accepted = before

@@ -1,0 +1,1 @@
+"""Where something acts that no known effect explains."""

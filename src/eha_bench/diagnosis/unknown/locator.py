@@ -1,0 +1,329 @@
+"""Where something acts that no known effect explains, and what it depends on.
+
+In windows of 0.1 s, each from its own start state, an error cannot travel far from the balance it
+enters. At every place (each balance, each sensor) an input is offered that is free at every time;
+what speaks for it is weighed by its marginal likelihood (`free_input`), and again with most of it
+following a curve of one variable, simulated. A fault in a sensor does not propagate: it is told
+only where a free error of that sensor leaves nothing in any other channel (the generalised observer
+scheme: Frank, Automatica 26 (1990) 459, doi:10.1016/0005-1098(90)90018-D). Then curves of one
+variable (hat functions as the effect `learned` has them; for the time also a sine and its second
+harmonic at any frequency) describe what acts there, by what they explain on runs left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.fit.baseline import SCREENING
+from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN
+from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem, soften
+from eha_bench.diagnosis.fit.short_windows import aligned_problem
+from eha_bench.diagnosis.unknown.curves import Curves, Located
+from eha_bench.diagnosis.unknown.free_input import KNOTS, FreeInput, Support
+from eha_bench.diagnosis.unknown.places import (
+    PLACES,
+    Place,
+    Template,
+    curve_on,
+    usual_size,
+)
+from eha_bench.plants.effects._curve import KNOTS as CURVE_KNOTS
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+_ROUNDS = 3
+_SETTLED = 0.01
+_IN_THE_RACE = 0.6
+"""Share of the best place's support from which another one's curve may still overtake it."""
+_RIVALS = 3
+"""Places of one equation of which curves are simulated: a sensor, its twin, and both alike."""
+_AS_GOOD = 0.9
+"""Share of the best one's support, or of what its curve explains, that counts as equal."""
+_CLEARLY = 0.02
+"""Share of a balance's support by which a sensor has to exceed it: models are never quite right."""
+_LEAST = 10.0
+"""And at least this log likelihood ratio; 5 is very strong for right models (Kass, Raftery, J. Am.
+Stat. Assoc. 90 (1995) 773, doi:10.1080/01621459.1995.10476572)."""
+_COMPLETE = 0.15
+"""Share of other channels' excess that a sensor's error may leave: an input through instants 9 ms
+apart leaves that much of jumps."""
+_FURTHEST = 0.3
+_TELLING = 0.1
+"""Share of the excess from which what a curve follows means anything."""
+
+_CHAMBERS = Place("flow", "additive", "chambers", ())
+"""Both chambers, each with an input of its own: to be weighed, not to be described."""
+
+
+@dataclass(frozen=True, eq=False)
+class Offered:
+    """A place with what speaks for it.
+
+    Attributes:
+        place: where. size: of one unit of the input, SI. influence: (N, KNOTS) of its instants.
+        free: support of an input that follows nothing.
+        support: log likelihood above that of nothing acting, by a curve where that is more.
+        left: what stays, as a share, of the excess in the channels that its sensors do not read.
+    """
+
+    place: Place
+    size: float
+    influence: FloatArray
+    free: Support
+    support: float
+    left: float
+
+
+class Locator:
+    """Weighs every place over short windows.
+
+    Args:
+        problem: the long problem, for its runs and noise.
+        fit: the best that is known. step: integration step, s.
+    """
+
+    def __init__(self, problem: Problem, fit: Fit, step: float) -> None:
+        self.plant = problem.plant
+        self.short, self.period = aligned_problem(problem.at_step(step), fit.vector, CURVE_KNOTS)
+        free = tuple(item for item in fit.free if "[" not in item.key)
+        self.short.prepare(fit.vector)
+        self.short.scale_to(self.short.residual(fit.vector))
+        # over long windows the parameters had been bent to imitate what acts
+        near = levenberg_marquardt(self.short, fit.vector, free, iterations=4, refresh=1)
+        self.vector, self.free = near.vector, near.free
+        self.short.prepare(self.vector)
+        self.base = self.short.residual(self.vector)
+        self.short.scale_to(self.base)
+        self.limit = 1e3 * self.short.soft
+        # only changes by what acts count
+        self.rough = self.short.at_step(SCREENING)
+        self.rough_base = self.rough.residual(self.vector)
+        self.matrix = jacobian(self.rough, self.vector, self.free, self.rough_base)
+        self.input = FreeInput(self.short, self.base, self.matrix)
+        self.nothing = self.input.nothing
+        here = replace(near, residual=self.base, jacobian=self.matrix, soft=self.short.soft)
+        self.curves = Curves(self.short, self.period, here)
+        self.channels = np.concatenate([piece.channels for piece in self.short.pieces])
+
+    def offered(self, progress: Progress) -> list[Offered]:
+        """Return every place that can act at all, the one with most support first."""
+        found: list[Offered] = []
+        for number, place in enumerate(PLACES):
+            progress("locate", number / len(PLACES))
+            if not all(name in self.short.noise for name in place.sensors):
+                continue
+            size = usual_size(place, self.plant, self.vector, self.short.noise, self.curves.span)
+            influence = self._influence(place, size)
+            if float(np.abs(influence).max()) > 1e-6:
+                found.append(self._weighed(place, size, influence))
+        chambers = [item for item in found if item.place.at in ("chamber_a", "chamber_b")]
+        if len(chambers) == 2:
+            both = np.hstack([item.influence for item in chambers])
+            found.append(self._weighed(_CHAMBERS, 1.0, both))
+        return sorted(self._with_curves(found), key=lambda item: -item.support)
+
+    def _influence(self, place: Place, size: float) -> FloatArray:
+        """Return the change of the residual by the input's value at each instant, (N, KNOTS)."""
+        centres = np.linspace(0.0, CURVE_KNOTS - 2.0, KNOTS)
+        template = Template(place.equation, place.form, place.at, "time")
+        columns = []
+        for k in range(KNOTS):
+            hat = np.interp(np.arange(float(CURVE_KNOTS)), centres, np.eye(KNOTS)[k])
+            # the last knot lies between a window and the next
+            hat[-1] = 0.0
+            vector = curve_on(self.plant, self.vector, template, 0.0, 1.0, hat * size, self.period)
+            change = self.rough.residual(vector) - self.rough_base
+            columns.append(np.clip(change, -self.limit, self.limit))
+        return np.column_stack(columns)
+
+    def _weighed(self, place: Place, size: float, influence: FloatArray) -> Offered:
+        free = self.input.support(influence)
+        return Offered(
+            place, size, influence, free, free.log - self.nothing, self._left(place, free.rest)
+        )
+
+    def _left(self, place: Place, rest: FloatArray) -> float:
+        """Return what stays of the excess in the channels that a sensor's fault cannot reach."""
+        names = self.plant.outputs
+        others = ~np.isin(self.channels, [names.index(name) for name in place.sensors])
+        count = float(np.count_nonzero(others))
+        floor = SOFT_MEAN * count
+        soft, _ = soften(self.curves.before.residual, self.short.soft)
+        before = float(soft[others] @ soft[others]) - floor
+        # squares of so many standard normal numbers scatter by the root of twice their count
+        after = float(rest[others] @ rest[others]) - floor - 2.0 * math.sqrt(2.0 * count)
+        return max(after, 0.0) / max(before, REST_RELATIVE * floor)
+
+    def _with_curves(self, found: list[Offered]) -> list[Offered]:
+        """Simulate curves where more than one equation is in the race."""
+        found.sort(key=lambda item: -item.support)
+        top = found[0].support if found else 0.0
+        race = [item for item in found if item.support > _IN_THE_RACE * top]
+        if len({item.place.equation for item in race}) < 2:
+            return found
+        tried: dict[str, set[str]] = {}
+        out = []
+        for item in found:
+            # forms at one place differ little: only the better one is simulated
+            places = tried.setdefault(item.place.equation, set())
+            if item not in race or item.place.at in places or len(places) >= _RIVALS:
+                out.append(item)
+                continue
+            places.add(item.place.at)
+            out.append(self._curved(item))
+        return out
+
+    def _curved(self, item: Offered) -> Offered:
+        """Return a place with what speaks for its best curve, simulated, where that is more."""
+        best: tuple[Support, str] | None = None
+        for variable in item.place.variables:
+            if self.curves.varies(variable):
+                curve = self.curves.columns(item.influence, variable)
+                support = self.input.support_of_curve(item.influence, curve, item.free)
+                if best is None or support.log > best[0].log:
+                    best = support, variable
+        if best is None:
+            return item
+        found, variable = best
+        knots = self.curves.knots(variable)
+        template = Template(item.place.equation, item.place.form, item.place.at, variable)
+        p = len(self.free)
+        vector = self.vector
+        amplitudes = np.zeros(knots.size)
+        for _ in range(_ROUNDS):
+            vector = self._moved(vector, found.step[:p])
+            amplitudes = found.step[p:]
+            again = self._simulated(item, template, vector, knots, amplitudes)
+            last, found = found.log, again
+            if found.log - self.nothing > item.support:
+                item = replace(
+                    item,
+                    support=found.log - self.nothing,
+                    left=self._left(item.place, found.rest),
+                )
+            if abs(found.log - last) < _SETTLED * abs(found.log - self.nothing):
+                break
+        return item
+
+    def _simulated(
+        self,
+        item: Offered,
+        template: Template,
+        vector: FloatArray,
+        knots: FloatArray,
+        amplitudes: FloatArray,
+    ) -> Support:
+        """Return what speaks for a curve from a simulation with it on."""
+
+        def on(values: FloatArray) -> FloatArray:
+            fine = np.interp(np.linspace(knots[0], knots[-1], CURVE_KNOTS), knots, values)
+            return curve_on(
+                self.plant, vector, template, float(knots[0]), float(knots[-1]), fine * item.size
+            )
+
+        residual = self.short.residual(on(amplitudes))
+        rough = self.rough.residual(on(amplitudes))
+        matrix = jacobian(self.rough, on(amplitudes), self.free, rough)
+        reach = max(1.0, 0.1 * float(np.abs(amplitudes).max()))
+        columns = []
+        for k in range(knots.size):
+            change = self.rough.residual(on(amplitudes + reach * np.eye(knots.size)[k])) - rough
+            columns.append(np.clip(change, -self.limit, self.limit) / reach)
+        here = FreeInput(self.short, residual, matrix)
+        return here.support_of_curve(
+            item.influence, np.column_stack(columns), item.free, amplitudes
+        )
+
+    def _moved(self, vector: FloatArray, step: FloatArray) -> FloatArray:
+        out = vector.copy()
+        for item, share in zip(self.free, np.clip(step, -_FURTHEST, _FURTHEST), strict=True):
+            out[item.at] = min(max(out[item.at] + float(share) * item.scale, item.low), item.high)
+        return out
+
+    def described(self, offered: Sequence[Offered]) -> list[Located]:
+        """Return curves of one variable at some places, the one that explains most first."""
+        found = [
+            self.curves.described(item.place, variable, item.influence, item.size)
+            for item in offered
+            for variable in item.place.variables
+            if self.curves.varies(variable)
+        ]
+        found.sort(key=lambda located: -located.share)
+        # a curve of the time can follow a little of anything
+        telling = [
+            item for item in found if item.template.variable != "time" or item.share > _TELLING
+        ]
+        return telling or found
+
+
+def locate(
+    problem: Problem, fit: Fit, step: float, progress: Progress
+) -> tuple[Locator, str, list[Located]]:
+    """Return the equation that is short, and curves in it, the one that explains most first.
+
+    The equation is empty where nothing can act at all; there are no curves where no variable that
+    they could depend on is measured.
+    """
+    locator = Locator(problem, fit, step)
+    offered = locator.offered(progress)
+    if not offered:
+        return locator, "", []
+    best = believed(offered).place.equation
+    curves = described(locator, offered)
+    return locator, curves[0].template.equation if curves else best, curves
+
+
+def described(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
+    """Return curves at the places that may be meant by the one that is believed."""
+    best = believed(offered)
+    kind = bool(best.place.sensors)
+    near = [
+        item
+        for item in offered
+        if item.support > _AS_GOOD * best.support and bool(item.place.sensors) is kind
+    ]
+    own = [item for item in near if item.place.equation == best.place.equation]
+    curves = locator.described(own)
+    if not curves:
+        # both chambers at once have no curve: each of them has
+        curves = locator.described([o for o in offered if o.place.equation == best.place.equation])
+    if best.place.equation == "actuation":
+        machine = [item for item in near if item.place.equation != "actuation"]
+        return by_what_it_follows(curves, locator.described(machine))
+    driven = [item for item in near if item.place.equation == "actuation"]
+    return by_what_it_follows(locator.described(driven), curves)
+
+
+def by_what_it_follows(driven: list[Located], machine: list[Located]) -> list[Located]:
+    """Return the drive's curves where what acts follows time or command, else the machine's.
+
+    The torque of motor and pump enter one balance, and no sensor lies between them. Mechanics and
+    oil do not know the time, nor what the drive was asked for; whoever drives them does.
+    """
+    if not driven or not machine:
+        return driven or machine
+    follows = driven[0].share > max(_AS_GOOD * machine[0].share, _TELLING)
+    return driven if follows else machine
+
+
+def believed(offered: Sequence[Offered]) -> Offered:
+    """Return the place with most support; a sensor only where the case against it is complete.
+
+    A free error of a sensor can hide what shows in that sensor only, wherever it comes from.
+    """
+    balances = [item for item in offered if not item.place.sensors]
+    best = offered[0]
+    if not balances or not best.place.sensors:
+        return best
+    sensors = [item for item in offered if item.place.sensors and item.left < _COMPLETE]
+    margin = max(_LEAST, _CLEARLY * balances[0].support)
+    if sensors and sensors[0].support > balances[0].support + margin:
+        return sensors[0]
+    return balances[0]
