@@ -19,13 +19,13 @@ from eha_bench.diagnosis.fit.evidence import (
     excess,
     is_unexplained,
 )
-from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem, soften
-from eha_bench.diagnosis.fit.profile import cost_with
+from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
+from eha_bench.diagnosis.search.backward import drop_last, is_idle, release, review
 from eha_bench.diagnosis.search.exchange import exchange
 from eha_bench.diagnosis.search.periodic import is_periodic
-from eha_bench.diagnosis.search.refit import Near, is_bent, polish, refit, sticks
+from eha_bench.diagnosis.search.refit import Near, is_bent, polish, refit
 from eha_bench.diagnosis.search.screen import Screen, Screened
 from eha_bench.diagnosis.search.settle import refine, settle
 from eha_bench.diagnosis.search.state import (
@@ -80,8 +80,9 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
     if search.effects and is_unexplained(search.excess_left):
         progress("search", 0.8)
         if exchange(search, limits):
-            _review(search, limits)
+            review(search, limits)
             _grow(search, limits, progress)
+    release(search, limits)
     progress("search", 1.0)
 
 
@@ -96,10 +97,10 @@ def _grow(search: Search, limits: Thresholds, progress: Progress) -> None:
         if chosen is None:
             return
         _add(search, chosen, trials)
-        if _idle(search, limits):
-            _drop_last(search)
+        if is_idle(search, limits):
+            drop_last(search)
             continue
-        _review(search, limits)
+        review(search, limits)
         if _nearly(search):
             # what is left of what was nearly explained is more likely a wrong form than a new cause
             exchange(search, limits)
@@ -109,30 +110,6 @@ def _nearly(search: Search) -> bool:
     """Whether what was found explains nearly everything, but not all of it."""
     nearly = search.excess_left.total < _NEARLY * search.excess_base.total
     return nearly and _worth_a_look(search) and len(search.accepted) > 0
-
-
-def _idle(search: Search, limits: Thresholds) -> bool:
-    """Whether what was added last does nothing: its refit only led the others to a better place.
-
-    What little of it is left may only balance the others, so these follow.
-    """
-    fit, start = search.fit, search.accepted[-1].start
-    vector = fit.vector.copy()
-    vector[start.strength_at] = start.neutral
-    soft, _ = soften(search.problem.residual(vector), search.problem.soft)
-    least = float(soft @ soft)
-    for item in fit.free:
-        if item.at == start.strength_at:
-            least = min(least, cost_with(search.problem, fit, item.key, start.neutral))
-    return least - fit.cost < limits.gain
-
-
-def _drop_last(search: Search) -> None:
-    """Take out what was added last, and keep the better place."""
-    item, kept = search.accepted[-1], search.accepted[:-1]
-    search.fit = _without(search, item, kept)
-    search.accepted = kept
-    search.excess_left = excess(search.problem, search.fit)
 
 
 def _worth_a_look(search: Search) -> bool:
@@ -348,32 +325,3 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
         refresh=0,
     )
     search.excess_base = excess(search.problem, search.base)
-
-
-def _review(search: Search, limits: Thresholds) -> None:
-    """Take out what a later addition has made needless."""
-    for item in list(search.accepted[:-1]):
-        kept = [other for other in search.accepted if other is not item]
-        trial = _without(search, item, kept)
-        found = compare(trial, search.fit, search.groups, search.excess_base.total)
-        if found.gain_out < limits.gain / 2 or found.p_value > limits.p_value:
-            search.accepted = kept
-            search.fit = trial
-            search.excess_left = excess(search.problem, trial)
-
-
-def _without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
-    vector = search.fit.vector.copy()
-    vector[item.start.strength_at] = item.start.neutral
-    layout = search.problem.plant.layout
-    keys = [key for key in search.keys if not sticks(key, vector[layout.index[key]])]
-    for other in kept:
-        keys += [key for key in other.start.keys if key not in keys]
-    free = free_parameters(layout, keys, vector)
-    coarse = search.problem.at_step(COARSE)
-    rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
-    before, search.accepted = search.accepted, list(kept)
-    try:
-        return polish(search, rough, [])
-    finally:
-        search.accepted = before

@@ -1,0 +1,94 @@
+"""Takes out again what was added: the backward half of a stepwise search.
+
+An effect stays only while it does something that the others cannot do without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from eha_bench.diagnosis.fit.baseline import COARSE
+from eha_bench.diagnosis.fit.evidence import compare, excess
+from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import soften
+from eha_bench.diagnosis.fit.profile import cost_with
+from eha_bench.diagnosis.fit.uncertainty import spreads
+from eha_bench.diagnosis.search.refit import polish, sticks
+from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
+
+_SURE = 5.0
+"""Size, in standard deviations, from which nobody asks whether an effect is there."""
+
+
+def is_idle(search: Search, limits: Thresholds) -> bool:
+    """Whether what was added last does nothing: its refit only led the others to a better place.
+
+    What little of it is left may only balance the others, so these follow.
+    """
+    fit, start = search.fit, search.accepted[-1].start
+    vector = fit.vector.copy()
+    vector[start.strength_at] = start.neutral
+    soft, _ = soften(search.problem.residual(vector), search.problem.soft)
+    least = float(soft @ soft)
+    for item in fit.free:
+        if item.at == start.strength_at:
+            least = min(least, cost_with(search.problem, fit, item.key, start.neutral))
+    return least - fit.cost < limits.gain
+
+
+def drop_last(search: Search) -> None:
+    """Take out what was added last, and keep the better place."""
+    item, kept = search.accepted[-1], search.accepted[:-1]
+    search.fit = _without(search, item, kept)
+    search.accepted = kept
+    search.excess_left = excess(search.problem, search.fit)
+
+
+def review(search: Search, limits: Thresholds) -> None:
+    """Take out what a later addition has made needless."""
+    for item in list(search.accepted[:-1]):
+        kept = [other for other in search.accepted if other is not item]
+        trial = _without(search, item, kept)
+        found = compare(trial, search.fit, search.groups, search.excess_base.total)
+        if found.gain_out < limits.gain / 2 or found.p_value > limits.p_value:
+            search.accepted = kept
+            search.fit = trial
+            search.excess_left = excess(search.problem, trial)
+
+
+def release(search: Search, limits: Thresholds) -> None:
+    """Take out effects whose size may as well be nothing, and which nothing is lost without.
+
+    One that led the others out of a poor place is left over where they could not get there alone.
+    """
+    for item in reversed(search.effects):
+        places = {free.at: free.key for free in search.fit.free}
+        key = places.get(item.start.strength_at)
+        if key is None:
+            continue
+        size = abs(search.fit.vector[item.start.strength_at] - item.start.neutral)
+        if size > _SURE * spreads(search.fit, search.groups)[key].deviation:
+            continue
+        kept = [other for other in search.accepted if other is not item]
+        trial = _without(search, item, kept)
+        if trial.cost - search.fit.cost < limits.gain:
+            search.accepted = kept
+            search.fit = trial
+            search.excess_left = excess(search.problem, trial)
+
+
+def _without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
+    vector = search.fit.vector.copy()
+    vector[item.start.strength_at] = item.start.neutral
+    layout = search.problem.plant.layout
+    keys = [key for key in search.keys if not sticks(key, vector[layout.index[key]])]
+    for other in kept:
+        keys += [key for key in other.start.keys if key not in keys]
+    free = free_parameters(layout, keys, vector)
+    coarse = search.problem.at_step(COARSE)
+    rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
+    before, search.accepted = search.accepted, list(kept)
+    try:
+        return polish(search, rough, [])
+    finally:
+        search.accepted = before
