@@ -17,7 +17,7 @@ from eha_bench.diagnosis.fit.baseline import (
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Comparison, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.search.periodic import in_parts, is_periodic, scan
@@ -37,6 +37,8 @@ _BENT = 0.3
 _BEGAN_WRONGLY = 1.5
 _STRETCH = 0.5
 """Length of the windows over which what turns is fitted before whole runs, s."""
+_SMALLEST = 0.01
+"""Least share of a predicted size that a fit begins with."""
 _WORTH = 0.1
 """Least share of the short windows' excess that is worth a fit over long ones."""
 
@@ -62,7 +64,7 @@ def sticks(key: str, value: float) -> bool:
 
 def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
     """Fit a screened candidate roughly, from where the search is."""
-    vector = started(item, search.fit.vector)
+    vector = begun(coarse, item, search.fit)
     free = free_of(search, vector, [item.start])
     # where a start has moved what is calibrated, the search's Jacobian is not the one there
     own = {item.start.strength_at, *(at for at, _ in item.start.settings)}
@@ -191,7 +193,7 @@ class Near:
             for item in _unlike(tried[name])[: _KEEP if number < 3 else 1]
         ]
         found = side_by_side(
-            lambda item: self._fitted(item.start, started(item, self.fit.vector)), chosen
+            lambda item: self._fitted(item.start, begun(self.problem, item, self.fit)), chosen
         )
         found.sort(key=lambda pair: pair[1].cost)
         fits = list({start.candidate: (start, fit) for start, fit in reversed(found)}.values())
@@ -272,10 +274,28 @@ def _unlike(screened: Sequence[Screened]) -> list[Screened]:
     return kept
 
 
-def started(item: Screened, vector: FloatArray) -> FloatArray:
-    """Return a vector with a screened candidate on, at the size that was predicted."""
+def begun(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
+    """Return a vector with a screened candidate on, at a size that makes nothing worse.
+
+    A prediction far beyond the strength that was probed holds only where an effect is proportional
+    to its strength; a fit that begins behind a ridge stays there.
+
+    Args:
+        problem: where a fit is to begin. item: the candidate. fit: without it, there.
+    """
+    share = 1.0
+    while True:
+        vector = started(item, fit.vector, share)
+        soft, _ = soften(problem.residual(vector), problem.soft)
+        if float(soft @ soft) <= fit.cost or share < _SMALLEST:
+            return vector
+        share /= 3.0
+
+
+def started(item: Screened, vector: FloatArray, share: float = 1.0) -> FloatArray:
+    """Return a vector with a screened candidate on, at a share of the size that was predicted."""
     # a predicted amplitude is a fraction of the real one; never start from nothing
-    size = float(np.sign(item.amplitude) or 1.0) * max(abs(item.amplitude), 1e-3)
+    size = share * float(np.sign(item.amplitude) or 1.0) * max(abs(item.amplitude), 1e-3)
     out = item.start.apply(vector, size)
     out[item.start.strength_at] = np.clip(
         out[item.start.strength_at], item.start.low, item.start.high

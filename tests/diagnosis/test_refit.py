@@ -1,0 +1,36 @@
+"""Where a candidate's fit begins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.search.refit import begun
+from eha_bench.diagnosis.search.screen import Screened
+
+
+class Squared:
+    """Residuals that an effect moves by the square of its strength; 0.3 is the truth."""
+
+    soft = 1e6
+
+    def residual(self, vector: np.ndarray) -> np.ndarray:
+        return np.array([100.0 * (0.3**2 - vector[0] ** 2)])
+
+
+@pytest.mark.parametrize("predicted", [0.1, 0.4, 8.5, 300.0])
+def test_a_fit_never_begins_where_it_is_worse_than_without(predicted: float) -> None:
+    problem = Squared()
+    nothing = problem.residual(np.zeros(1))
+    fit = Fit(np.zeros(1), (), nothing, np.zeros((1, 0)), float(nothing @ nothing), 0, problem.soft)
+    start = Start("effect", (), 0, 0.0, 1.0, 0.0, 1e3, ("effect.strength",), "force")
+    item = Screened(start, predicted, 1.0, np.zeros(1, dtype=np.float32))
+    vector = begun(problem, item, fit)  # type: ignore[arg-type]  # only its residual is asked for
+    residual = problem.residual(vector)
+    assert 0.0 < vector[0] <= predicted
+    if predicted < 30.0:
+        assert float(residual @ residual) < fit.cost
+    if predicted < 0.42:  # good as it was
+        assert vector[0] == predicted
