@@ -13,7 +13,7 @@ from eha_bench.core.interruption import checkpoints
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, grouped, pooled_noise
 from eha_bench.diagnosis.data.windows import Window, cut, split
-from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, refined_noise
+from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.plants.plant import Drive
@@ -48,7 +48,7 @@ Sticking (0) is asked for again like any other: creeping may have imitated what 
 """
 _OF_THE_SHAFT = ("pump_creep_speed",)
 _TELLING = 20.0
-"""Fall of the cost that says that friction at rest is another one, where only noise is left."""
+"""Fall of the cost that says that friction at rest is another one."""
 
 
 @dataclass
@@ -294,7 +294,7 @@ def at_rest(problem: Problem, fit: Fit) -> Fit:
             soft, _ = soften(part.residual(trial), part.soft)
             costs[size] = float(soft @ soft)
         size = min(costs, key=lambda size: costs[size])
-        if costs[size] < costs[float(vector[at])] - _telling(costs[size], part):
+        if costs[size] < costs[float(vector[at])] - _TELLING:
             vector = vector.copy()
             vector[at] = size
     if vector is fit.vector:
@@ -319,18 +319,9 @@ def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
                 best, cost = trial, float(soft @ soft)
         if best is not fit.vector:
             moved = _along(problem, fit, best)
-            if moved.cost < fit.cost - _telling(moved.cost, problem):
+            if moved.cost < fit.cost - _TELLING:
                 fit = moved
     return fit
-
-
-def _telling(cost: float, problem: Problem) -> float:
-    """Return the fall of the cost that says that friction at rest is another one.
-
-    Where much else is unexplained, a likelihood ratio counts by that much less (quasi-likelihood:
-    Wedderburn, Biometrika 61 (1974) 439, doi:10.1093/biomet/61.3.439).
-    """
-    return _TELLING * max(1.0, cost / (SOFT_MEAN * problem.size))
 
 
 def _along(problem: Problem, fit: Fit, vector: FloatArray) -> Fit:
