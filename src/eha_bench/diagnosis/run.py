@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
@@ -97,6 +99,16 @@ class Calibration:
         write_text(folder / "calibration.json", text + "\n")
 
 
+def _one_thread_each() -> AbstractContextManager[object]:
+    """Keep the linear algebra to one thread.
+
+    Fits run side by side on threads of their own: more would be in their way, and sum in another
+    order on another machine.
+    """
+    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    return limits
+
+
 def calibrate(
     dataset: Dataset | str | Path, out: str | Path | None = None, progress: Progress = no_progress
 ) -> Calibration:
@@ -120,7 +132,7 @@ def calibrate(
             hint="diagnose fits its parameters under `calibrate` with every candidate",
         )
     complete = True
-    with Interruption() as asked:
+    with _one_thread_each(), Interruption() as asked:
         try:
             with checkpoints(asked):
                 base = calibrated(loaded, progress)
@@ -170,7 +182,7 @@ def diagnose(
         if out is not None:
             found.write(Path(out))
         return found
-    with Interruption() as asked, counted() as spent:
+    with _one_thread_each(), Interruption() as asked, counted() as spent:
         base, search, decision, complete = _searched(loaded, asked, progress)
         found = assemble(loaded, base, search, decision)
         vectors = (search.base.vector, found.revised.vector())

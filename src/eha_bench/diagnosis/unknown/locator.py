@@ -12,7 +12,6 @@ harmonic at any frequency) describe what acts there, by what they explain on run
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +24,6 @@ from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.short_windows import aligned_problem
-from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.unknown.curves import Curves, Located
 from eha_bench.diagnosis.unknown.free_input import KNOTS, FreeInput, Support
 from eha_bench.diagnosis.unknown.places import (
@@ -116,17 +114,15 @@ class Locator:
 
     def offered(self, progress: Progress) -> list[Offered]:
         """Return every place that can act at all, the one with most support first."""
-        places = [p for p in PLACES if all(name in self.short.noise for name in p.sensors)]
-        done = itertools.count(1)
-
-        def one(place: Place) -> Offered | None:
+        found: list[Offered] = []
+        for number, place in enumerate(PLACES):
+            progress("locate", number / len(PLACES))
+            if not all(name in self.short.noise for name in place.sensors):
+                continue
             size = usual_size(place, self.plant, self.vector, self.short.noise, self.curves.span)
             influence = self._influence(place, size)
-            progress("locate", next(done) / len(places))
-            acts = float(np.abs(influence).max()) > 1e-6
-            return self._weighed(place, size, influence) if acts else None
-
-        found = [item for item in side_by_side(one, places) if item is not None]
+            if float(np.abs(influence).max()) > 1e-6:
+                found.append(self._weighed(place, size, influence))
         chambers = [item for item in found if item.place.at in ("chamber_a", "chamber_b")]
         if len(chambers) == 2:
             both = np.hstack([item.influence for item in chambers])
@@ -173,16 +169,16 @@ class Locator:
         if len({item.place.equation for item in race}) < 2:
             return found
         tried: dict[str, set[str]] = {}
-        simulated, others = [], []
+        out = []
         for item in found:
             # forms at one place differ little: only the better one is simulated
             places = tried.setdefault(item.place.equation, set())
             if item not in race or item.place.at in places or len(places) >= _RIVALS:
-                others.append(item)
-            else:
-                places.add(item.place.at)
-                simulated.append(item)
-        return [*side_by_side(self._curved, simulated), *others]
+                out.append(item)
+                continue
+            places.add(item.place.at)
+            out.append(self._curved(item))
+        return out
 
     def _curved(self, item: Offered) -> Offered:
         """Return a place with what speaks for its best curve, simulated, where that is more."""
