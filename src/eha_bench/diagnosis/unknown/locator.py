@@ -295,10 +295,17 @@ def described(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
         # both chambers at once have no curve: each of them has
         curves = locator.described([o for o in offered if o.place.equation == best.place.equation])
     if best.place.equation == "actuation":
-        machine = [item for item in near if item.place.equation != "actuation"]
-        return by_what_it_follows(curves, locator.described(machine))
+        machine = locator.described([o for o in near if o.place.equation != "actuation"])
+        if curves and curves[0].share > _TELLING and _is_of_time(machine):
+            # the best that the machine could do instead is what it cannot: follow the time
+            return curves
+        return by_what_it_follows(curves, machine)
     driven = [item for item in near if item.place.equation == "actuation"]
     return by_what_it_follows(locator.described(driven), curves)
+
+
+def _is_of_time(curves: Sequence[Located]) -> bool:
+    return bool(curves) and curves[0].template.variable == "time"
 
 
 def by_what_it_follows(driven: list[Located], machine: list[Located]) -> list[Located]:
