@@ -60,7 +60,8 @@ def carried(
     paths: dict[str, list[float]] = {}
     found: list[dict[str, float]] = []
     for window, stop in zip(begun, stops, strict=True):
-        own = {name: known[name] for name in missing(plant, window) if name in known}
+        unread = missing(plant, window)
+        own = {name: known[name] for name in unread if name in known}
         start = {**plant.at_rest(window.initial), **window.initial, **own}
         out = plant.simulate(vector, _drive(window, stop, start), step)
         for at, name in enumerate(plant.outputs):
@@ -68,7 +69,7 @@ def carried(
             if name in plant.states and np.isfinite(part).all():
                 known[name] = float(part[-1])
                 paths.setdefault(name, []).extend((float(part.min()), float(part.max())))
-                if name in missing(plant, window):
+                if name in unread:
                     own[name] = float(part[0])
         found.append(own)
     moves = {name: float(np.ptp(path)) for name, path in paths.items()}

@@ -168,7 +168,7 @@ class Problem:
             for name, spread in part.window.spread.items():
                 if not np.isfinite(spread) or spread <= 0 or name not in self.plant.states:
                     continue
-                # half a spread: a compromise between noise of stick events and curvature
+                # a fifth of a spread: a compromise between noise of stick events and curvature
                 moved = rough._weighted(part, vector, {name: 0.2 * spread})
                 columns.append((moved - base) / 0.2)
             if not columns:

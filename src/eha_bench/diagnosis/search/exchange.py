@@ -20,7 +20,8 @@ from eha_bench.diagnosis.search.refit import Near, polish
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds, Trial
 
 _RIVALS = 3
-_CLOSE = 0.4
+CLOSE = 0.4
+"""Share of the best one's gain from which a rival may still overtake it."""
 _TRIED = 3
 
 
@@ -59,7 +60,7 @@ def _rivals(search: Search, item: Accepted) -> list[Start]:
     names = [
         trial.candidate
         for trial in trials
-        if trial.candidate not in taken and trial.comparison.gain > _CLOSE * gain
+        if trial.candidate not in taken and trial.comparison.gain > CLOSE * gain
     ]
     names = [item.start.candidate, *names[:_RIVALS]]
     layout = search.problem.plant.layout

@@ -23,7 +23,7 @@ from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.search.backward import drop_last, is_idle, release, review
-from eha_bench.diagnosis.search.exchange import exchange
+from eha_bench.diagnosis.search.exchange import CLOSE, exchange
 from eha_bench.diagnosis.search.periodic import is_periodic
 from eha_bench.diagnosis.search.refit import Near, is_bent, polish, refit
 from eha_bench.diagnosis.search.screen import Screen, Screened
@@ -50,8 +50,6 @@ _TURNING = 3
 _PROMISING = 3
 _TIED, _AT_NOISE = 0.03, 0.003
 _NEARLY = 0.1
-_CLOSE = 0.4
-"""Share of the best one's gain from which a rival may still overtake it."""
 _WORTH = 0.02
 """Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
 outputs move by a seventh of the noise."""
@@ -219,7 +217,7 @@ def _settled(search: Search, finals: Sequence[Trial]) -> list[Trial]:
     """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
     order = sorted(finals, key=lambda item: item.fit.cost)
     top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
-    least = rival_share(_CLOSE, top, search.excess_left.total) * top
+    least = rival_share(CLOSE, top, search.excess_left.total) * top
     close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
     if len(close) < 2:
         return order
