@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
-from eha_bench.core.errors import InputError
+sys.path.insert(0, str(Path(__file__).parent))
+
+from drive_data import write_drive
+
+from eha_bench.core.errors import InputError, RecordingError
 from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.fit.baseline import gather
 
 
 def write(folder: Path, runs: str) -> Path:
@@ -44,3 +50,19 @@ def test_an_unknown_word_is_named_with_its_line(tmp_path):
 def test_a_dataset_without_training_is_refused(tmp_path):
     with pytest.raises(InputError, match="no run is for training"):
         load_dataset(write(tmp_path, "  - {log: a.mcap, use: holdout}\n"))
+
+
+def test_a_log_that_cannot_be_read_costs_its_own_run(tmp_path):
+    path = write_drive(tmp_path, seconds=0.5)
+    (tmp_path / "broken.csv").write_bytes(b"\0" * 400)
+    path.write_text(path.read_text() + "  - {log: broken.csv, use: train}\n")
+    measured, _, _, notes = gather(load_dataset(path))
+    assert [item.run.name for item in measured] == ["train"]
+    assert any("broken.csv" in note and "left out" in note for note in notes)
+
+
+def test_where_no_log_can_be_read_that_is_an_error(tmp_path):
+    path = write_drive(tmp_path, seconds=0.5)
+    (tmp_path / "train.csv").write_bytes(b"\0" * 400)
+    with pytest.raises(RecordingError, match=r"train\.csv"):
+        gather(load_dataset(path))

@@ -81,6 +81,35 @@ def test_a_stuck_stretch_is_masked_and_the_rest_kept():
     assert np.isfinite(column[:490]).all()
 
 
+@pytest.mark.parametrize("step", [0.0, 0.05], ids=["continuous", "quantised"])
+def test_what_is_latched_or_clipped_for_some_samples_is_masked_and_nothing_else(step):
+    reading = recording()
+    speed = np.array(reading["motor_speed"])
+    speed = np.round(speed / step) * step if step else speed
+    for spoilt in (speed, np.minimum(speed, 9.0)):
+        wrong = spoilt != speed
+        latched = spoilt.copy()
+        for k in range(700, 2000, 400):
+            latched[k : k + 25] = latched[k - 1]
+            wrong[k : k + 25] = True
+        found = admit(
+            run(reading),
+            reading.with_values({"motor_speed": latched}),
+            ["current_command"],
+            OUTPUTS,
+        )
+        valid = found.valid[:, found.outputs.index("motor_speed")]
+        assert not valid[wrong].any()
+        assert (~valid & ~wrong).sum() < 25
+
+
+def test_an_encoder_that_turns_round_between_two_counts_is_not_stuck():
+    position = np.round(1e-3 * np.sin(np.arange(2000) * 1e-2) / 2e-6) * 2e-6
+    reading = recording(piston_position=position)
+    found = admit(run(reading), reading, ["current_command"], OUTPUTS)
+    assert found.valid[:, found.outputs.index("piston_position")].all()
+
+
 def test_nan_outputs_are_masked_and_inputs_bridged():
     command = np.sin(np.arange(2000) * 1e-3)
     command[100:110] = np.nan

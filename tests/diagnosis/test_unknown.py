@@ -84,8 +84,14 @@ def test_what_follows_the_time_comes_from_the_drive_and_what_follows_speed_does_
     knots = np.zeros(2)
     driven = Located(Template("actuation", "gain", "motor", "time"), 0.8, knots, knots)
     machine = Located(Template("torque", "additive", "motor", "motor_speed"), 0.8, knots, knots)
-    assert by_what_it_follows([driven], [machine]) == [driven]
-    assert by_what_it_follows([replace(driven, share=0.3)], [machine]) == [machine]
+    torque, drive = (next(p for p in PLACES if p.equation == e) for e in ("torque", "actuation"))
+    less = replace(driven, share=0.3)
+    assert by_what_it_follows([driven], [machine], torque) == [driven]
+    assert by_what_it_follows([less], [machine], drive) == [machine]
+    # a machine that knows the time is somebody who drives it
+    clock = replace(machine, template=Template("force", "additive", "motor", "time"))
+    assert by_what_it_follows([less], [clock], drive) == [less]
+    assert by_what_it_follows([less], [clock], torque) == [clock]
 
 
 DECLARED = {"rotor_inertia": 1e-3, "leakage": 1e-13, "current_limit": 36.0}

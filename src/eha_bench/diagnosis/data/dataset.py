@@ -11,7 +11,7 @@ from typing import Annotated
 from pydantic import Field
 
 from eha_bench.core import yaml_file
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.yaml_file import StrictModel
@@ -177,7 +177,7 @@ def _reader(log: Path, channels: Path | None, fewest: int) -> Callable[[], Recor
 
         recording = read_recording(log, channels=channels)
         if len(recording) < fewest:
-            raise InputError(
+            raise RecordingError(
                 f"only {len(recording)} samples, too few to hold a model against",
                 where=Place(file=str(log)),
             )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, grouped, pooled_noise
@@ -79,16 +79,29 @@ def no_progress(_stage: str, _fraction: float) -> None:
     """Say nothing."""
 
 
-def gather(dataset: Dataset) -> tuple[tuple[Measured, ...], list[Window], dict[str, float]]:
-    """Read the training runs, and return them with their windows and their noise.
+def gather(
+    dataset: Dataset,
+) -> tuple[tuple[Measured, ...], list[Window], dict[str, float], tuple[str, ...]]:
+    """Read the training runs, and return them with their windows, their noise and notes.
+
+    A log that cannot be read, or holds nothing, costs its own run: the others are there all the
+    same.
 
     Raises:
+        RecordingError: no log can be read.
+        MissingChannelError: an input is not in a log.
         InputError: no run has anything to compare.
     """
     plant = dataset.model.plant
-    measured = tuple(
-        admit(run, run.read(), dataset.inputs, plant.outputs) for run in dataset.training
-    )
+    measured: list[Measured] = []
+    unread: list[RecordingError] = []
+    for run in dataset.training:
+        try:
+            measured.append(admit(run, run.read(), dataset.inputs, plant.outputs))
+        except RecordingError as error:
+            unread.append(error)
+    if not measured:
+        raise unread[0]
     noise = pooled_noise(measured, plant.outputs)
     if not noise:
         raise InputError(
@@ -98,7 +111,8 @@ def gather(dataset: Dataset) -> tuple[tuple[Measured, ...], list[Window], dict[s
         )
     windows = [window for item in measured for window in cut(item, noise)]
     windows = _with_unmeasured(dataset, thinned(windows))
-    return measured, windows, noise
+    notes = [f"a training run is left out: {error}" for error in unread]
+    return tuple(measured), windows, noise, (*notes, *_notes(measured))
 
 
 def thinned(windows: list[Window], budget: float = BUDGET) -> list[Window]:
@@ -173,14 +187,15 @@ def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
         CalibrationInterrupted: Ctrl-C once the data were read.
     """
     progress("read", 0.0)
-    measured, windows, noise = gather(dataset)
+    measured, windows, noise, notes = gather(dataset)
     best = [dataset.model.vector()]
     try:
-        return _calibrated(dataset, measured, windows, noise, best, progress)
+        found = _calibrated(dataset, measured, windows, noise, best, progress)
     except KeyboardInterrupt as stop:
         with checkpoints(lambda: False):
             reached = _as_far_as(dataset, measured, windows, noise, best[-1])
-        raise CalibrationInterrupted(reached) from stop
+        raise CalibrationInterrupted(replace(reached, notes=notes)) from stop
+    return replace(found, notes=notes)
 
 
 def _calibrated(
@@ -232,7 +247,6 @@ def _calibrated(
         (*keys, *nuisance),
         nuisance,
         declared_cost,
-        _notes(measured),
     )
 
 
@@ -261,9 +275,7 @@ def _as_far_as(
     creeps = (key for key in nuisance if vector[layout.index[key]] != 0.0)
     free = free_parameters(layout, (*keys, *creeps), vector)
     fit = levenberg_marquardt(problem, vector, free, iterations=0)
-    return Baseline(
-        dataset, measured, problem, fit, (*keys, *nuisance), nuisance, np.nan, _notes(measured)
-    )
+    return Baseline(dataset, measured, problem, fit, (*keys, *nuisance), nuisance, np.nan)
 
 
 def at_rest(problem: Problem, fit: Fit) -> Fit:

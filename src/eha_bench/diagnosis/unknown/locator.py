@@ -289,35 +289,31 @@ def described(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
         for item in offered
         if item.support > _AS_GOOD * best.support and bool(item.place.sensors) is kind
     ]
+    drive = [item for item in near if item.place.equation == "actuation"]
     own = [item for item in near if item.place.equation == best.place.equation]
-    curves = locator.described(own)
-    if not curves:
-        # both chambers at once have no curve: each of them has
-        curves = locator.described([o for o in offered if o.place.equation == best.place.equation])
-    if best.place.equation == "actuation":
-        machine = locator.described([o for o in near if o.place.equation != "actuation"])
-        if curves and curves[0].share > _TELLING and _is_of_time(machine):
-            # the best that the machine could do instead is what it cannot: follow the time
-            return curves
-        return by_what_it_follows(curves, machine)
-    driven = [item for item in near if item.place.equation == "actuation"]
-    return by_what_it_follows(locator.described(driven), curves)
+    machine = [item for item in near if item not in drive] if best in drive else own
+    # both chambers at once have no curve: each of them has
+    anywhere = [item for item in offered if item.place.equation == best.place.equation]
+    return by_what_it_follows(
+        locator.described(drive),
+        locator.described(machine) or ([] if best in drive else locator.described(anywhere)),
+        best.place,
+    )
 
 
-def _is_of_time(curves: Sequence[Located]) -> bool:
-    return bool(curves) and curves[0].template.variable == "time"
-
-
-def by_what_it_follows(driven: list[Located], machine: list[Located]) -> list[Located]:
+def by_what_it_follows(driven: list[Located], machine: list[Located], best: Place) -> list[Located]:
     """Return the drive's curves where what acts follows time or command, else the machine's.
 
     The torque of motor and pump enter one balance, and no sensor lies between them. Mechanics and
-    oil do not know the time, nor what the drive was asked for; whoever drives them does.
+    oil do not know the time, nor what the drive was asked for; whoever drives them does. So the
+    drive's curve has to explain as much as the machine's; or anything, where the drive is believed
+    and the best that the machine could do instead is what it cannot: follow the time.
     """
     if not driven or not machine:
         return driven or machine
-    follows = driven[0].share > max(_AS_GOOD * machine[0].share, _TELLING)
-    return driven if follows else machine
+    cannot = best.equation == "actuation" and machine[0].template.variable == "time"
+    least = 0.0 if cannot else _AS_GOOD * machine[0].share
+    return driven if driven[0].share > max(least, _TELLING) else machine
 
 
 def believed(offered: Sequence[Offered]) -> Offered:
