@@ -184,6 +184,26 @@ def test_defaults_leave_every_effect_off() -> None:
         assert vector[layout.index[f"{effect.id}.{effect.strength.name}"]] == effect.neutral
 
 
+@pytest.mark.parametrize("plant", ["eha_knee", "linear_drive"])
+def test_sensors_are_ideal_unless_an_effect_acts_on_what_they_read(plant) -> None:
+    """By its chosen equation where one is chosen: a curve in the drive leaves the sensors alone."""
+    layout = get_plant(plant).layout
+    assert layout.sensors_are_ideal(layout.defaults())
+    words = layout.by_key["learned.equation"].choices
+    for place, word in enumerate(words):
+        vector = layout.defaults()
+        vector[layout.index["learned.scale"]] = 1.0
+        vector[layout.index["learned.equation"]] = place
+        assert layout.sensors_are_ideal(vector) == (word != "measurement"), word
+
+
+def test_an_offset_makes_a_sensor_tell_another_value_than_the_state() -> None:
+    layout = get_plant("eha_knee").layout
+    vector = layout.defaults()
+    vector[layout.index["pressure_sensor_offset.offset"]] = 1e5
+    assert not layout.sensors_are_ideal(vector)
+
+
 def test_what_scales_comes_after_what_adds() -> None:
     layout = get_plant("eha_knee").layout
     order = {effect.id: effect.order for effect in layout.effects}

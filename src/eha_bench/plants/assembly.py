@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import PluginError
 from eha_bench.plants import compiled
-from eha_bench.plants.effect import Effect
+from eha_bench.plants.effect import Effect, Equation
 from eha_bench.plants.parameter import Parameter
 
 SENSOR = "measured_"
@@ -136,19 +136,27 @@ class Layout:
         return sum(parameter.size for _, parameter in self.items())
 
     @cached_property
-    def _senses(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Places of the strengths of all effects on what sensors read, and where they are off."""
-        found = [
-            (self.index[f"{effect.id}.{effect.strength.name}"], effect.neutral)
+    def _senses(self) -> tuple[tuple[Effect, ...], NDArray[np.intp], NDArray[np.float64]]:
+        """Effects that may act on what sensors read, places of their strengths, neutral values."""
+        found = tuple(
+            effect
             for effect in self.effects
             if any(hook.startswith(SENSOR) for hook in effect.action(self.plant).hooks)
-        ]
-        return np.array([at for at, _ in found], dtype=np.intp), np.array([off for _, off in found])
+        )
+        places = [self.index[f"{effect.id}.{effect.strength.name}"] for effect in found]
+        return found, np.array(places, dtype=np.intp), np.array([item.neutral for item in found])
 
     def sensors_are_ideal(self, vector: NDArray[np.float64]) -> bool:
         """Whether every sensor reads the state itself with these parameters."""
-        places, neutral = self._senses
-        return bool((vector[places] == neutral).all())
+        effects, places, neutral = self._senses
+        on = np.flatnonzero(vector[places] != neutral)
+        return not any(self._acts_on_a_sensor(effects[k], vector) for k in on)
+
+    def _acts_on_a_sensor(self, effect: Effect, vector: NDArray[np.float64]) -> bool:
+        """Whether an effect is one of measurement, with the choice that decides its equation."""
+        choice = effect.action(self.plant).chosen_by
+        values = {choice: float(vector[self.index[f"{effect.id}.{choice}"]])} if choice else {}
+        return effect.equation(self.plant, values) is Equation.MEASUREMENT
 
     def defaults(self) -> NDArray[np.float64]:
         """Return `P` with the plant's defaults and every effect off."""

@@ -17,6 +17,8 @@ from eha_bench.plants.effect import Effect
 
 FloatArray = NDArray[np.float64]
 
+_FIRST_TICK = "first tick"
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -40,13 +42,23 @@ class Drive:
     bypass_open: bool = False
     first: int = 0
     laid_out: dict[str, object] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """What a plant keeps of the inputs between simulations, by its id."""
+    """What is kept of the inputs between simulations: a plant's by its id, and the first tick."""
 
     def starting(self, initial: Mapping[str, float]) -> Drive:
         """Return the same drive from another first state; what is laid out is shared."""
         other = replace(self, initial=initial)
         object.__setattr__(other, "laid_out", self.laid_out)
         return other
+
+    def first_tick(self, initial: Mapping[str, float]) -> Drive:
+        """Return the drive from another first state, ended at the tick where it starts."""
+        kept = self.laid_out.get(_FIRST_TICK)
+        if not isinstance(kept, Drive):
+            end = self.first + 1
+            inputs = {name: values[:end] for name, values in self.inputs.items()}
+            kept = replace(self, time=self.time[:end], inputs=inputs)
+            self.laid_out[_FIRST_TICK] = kept
+        return kept.starting(initial)
 
 
 class Plant(ABC):

@@ -332,16 +332,7 @@ def start_of(
     initial = {**plant.at_rest(measured), **measured}
     if plant.layout.sensors_are_ideal(vector):
         return initial
-    first = drive.first
-    tick = Drive(
-        drive.time[: first + 1],
-        {name: values[: first + 1] for name, values in drive.inputs.items()},
-        initial,
-        drive.locked,
-        drive.bypass_open,
-        first,
-    )
-    reads = plant.simulate(vector, tick, 1.0)[first]
+    reads = plant.simulate(vector, drive.first_tick(initial), 1.0)[drive.first]
     for at, name in enumerate(plant.outputs):
         if name in measured and name != "current" and np.isfinite(reads[at]):
             initial[name] += measured[name] - reads[at]
