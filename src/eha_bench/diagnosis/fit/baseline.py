@@ -15,6 +15,7 @@ from eha_bench.diagnosis.data.gate import Measured, admit, grouped, pooled_noise
 from eha_bench.diagnosis.data.windows import Window, cut, split
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.odd_runs import notes_of, odd_runs
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.plants.plant import Drive
 
@@ -195,7 +196,7 @@ def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
         with checkpoints(lambda: False):
             reached = _as_far_as(dataset, measured, windows, noise, best[-1])
         raise CalibrationInterrupted(replace(reached, notes=notes)) from stop
-    return replace(found, notes=notes)
+    return replace(found, notes=(*notes, *found.notes))
 
 
 def _calibrated(
@@ -208,24 +209,16 @@ def _calibrated(
 ) -> Baseline:
     """Calibrate; the last of `best` is always the best vector so far."""
     plant = dataset.model.plant
-    vector = dataset.model.vector()
-    keys = tuple(dict.fromkeys(dataset.model.calibrate))
-    rough = Problem(plant, windows, noise, COARSE)
-    progress("calibrate", 0.1)
-    rough.prepare(vector)
-    first = rough.residual(vector)
-    rough.scale_to(first)
-    declared_cost = float(np.sum(first**2))
     layout = plant.layout
-    fit = levenberg_marquardt(
-        rough,
-        vector,
-        free_parameters(layout, keys, vector),
-        iterations=6,
-        refresh=1,
-        watch=best.append,
-    )
-    rough.scale_to(fit.residual)
+    keys = tuple(dict.fromkeys(dataset.model.calibrate))
+    progress("calibrate", 0.1)
+    declared_cost, rough, fit = _roughly(dataset, windows, noise, best)
+    odd = odd_runs(rough, fit.residual)
+    if odd:
+        measured = tuple(item for item in measured if item.run.name not in odd)
+        windows = [window for window in windows if window.measured.run.name not in odd]
+        noise = pooled_noise(measured, plant.outputs)
+        declared_cost, rough, fit = _roughly(dataset, windows, noise, best)
     progress("calibrate", 0.4)
     fit = at_rest(rough, fit)
     best.append(fit.vector)
@@ -247,7 +240,24 @@ def _calibrated(
         (*keys, *nuisance),
         nuisance,
         declared_cost,
+        notes_of(odd),
     )
+
+
+def _roughly(
+    dataset: Dataset, windows: list[Window], noise: dict[str, float], best: list[FloatArray]
+) -> tuple[float, Problem, Fit]:
+    """Return the cost of the declared model, and a first fit from there with its problem."""
+    vector = dataset.model.vector()
+    rough = Problem(dataset.model.plant, windows, noise, COARSE)
+    rough.prepare(vector)
+    first = rough.residual(vector)
+    rough.scale_to(first)
+    keys = tuple(dict.fromkeys(dataset.model.calibrate))
+    free = free_parameters(rough.plant.layout, keys, vector)
+    fit = levenberg_marquardt(rough, vector, free, iterations=6, refresh=1, watch=best.append)
+    rough.scale_to(fit.residual)
+    return float(np.sum(first**2)), rough, fit
 
 
 def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:
