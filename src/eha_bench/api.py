@@ -168,6 +168,8 @@ def diagnose(
     dataset: Dataset | str | Path,
     out: str | Path | None = None,
     progress: Callable[[str, float], None] | None = None,
+    *,
+    workers: str | int | None = None,
 ) -> Diagnosis:
     """Close the loop: residual, cause, revised model, errors before and after.
 
@@ -177,12 +179,16 @@ def diagnose(
         dataset: dataset.yaml, or as loaded.
         out: folder that gets diagnosis.html, diagnosis.json, revised.yaml and recalibrated.yaml.
         progress: called with the stage and the fraction of it done.
+        workers: number of processes, dask://host:port or ray://host:port, to fit candidates on;
+            threads of this process if None. The result is the same.
 
     Raises:
         InputError: a file is wrong or missing, or nothing can be compared.
+        WorkError: a worker could not do what it was given.
     """
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
-    found = close_the_loop(loaded, out, progress or (lambda _stage, _fraction: None))
+    tell = progress or (lambda _stage, _fraction: None)
+    found = close_the_loop(loaded, out, tell, workers_from(workers))
     if out is not None:
         source = Path(loaded.source)
         name = f"{source.resolve().parent.name}/{source.name}" if loaded.source else "dataset"

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from poison import fails_on_three, kills_on_three, kills_once, slow_square, square
+from poison import Shared, fails_on_three, kills_on_three, kills_once, slow_square, square
 
 from eha_bench.core.errors import InputError
 from eha_bench.core.workers import (
@@ -40,6 +40,13 @@ def test_an_error_costs_its_own_item_only(workers: Workers) -> None:
     assert "fails_on_three" in found[3].error.trace
     with pytest.raises(WorkError, match="three is no good"):
         workers.map(fails_on_three, range(6))
+
+
+def test_what_all_items_share_is_sent_to_each_worker_once(tmp_path: Path) -> None:
+    told = tmp_path / "arrivals"
+    assert Processes(2).map(Shared(str(told)), ITEMS) == [x * x for x in ITEMS]
+    places = told.read_text().split()
+    assert 1 <= len(places) == len(set(places)) <= 2
 
 
 def test_what_a_dead_worker_was_doing_is_done_again(tmp_path: Path) -> None:

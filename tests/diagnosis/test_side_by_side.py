@@ -1,4 +1,4 @@
-"""What is done side by side is done as by one, is counted, and can be interrupted."""
+"""What is done side by side, here or by workers, is done as by one, counted, and interrupted."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ import threading
 import pytest
 
 from eha_bench.core.interruption import checkpoint, checkpoints
+from eha_bench.core.workers import Here, Processes, WorkError, Workers
 from eha_bench.diagnosis.fit import side_by_side as module
 from eha_bench.diagnosis.fit.effort import counted, simulated
-from eha_bench.diagnosis.fit.side_by_side import is_one_of_several, side_by_side
+from eha_bench.diagnosis.fit.side_by_side import fits_by, is_one_of_several, side_by_side
+
+EVERYWHERE = pytest.mark.parametrize("workers", [Here(), Processes(2)], ids=["here", "processes"])
 
 
 @pytest.fixture(autouse=True)
@@ -17,9 +20,13 @@ def _two_processors(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "PROCESSORS", 2)
 
 
-def test_values_come_in_the_order_of_the_items() -> None:
-    assert side_by_side(lambda k: k * k, range(20)) == [k * k for k in range(20)]
-    assert side_by_side(lambda k: k, []) == []
+@EVERYWHERE
+def test_values_come_in_the_order_of_the_items(workers: Workers) -> None:
+    with fits_by(workers):
+        assert side_by_side(lambda k: k * k, range(20)) == [k * k for k in range(20)]
+        assert side_by_side(lambda k: k, []) == []
+        assert all(side_by_side(lambda _: is_one_of_several(), range(4)))
+    assert not is_one_of_several()
 
 
 def test_items_run_at_the_same_time_each_on_one_thread() -> None:
@@ -33,22 +40,25 @@ def test_items_run_at_the_same_time_each_on_one_thread() -> None:
     assert not is_one_of_several()
 
 
-def test_what_is_simulated_there_is_counted_here() -> None:
-    with counted() as spent:
+@EVERYWHERE
+def test_what_is_simulated_there_is_counted_here(workers: Workers) -> None:
+    with counted() as spent, fits_by(workers):
         side_by_side(lambda k: simulated(float(k)), range(5))
     assert sum(spent) == 10.0
 
 
-def test_a_stop_that_is_asked_for_here_stops_there() -> None:
-    with checkpoints(lambda: True), pytest.raises(KeyboardInterrupt):
+@EVERYWHERE
+def test_a_stop_that_is_asked_for_here_stops_there(workers: Workers) -> None:
+    with fits_by(workers), checkpoints(lambda: True), pytest.raises(KeyboardInterrupt):
         side_by_side(lambda _: checkpoint(), range(4))
 
 
-def test_an_error_is_raised_here() -> None:
+@EVERYWHERE
+def test_an_error_is_raised_here(workers: Workers) -> None:
     def fails(k: int) -> int:
         if k == 3:
             raise ValueError("three")
         return k
 
-    with pytest.raises(ValueError, match="three"):
+    with fits_by(workers), pytest.raises((ValueError, WorkError), match="three"):
         side_by_side(fails, range(6))

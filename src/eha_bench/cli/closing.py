@@ -61,13 +61,21 @@ def calibrate(
 def diagnose(
     dataset: Dataset,
     out: Annotated[Path, typer.Option("--out", help="Folder for the page and the models.")],
+    workers: Annotated[
+        str,
+        typer.Option(
+            "--workers",
+            help="Fit candidates on so many processes, or on dask://host:port or ray://host:port "
+            "(default: threads).",
+        ),
+    ] = "",
     json: Json = False,
 ) -> None:
     """Close the loop: residual, cause, revised model, error before and after."""
     from eha_bench.api import diagnose as close
 
     with TerminalProgress() as bar:
-        found = close(dataset, out, _stages(bar))
+        found = close(dataset, out, _stages(bar), workers=workers)
     for note in found.notes:
         say(note)
     _say_verdict(found)

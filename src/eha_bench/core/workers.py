@@ -13,11 +13,12 @@ import re
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 from eha_bench.core.errors import EhaBenchError, InputError
+from eha_bench.core.packed import Packed, packed
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
@@ -64,16 +65,16 @@ class Outcome(Generic[Value]):
 class Workers(ABC):
     """Somewhere to run a function on many items."""
 
-    @abstractmethod
-    def _backend(self) -> AbstractContextManager[object]:
-        """Enter joblib's backend."""
-
     @property
     @abstractmethod
     def count(self) -> int:
         """How many items run at a time."""
 
-    _returns_one_by_one: ClassVar[bool] = True
+    @abstractmethod
+    def _each(
+        self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
+    ) -> Iterator[Outcome[Value]]:
+        """Yield outcomes as they come; the error of a worker that died ends it."""
 
     def outcomes(
         self, function: Callable[[Item], Value], items: Sequence[Item]
@@ -81,7 +82,7 @@ class Workers(ABC):
         """Yield the outcome of each item as it comes, in any order; every item comes once.
 
         Args:
-            function: of one item; what it needs is pickled with it, so name a module's function.
+            function: of one item; what it holds is pickled once and sent once to every worker.
             items: what to do, each picklable.
         """
         waiting = dict(enumerate(items))
@@ -129,26 +130,13 @@ class Workers(ABC):
         """
         return [outcome.get() for outcome in list(self.ordered(function, items))]
 
-    def _each(
-        self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
-    ) -> Iterator[Outcome[Value]]:
-        from joblib import Parallel, delayed
 
-        calls = (delayed(_done)(function, index, item) for index, item in numbered)
-        with self._backend():
-            if not self._returns_one_by_one:
-                yield from Parallel()(calls)
-                return
-            # one item a batch, and few ahead: what dies takes little with it
-            yield from Parallel(
-                return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
-            )(calls)
-
-
-def _done(function: Callable[[Item], Value], index: int, item: Item) -> Outcome[Value]:
+def _done(
+    function: Callable[[], Callable[[Item], Value]], index: int, item: Item
+) -> Outcome[Value]:
     """Return an item's outcome; errors travel as text, as not all of them can be pickled."""
     try:
-        return Outcome(index, function(item))
+        return Outcome(index, function()(item))
     except EhaBenchError as error:
         return Outcome(index, error=WorkError(str(error), status=error.exit_status))
     except Exception as error:
@@ -176,18 +164,52 @@ class Here(Workers):
         """One."""
         return 1
 
-    def _backend(self) -> AbstractContextManager[object]:
-        return nullcontext()
-
     def _each(
         self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
     ) -> Iterator[Outcome[Value]]:
         for index, item in numbered:
-            yield _done(function, index, item)
+            yield _done(lambda: function, index, item)
+
+
+class Sent(Protocol):
+    """What stands for a function where it was sent to."""
+
+    def unpacked(self) -> Callable[[Any], Any]:
+        """Return the function."""
+        ...
+
+
+class _Joblib(Workers):
+    """Other processes, by one of joblib's backends."""
+
+    _returns_one_by_one: ClassVar[bool] = True
+
+    @abstractmethod
+    def _backend(self, function: Packed) -> AbstractContextManager[Sent]:
+        """Enter the backend, and send there what all items share."""
+
+    def _each(
+        self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
+    ) -> Iterator[Outcome[Value]]:
+        from joblib import Parallel, delayed
+
+        with self._backend(packed(function)) as sent:
+            calls = (delayed(_done_there)(sent, index, item) for index, item in numbered)
+            if not self._returns_one_by_one:
+                yield from Parallel()(calls)
+                return
+            # one item a batch, and few ahead: what dies takes little with it
+            yield from Parallel(
+                return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
+            )(calls)
+
+
+def _done_there(function: Sent, index: int, item: Item) -> Outcome[Any]:
+    return _done(function.unpacked, index, item)
 
 
 @dataclass(frozen=True)
-class Processes(Workers):
+class Processes(_Joblib):
     """Processes on this machine."""
 
     processes: int
@@ -197,14 +219,14 @@ class Processes(Workers):
         """The processes."""
         return self.processes
 
-    def _backend(self) -> AbstractContextManager[object]:
+    @contextmanager
+    def _backend(self, function: Packed) -> Iterator[Sent]:
         from joblib import parallel_config
 
         # never one: joblib would run it in this process, which a bad item could take down
-        context: AbstractContextManager[object] = parallel_config(
-            backend="loky", n_jobs=max(2, self.processes), inner_max_num_threads=1
-        )
-        return context
+        count = max(2, self.processes)
+        with parallel_config(backend="loky", n_jobs=count, inner_max_num_threads=1):
+            yield function
 
 
 _CLIENTS: dict[str, Any] = {}
@@ -213,7 +235,7 @@ _PATIENCE = 10.0
 
 
 @dataclass(frozen=True)
-class DaskCluster(Workers):
+class DaskCluster(_Joblib):
     """Workers of a Dask cluster; its scheduler tries what a dead worker did on another one."""
 
     address: str
@@ -244,17 +266,17 @@ class DaskCluster(Workers):
             ) from error
         return _CLIENTS[self.address]
 
-    def _backend(self) -> AbstractContextManager[object]:
+    @contextmanager
+    def _backend(self, function: Packed) -> Iterator[Sent]:
         from joblib import parallel_config
 
-        context: AbstractContextManager[object] = parallel_config(
-            backend="dask", client=self._client(), n_jobs=-1
-        )
-        return context
+        # to all workers: one that dies does not take the only copy with it
+        with parallel_config(backend="dask", client=self._client(), n_jobs=-1, scatter=[function]):
+            yield function
 
 
 @dataclass(frozen=True)
-class RayCluster(Workers):
+class RayCluster(_Joblib):
     """Workers of a Ray cluster."""
 
     address: str
@@ -282,12 +304,27 @@ class RayCluster(Workers):
                 raise InputError(f"no Ray cluster answers at {self.address} ({reason})") from error
         register_ray()
 
-    def _backend(self) -> AbstractContextManager[object]:
+    @contextmanager
+    def _backend(self, function: Packed) -> Iterator[Sent]:
         self._connect()
+        import ray
         from joblib import parallel_config
 
-        context: AbstractContextManager[object] = parallel_config(backend="ray", n_jobs=-1)
-        return context
+        with parallel_config(backend="ray", n_jobs=-1):
+            yield _InRay(ray.put(function))
+
+
+@dataclass(frozen=True)
+class _InRay:
+    """A function in Ray's store, of which each machine keeps a copy."""
+
+    reference: Any
+
+    def unpacked(self) -> Callable[[Any], Any]:
+        import ray
+
+        function: Packed = ray.get(self.reference)
+        return function.unpacked()
 
 
 _CLUSTER = re.compile(r"(dask|ray)://([^/\s]+:\d+)/?")

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption, checkpoints
+from eha_bench.core.workers import Here, Workers
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.fit.baseline import (
     COARSE,
@@ -28,6 +28,7 @@ from eha_bench.diagnosis.fit.baseline import (
 from eha_bench.diagnosis.fit.effort import counted
 from eha_bench.diagnosis.fit.evidence import groups_of
 from eha_bench.diagnosis.fit.finish import finished
+from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
 from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates, undetermined
 from eha_bench.diagnosis.outcome.decide import Decision, decide
 from eha_bench.diagnosis.outcome.diagnosis import (
@@ -58,6 +59,7 @@ FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 _NOTHING = 5.0
+_HERE = Here()
 
 
 @dataclass(frozen=True)
@@ -99,16 +101,6 @@ class Calibration:
         write_text(folder / "calibration.json", text + "\n")
 
 
-def _one_thread_each() -> AbstractContextManager[object]:
-    """Keep the linear algebra to one thread.
-
-    Fits run side by side on threads of their own: more would be in their way, and sum in another
-    order on another machine.
-    """
-    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
-    return limits
-
-
 def calibrate(
     dataset: Dataset | str | Path, out: str | Path | None = None, progress: Progress = no_progress
 ) -> Calibration:
@@ -132,7 +124,7 @@ def calibrate(
             hint="diagnose fits its parameters under `calibrate` with every candidate",
         )
     complete = True
-    with _one_thread_each(), Interruption() as asked:
+    with one_thread_of_algebra(), Interruption() as asked:
         try:
             with checkpoints(asked):
                 base = calibrated(loaded, progress)
@@ -160,7 +152,10 @@ def calibrate(
 
 
 def diagnose(
-    dataset: Dataset | str | Path, out: str | Path | None = None, progress: Progress = no_progress
+    dataset: Dataset | str | Path,
+    out: str | Path | None = None,
+    progress: Progress = no_progress,
+    workers: Workers = _HERE,
 ) -> Diagnosis:
     """Close the loop: residual, cause, revised model, errors before and after.
 
@@ -171,9 +166,11 @@ def diagnose(
         dataset: dataset.yaml, or as loaded.
         out: folder that gets diagnosis.json, revised.yaml and recalibrated.yaml.
         progress: called with the stage and the fraction of it done.
+        workers: do the fits that are independent; this process does so on threads.
 
     Raises:
         InputError: a file is wrong or missing, or nothing can be compared.
+        WorkError: a worker could not do what it was given.
     """
     started = time.perf_counter()
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
@@ -182,8 +179,9 @@ def diagnose(
         if out is not None:
             found.write(Path(out))
         return found
-    with _one_thread_each(), Interruption() as asked, counted() as spent:
-        base, search, decision, complete = _searched(loaded, asked, progress)
+    with one_thread_of_algebra(), Interruption() as asked, counted() as spent:
+        with fits_by(workers):
+            base, search, decision, complete = _searched(loaded, asked, progress)
         found = assemble(loaded, base, search, decision)
         vectors = (search.base.vector, found.revised.vector())
         try:
@@ -195,7 +193,8 @@ def diagnose(
         found,
         complete=complete,
         seconds=time.perf_counter() - started,
-        simulations=sum(spent) / sum(float(item.time[-1]) for item in base.measured),
+        # exactly, as threads end in any order
+        simulations=math.fsum(spent) / sum(float(item.time[-1]) for item in base.measured),
     )
     if out is not None:
         found.write(Path(out))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -72,6 +72,10 @@ class Plant(ABC):
     """Names that `Drive.initial` may give."""
 
     layout: Layout
+
+    def __reduce__(self) -> tuple[Callable[[str], Plant], tuple[str]]:
+        """Travel to other processes by name: each compiles, or loads, a kernel of its own."""
+        return get_plant, (self.id,)
 
     @abstractmethod
     def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:

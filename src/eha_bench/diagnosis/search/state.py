@@ -89,6 +89,10 @@ class Search:
     looked_from: Fit | None = None
     exchanged_from: Fit | None = None
 
+    def __getstate__(self) -> dict[str, object]:
+        """Leave at home what was tried before: a fit elsewhere begins from where the search is."""
+        return {**self.__dict__, "looks": [], "ranking": []}
+
     def snapshot(self) -> Search:
         """Return a copy that later additions leave as it is."""
         return replace(self, accepted=list(self.accepted))
