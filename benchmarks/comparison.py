@@ -1,7 +1,7 @@
 """How often comparisons and histories say something false, and how often they find what is there.
 
     python -m benchmarks.comparison [--pairs 500] [--histories 300] [--quick]
-        [--only PART] [--json FILE]
+        [--only PART] [--workers N] [--json FILE]
 
 The repeats come from the simulator with its sensor noise, run once and drawn from without
 replacement: two draws never share a run. Further noises are drawn from distributions.
@@ -35,6 +35,7 @@ from eha_bench.comparison.side import Side
 from eha_bench.comparison.verdict import Verdict
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
+from eha_bench.core.workers import workers_from
 
 SUITE = """\
 name: noise
@@ -303,8 +304,12 @@ def main() -> int:
         metavar="PART",
         help="null, slower, ab, looks, planned, flat, changed or building",
     )
+    parser.add_argument(
+        "--workers", default="", help="of histories: processes, dask://host:port, ray://host:port"
+    )
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
+    workers = workers_from(chosen.workers)
     pairs, histories = (12, 5) if chosen.quick else (chosen.pairs, chosen.histories)
     whole = cache(lambda: pool(24 if chosen.quick else 60))
     nights = (100, 20) if chosen.quick else (1000, 100)
@@ -314,8 +319,8 @@ def main() -> int:
         "ab": lambda: interleaved(whole(), max(1, pairs // 8)),
         "looks": lambda: looked_at(max(1, pairs * 4 // 5)),
         "planned": lambda: planned(max(1, pairs // 2)),
-        "flat": lambda: flat_histories(histories),
-        "changed": lambda: changed_histories(histories),
+        "flat": lambda: flat_histories(histories, workers),
+        "changed": lambda: changed_histories(histories, workers),
         "building": lambda: building(*nights),
     }
     names = chosen.only or list(sections)

@@ -15,11 +15,13 @@ from benchmarks.line import Line, rate
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from eha_bench.core.workers import Here, Workers
 from eha_bench.trends.trend import judge
 
 FloatArray = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], FloatArray]
 
+_HERE = Here()
 METRICS = 20
 LONGEST = 60
 """Nights after which a drift that was put in ends, if the history does not end before."""
@@ -49,7 +51,7 @@ NOISES: dict[str, Draw] = {
 }
 
 
-def flat_histories(dashboards: int) -> Iterator[Line]:
+def flat_histories(dashboards: int, workers: Workers = _HERE) -> Iterator[Line]:
     """Histories that nothing happened in, 20 of them watched together on a dashboard.
 
     A history is one metric over all its nights. It is false where it shows any change, or where its
@@ -57,43 +59,59 @@ def flat_histories(dashboards: int) -> Iterator[Line]:
 
     Args:
         dashboards: of normal noise in 60 nights; fewer of a year, and of each other noise.
+        workers: where they are drawn and judged.
     """
-    for noise, draw in NOISES.items():
+    tasks = []
+    for noise in NOISES:
         for count in (60, 365):
             tried = dashboards if (noise, count) == ("normal", 60) else dashboards // 5
             tried = max(1, dashboards // 3 if (noise, count) == ("normal", 365) else tried)
-            rng = np.random.default_rng(count)
-            found: list[tuple[bool, bool]] = []
-            for _ in range(tried * METRICS):
-                values = 100.0 + draw(rng, count)
-                course, _, _, state = judge(values, family=METRICS, margin=0.05, scored=True)
-                found.append((bool(course.changes), state.drifted))
-            each = np.array(found).reshape(tried, METRICS, 2)
-            false = each[..., 0] | each[..., 1]
-            what = f"flat history, {noise}, {count} nights"
-            line = rate(what, false.ravel().tolist(), most=0.02)
-            yield replace(
-                line,
-                also=f"by changes {each[..., 0].mean():.2%}, by the newest night alone "
-                f"{(each[..., 1] & ~each[..., 0]).mean():.2%}; of {tried} dashboards of {METRICS} "
-                f"{np.mean(false.any(axis=1)):.1%}",
-            )
+            tasks.append((noise, count, tried))
+    for outcome in workers.ordered(_flat, tasks):
+        yield outcome.get()
 
 
-def changed_histories(histories: int) -> Iterator[Line]:
-    """Histories of one metric among 20, changed at a random night."""
+def _flat(task: tuple[str, int, int]) -> Line:
+    noise, count, tried = task
+    rng = np.random.default_rng(count)
+    found: list[tuple[bool, bool]] = []
+    for _ in range(tried * METRICS):
+        values = 100.0 + NOISES[noise](rng, count)
+        course, _, _, state = judge(values, family=METRICS, margin=0.05, scored=True)
+        found.append((bool(course.changes), state.drifted))
+    each = np.array(found).reshape(tried, METRICS, 2)
+    false = each[..., 0] | each[..., 1]
+    what = f"flat history, {noise}, {count} nights"
+    line = rate(what, false.ravel().tolist(), most=0.02)
+    return replace(
+        line,
+        also=f"by changes {each[..., 0].mean():.2%}, by the newest night alone "
+        f"{(each[..., 1] & ~each[..., 0]).mean():.2%}; of {tried} dashboards of {METRICS} "
+        f"{np.mean(false.any(axis=1)):.1%}",
+    )
+
+
+def changed_histories(histories: int, workers: Workers = _HERE) -> Iterator[Line]:
+    """Histories of one metric among 20, changed at a random night.
+
+    Args:
+        histories: of each kind of change and noise. workers: where they are drawn and judged.
+    """
     steps = [("step", size, count) for size, count in ((2.0, 365), (3.0, 365), (3.0, 60))]
     drifts = [("drift a night", size, 365) for size in (0.1, 0.15, 0.2, 0.3)]
     drifts += [("drift a night", 0.3, 60), ("drift a night", 0.5, 60)]
-    for noise in ("normal", "Student's t, 3 degrees", "Laplace", "neighbours alike by 0.3"):
-        for kind, size, count in [*steps, *drifts]:
-            possible = best_possible(kind, size, count, 500) if noise == "normal" else 1.0
-            yield _changed(noise, kind, size, count, histories, possible)
+    tasks = [
+        (noise, kind, size, count, histories)
+        for noise in ("normal", "Student's t, 3 degrees", "Laplace", "neighbours alike by 0.3")
+        for kind, size, count in [*steps, *drifts]
+    ]
+    for outcome in workers.ordered(_changed, tasks):
+        yield outcome.get()
 
 
-def _changed(
-    noise: str, kind: str, size: float, count: int, histories: int, possible: float
-) -> Line:
+def _changed(task: tuple[str, str, float, int, int]) -> Line:
+    noise, kind, size, count, histories = task
+    possible = best_possible(kind, size, count, 500) if noise == "normal" else 1.0
     rng = np.random.default_rng(count)
     near, held, nights, anything, extra = [], [], [], [], []
     for _ in range(histories):

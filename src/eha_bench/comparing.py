@@ -19,6 +19,7 @@ from eha_bench.comparison.verdict import Verdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError
 from eha_bench.core.result import Result, Status
+from eha_bench.core.workers import workers_from
 from eha_bench.report import append_step_summary
 from eha_bench.report.comparison_markdown import comparison_markdown
 from eha_bench.report.comparison_report import write_comparison
@@ -94,20 +95,28 @@ def run_trials(
     return result
 
 
-def history(folder: str | Path, out: str | Path | None = None, *, rebuild: bool = False) -> History:
+def history(
+    folder: str | Path,
+    out: str | Path | None = None,
+    *,
+    rebuild: bool = False,
+    workers: str | int | None = None,
+) -> History:
     """Follow every metric over many results; write a static site, history.json and an index.
 
     Args:
         folder: every result.json below it is a run.
         out: folder of the site; `<folder>/history` if None.
         rebuild: make the index anew from the results that are there.
+        workers: number of processes, dask://host:port or ray://host:port, that judge the metrics.
 
     Raises:
         InputError: there is no result.
     """
     watched = Path(folder)
     site = Path(out) if out is not None else watched / "history"
-    found = history_of(update(site / "index.sqlite", watched, rebuild=rebuild), str(folder))
+    index = update(site / "index.sqlite", watched, rebuild=rebuild)
+    found = history_of(index, str(folder), workers_from(workers))
     found.write(site / "history.json")
     write_site(site, found, watched)
     return found
@@ -131,6 +140,7 @@ def ab(
     seed: int = 0,
     warm_up: int = 1,
     resume: bool = False,
+    workers: str | int | None = None,
     progress: Progress = silent,
 ) -> AbResult:
     """Run a suite on two targets in turn (A B B A), and compare B with A.
@@ -145,6 +155,7 @@ def ab(
         seed: of the order.
         warm_up: passes through the suite that are not scored.
         resume: go on with an earlier, interrupted run.
+        workers: number of processes, dask://host:port or ray://host:port, for simulated targets.
         progress: told at the start of every run.
 
     Raises:
@@ -168,7 +179,8 @@ def ab(
 
     run = run_interleaved(
         loaded, openers, folder, plan,
-        decided=decided, warm_up=warm_up, resume=resume, progress=progress,
+        decided=decided, warm_up=warm_up, resume=resume, workers=workers_from(workers),
+        progress=progress,
     )  # fmt: skip
     trials = {trial.id: trial for trial in loaded.trials}
     for side, result in run.results.items():

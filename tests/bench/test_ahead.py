@@ -1,5 +1,6 @@
 """Trials run ahead by workers are the trials of one process."""
 
+import json
 import pickle
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 import eha_bench
-from eha_bench.bench.ahead import Ahead
+from eha_bench.bench.ahead import Ahead, Coming
 from eha_bench.core.errors import InputError
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import Here
@@ -42,7 +43,7 @@ def test_what_comes_ahead_is_what_a_run_gives(suite: Path) -> None:
     target = open_target("simulator")
     jobs = [(trial, n) for trial in load_suite(suite).trials for n in range(trial.repeats)]
     away = pickle.loads(pickle.dumps(target))
-    with Ahead(target, jobs, Here()) as ahead:
+    with Ahead(target, Coming([(target, *job) for job in jobs], Here())) as ahead:
         found = [ahead.run(*job) for job in jobs]
         again = ahead.run(*jobs[1])  # out of turn
     assert ahead.identity == target.identity == away.identity
@@ -70,8 +71,9 @@ class Drive(Target):
 
 
 def test_a_drive_is_not_run_by_several(suite: Path) -> None:
+    jobs = [(Drive(), load_suite(suite).trials[0], 0)]
     with pytest.raises(InputError, match="can:drive runs one trial at a time; leave out --workers"):
-        Ahead(Drive(), [], Here())
+        Coming(jobs, Here())
 
 
 @pytest.mark.slow
@@ -83,3 +85,15 @@ def test_a_suite_on_processes_scores_the_same(suite: Path, tmp_path: Path) -> No
         first, second = (eha_bench.read(tmp_path / n / item.recording) for n in ("one", "two"))
         for name in first:
             np.testing.assert_array_equal(first[name], second[name])
+
+
+@pytest.mark.slow
+def test_pairs_on_processes_are_those_of_one(suite: Path, tmp_path: Path) -> None:
+    model = tmp_path / "stiff.yaml"
+    model.write_text("model: eha_knee\nparameters: {bulk_modulus: 1.2 GPa}\n")
+    found = []
+    for name, workers in (("one", None), ("two", 2)):
+        done = eha_bench.ab(suite, "simulator", model, tmp_path / name, repeats=8, workers=workers)
+        assert done.comparison is not None
+        found.append((done.run.pairs, json.loads(done.comparison.to_json())["metrics"]))
+    assert found[0] == found[1]

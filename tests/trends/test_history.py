@@ -48,6 +48,14 @@ def test_a_history_is_a_site_with_links_to_every_report(tmp_path: Path) -> None:
     assert f"trends/{page.name}" in (site / "index.html").read_text(encoding="utf-8")
 
 
+def test_metrics_judged_by_workers_are_judged_the_same(tmp_path: Path) -> None:
+    for name, shift in (("night", 0.0), ("day", 0.3)):
+        nights(tmp_path, [*steady(), 1.0 + shift], target=name)
+    here, there = eb.history(tmp_path), eb.history(tmp_path, workers=2)
+    assert len(here.trends) == 2
+    assert here.to_json() == there.to_json()
+
+
 def test_the_newest_night_out_of_its_limits_is_exit_status_1(tmp_path: Path) -> None:
     nights(tmp_path, [*steady(), 1.3])
     found = eb.history(tmp_path)

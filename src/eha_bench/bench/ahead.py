@@ -1,42 +1,71 @@
-"""A target that runs its trials ahead, several at a time: simulations wait for nothing."""
+"""Targets that run their trials ahead, several at a time: simulations wait for nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from types import TracebackType
 from typing import Self
 
 from eha_bench.core.errors import InputError
 from eha_bench.core.trial import Trial
+from eha_bench.core.workers import Here, Workers
 from eha_bench.core.workers import Outcome as Done
-from eha_bench.core.workers import Workers
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
 
-Job = tuple[Trial, int]
+Job = tuple[Target, Trial, int]
 
 
-class Ahead(Target):
-    """The outcomes of known jobs in their order, computed by workers while others are scored.
+class Coming:
+    """The outcomes of known jobs in their order, computed by workers while others are scored."""
 
-    A job that comes out of turn (a retry) is run here.
-    """
-
-    def __init__(self, target: Target, jobs: Sequence[Job], workers: Workers) -> None:
+    def __init__(self, jobs: Sequence[Job], workers: Workers) -> None:
         """Prepare; nothing runs before the first outcome is asked for.
 
         Raises:
-            InputError: the target can run one trial at a time only.
+            InputError: a target can run one trial at a time only.
         """
-        if not target.concurrent:
-            raise InputError(
-                f"{target.identity.name} runs one trial at a time", hint="leave out --workers"
-            )
-        self._target = target
-        self._expected = [(trial.id, repeat) for trial, repeat in jobs]
-        self._jobs = [(target, trial, repeat) for trial, repeat in jobs]
+        for target in {id(target): target for target, _, _ in jobs}.values():
+            if not target.concurrent:
+                raise InputError(
+                    f"{target.identity.name} runs one trial at a time", hint="leave out --workers"
+                )
+        self._jobs = list(jobs)
         self._workers = workers
-        self._coming: Iterator[Done[Outcome]] | None = None
+        self._outcomes: Iterator[Done[Outcome]] | None = None
+
+    def starts_with(self, target: Target, trial: Trial, repeat: int) -> bool:
+        """Whether this job is the next one."""
+        if not self._jobs:
+            return False
+        own, first, number = self._jobs[0]
+        asked = (trial.id, trial.seed, repeat)
+        return own is target and (first.id, first.seed, number) == asked
+
+    def take(self) -> Outcome:
+        """Return the outcome of the next job, which may be there already.
+
+        Raises:
+            WorkError: it could not be run anywhere.
+        """
+        if self._outcomes is None:
+            self._outcomes = self._workers.ordered(_run, list(self._jobs))
+        self._jobs.pop(0)
+        return next(self._outcomes).get()
+
+    def close(self) -> None:
+        """Drop what is still running."""
+        if self._outcomes is not None:
+            with closing(self._outcomes):  # type: ignore[type-var]  # it is a generator
+                pass
+
+
+class Ahead(Target):
+    """A target whose outcomes are those that come; a job out of turn (a retry) is run here."""
+
+    def __init__(self, target: Target, coming: Coming) -> None:
+        self._target = target
+        self._coming = coming
 
     @property
     def identity(self) -> Identity:
@@ -48,17 +77,14 @@ class Ahead(Target):
         self._target.check(trial)
 
     def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
-        """Return the outcome of the next job, which may be there already.
+        """Return the outcome of a job.
 
         Raises:
             WorkError: it could not be run anywhere.
         """
-        if not self._expected or self._expected[0] != (trial.id, repeat):
-            return self._target.run(trial, repeat, stopping)
-        self._expected.pop(0)
-        if self._coming is None:
-            self._coming = self._workers.ordered(_run, self._jobs)
-        return next(self._coming).get()
+        if self._coming.starts_with(self._target, trial, repeat):
+            return self._coming.take()
+        return self._target.run(trial, repeat, stopping)
 
     def __enter__(self) -> Self:
         """Take hold of the target."""
@@ -71,13 +97,24 @@ class Ahead(Target):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Drop what is still running, and leave the target."""
-        if self._coming is not None:
-            with closing(self._coming):  # type: ignore[type-var]  # it is a generator
-                pass
+        """Leave the target."""
         self._target.__exit__(kind, error, trace)
 
 
-def _run(job: tuple[Target, Trial, int]) -> Outcome:
+@contextmanager
+def ahead(jobs: Sequence[Job], workers: Workers) -> Iterator[Callable[[Target], Target]]:
+    """Give what turns a target of the jobs into one that runs them ahead; with `Here`, none does.
+
+    Raises:
+        InputError: a target can run one trial at a time only.
+    """
+    if workers == Here():
+        yield lambda target: target
+        return
+    with closing(Coming(jobs, workers)) as coming:
+        yield lambda target: Ahead(target, coming)
+
+
+def _run(job: Job) -> Outcome:
     target, trial, repeat = job
     return target.run(trial, repeat)

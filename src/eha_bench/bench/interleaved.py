@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from eha_bench.bench.ahead import Job, ahead
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.core.atomic_file import write_text
@@ -19,6 +21,7 @@ from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.trial import Trial
+from eha_bench.core.workers import Here, Workers
 from eha_bench.suites import Suite
 from eha_bench.targets.target import Target
 
@@ -26,6 +29,7 @@ SCHEMA_VERSION: Final = 1
 PLAN_NAME: Final = "ab.json"
 SIDES: Final = ("a", "b")
 _WARM_UP: Final = "warm-up"
+_HERE: Final = Here()
 
 Opener = Callable[[], Target]
 Decided = Callable[[dict[str, Result]], bool]
@@ -93,6 +97,7 @@ def run_interleaved(
     decided: Decided,
     warm_up: int = 1,
     resume: bool = False,
+    workers: Workers = _HERE,
     progress: Progress = silent,
 ) -> Interleaved:
     """Run every trial on both targets, pair by pair, until nothing is left to decide.
@@ -105,6 +110,8 @@ def run_interleaved(
         decided: asked after every pair whether to stop.
         warm_up: passes through the suite, the targets taking turns, that are not scored.
         resume: go on with an earlier, interrupted run of the same plan.
+        workers: simulate runs ahead, several at a time, to the same results; those beyond the last
+            pair that was needed are dropped.
         progress: told at the start of every run.
 
     Raises:
@@ -116,7 +123,7 @@ def run_interleaved(
     ended, pairs, enough = Status.PASSED, 0, False
     warm = warm_up <= 0
     total = plan.repeats * len(suite.trials) * 2
-    with Interruption() as interrupted:
+    with _ahead(suite, openers, out, plan, workers) as opened, Interruption() as interrupted:
         for number, order in enumerate(plan.order()):
             for trial, side in ((trial, side) for trial in suite.trials for side in order):
                 folder = out / side / _name(number, trial)
@@ -126,9 +133,8 @@ def run_interleaved(
                     if ended in (Status.FAULT, Status.INCOMPLETE):
                         break
                 progress(sum(map(len, done.values())), total, f"{side.upper()}: {trial.id}")
-                # a new seed a pair, the same for both: they meet the same noise
-                single = replace(trial, repeats=1, seed=trial.seed + number)
-                result = run_suite(_only(suite, single), openers[side](), folder, resume=True)
+                single = _single(trial, number)
+                result = run_suite(_only(suite, single), opened[side](), folder, resume=True)
                 about[side] = result
                 done[side] += [_moved(run, number, folder.name) for run in result.trials]
                 if result.status in (Status.FAULT, Status.INCOMPLETE) or interrupted():
@@ -165,7 +171,7 @@ def _prepare(out: Path, plan: Plan, *, resume: bool) -> None:
         )
     if resume and file.is_file():
         found: Any = None
-        with contextlib.suppress(ValueError):
+        with suppress(ValueError):
             found = json.loads(file.read_text(encoding="utf-8"))
         if found != json.loads(plan.to_json()):
             raise InputError(
@@ -197,6 +203,35 @@ def _warm_up(
         if status in (Status.FAULT, Status.INCOMPLETE):
             break
     return status
+
+
+@contextmanager
+def _ahead(
+    suite: Suite, openers: Mapping[str, Opener], out: Path, plan: Plan, workers: Workers
+) -> Iterator[Mapping[str, Opener]]:
+    """Give openers of targets that workers run ahead, all that is not finished; or those there are.
+
+    Raises:
+        InputError: a target can run one trial at a time only.
+    """
+    if workers == Here():
+        yield openers
+        return
+    targets = {side: openers[side]() for side in SIDES}
+    jobs: list[Job] = [
+        (targets[side], _single(trial, number), 0)
+        for number, order in enumerate(plan.order())
+        for trial in suite.trials
+        for side in order
+        if not _finished(out / side / _name(number, trial))
+    ]
+    with ahead(jobs, workers) as turned:
+        yield {side: partial(turned, target) for side, target in targets.items()}
+
+
+def _single(trial: Trial, number: int) -> Trial:
+    """Return a trial as it is run in a pair: with a new seed, the same for both sides' noise."""
+    return replace(trial, repeats=1, seed=trial.seed + number)
 
 
 def _only(suite: Suite, trial: Trial) -> Suite:

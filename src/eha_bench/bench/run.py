@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eha_bench.bench.ahead import Ahead
+from eha_bench.bench.ahead import ahead
 from eha_bench.bench.budget import Budget
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.loop_health import loop_note
@@ -35,6 +35,7 @@ _STATUS = {
 }
 _RETRY_AFTER = 1.0
 """Seconds before a trial is tried again: an adapter may need to come back."""
+_HERE = Here()
 
 
 @dataclass
@@ -87,7 +88,7 @@ def run_suite(
     resume: bool = False,
     retries: int = 0,
     time_limit: float = math.inf,
-    workers: Workers | None = None,
+    workers: Workers = _HERE,
     progress: Progress = silent,
 ) -> Result:
     """Run every trial and repeat of a suite, write recordings and result.json into `out`.
@@ -115,10 +116,10 @@ def run_suite(
     run = _Run(suite, target, folder, provenance, dict(kept))
     run.save(complete=False)
     jobs = [(trial, repeat) for trial, repeat in run.jobs if (trial.id, repeat) not in kept]
-    if workers is not None and workers != Here():
-        run.target = target = Ahead(target, jobs, workers)
+    known = [(target, *job) for job in jobs]
     try:
-        with Interruption() as interrupted, target:
+        with ahead(known, workers) as turned, Interruption() as interrupted, turned(target) as own:
+            run.target = own
             budget = Budget(interrupted, time_limit)
             for number, (trial, repeat) in enumerate(jobs):
                 progress(number, len(jobs), f"{trial.id} ({repeat + 1}/{trial.repeats})")

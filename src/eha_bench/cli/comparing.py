@@ -53,7 +53,7 @@ def compare(
     leave(found, strict=strict)
 
 
-def ab(
+def ab(  # noqa: PLR0913, PLR0917 - the options of a command
     suite: Annotated[Path, typer.Argument(help="Suite to run (YAML).")],
     a: Annotated[
         str, typer.Option("--a", help="Baseline target: simulator, target or model file.")
@@ -70,6 +70,13 @@ def ab(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with an interrupted run.")
     ] = False,
+    workers: Annotated[
+        str,
+        typer.Option(
+            "--workers",
+            help="Simulate on so many processes, or on dask://host:port or ray://host:port.",
+        ),
+    ] = "",
     json: Json = False,
     strict: Strict = False,
 ) -> None:
@@ -82,7 +89,8 @@ def ab(
     with TerminalProgress() as progress:
         done = run_ab(
             suite, a, b, folder,
-            repeats=repeats, seed=seed, warm_up=warm_up, resume=resume, progress=progress,
+            repeats=repeats, seed=seed, warm_up=warm_up, resume=resume, workers=workers,
+            progress=progress,
         )  # fmt: skip
     for side, result in done.run.results.items():
         for trial in result.trials:
@@ -134,13 +142,20 @@ def history(
     only_worse: Annotated[
         bool, typer.Option("--only-worse", help="Leave with 0 where it drifted for the better.")
     ] = False,
+    workers: Annotated[
+        str,
+        typer.Option(
+            "--workers",
+            help="Judge metrics on so many processes, or on dask://host:port or ray://host:port.",
+        ),
+    ] = "",
 ) -> None:
     """Follow every metric over many results: changes, control limits, drift; a static site."""
     from eha_bench.comparing import history as follow
     from eha_bench.report.engineering import metric_name, quantity
     from eha_bench.report.trend_site import headline
 
-    found = follow(folder, out, rebuild=rebuild)
+    found = follow(folder, out, rebuild=rebuild, workers=workers)
     for problem in found.problems:
         say(f"note: left out: {problem}")
     for trend in found.drifted:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -16,6 +15,7 @@ from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, metric_spec
+from eha_bench.core.workers import Here, Workers
 from eha_bench.trends.index import Entry, Index, Night
 from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import State, Trend, judge
@@ -27,6 +27,7 @@ DEFAULT_SHARE: Final = 0.005
 _SIGNS: Final = {Better.LOWER: -1, Better.HIGHER: 1}
 _AIMS: Final = {Better.NEARER_ZERO: 0.0, Better.NEARER_ONE: 1.0}
 _GRAVITY: Final = list(State)
+_HERE: Final = Here()
 
 Key = tuple[str, str, str, str, str, str]
 
@@ -75,11 +76,12 @@ class History:
         write_text(path, self.to_json())
 
 
-def history_of(index: Index, folder: str) -> History:
-    """Return the trends of an index.
+def history_of(index: Index, folder: str, workers: Workers = _HERE) -> History:
+    """Return the trends of an index, each judged by itself, wherever the workers are.
 
     Raises:
         InputError: there is no run in it.
+        WorkError: a metric could not be judged.
     """
     if not index.nights:
         raise InputError(
@@ -89,7 +91,7 @@ def history_of(index: Index, folder: str) -> History:
             hint="give a folder of result folders, e.g. the one that `run --out` writes into",
         )
     trends = sorted(
-        _trends(index),
+        workers.map(_judged, _watched(index)),
         key=lambda t: (_GRAVITY.index(t.state), -abs(_share(t)), t.suite, t.trial, t.metric),
     )
     return History(folder, index.nights, tuple(trends), index.problems)
@@ -100,7 +102,26 @@ def _share(trend: Trend) -> float:
     return share if math.isfinite(share) else 0.0
 
 
-def _trends(index: Index) -> Iterator[Trend]:
+@dataclass(frozen=True)
+class _Watched:
+    """A metric with its values over the nights, not judged yet.
+
+    Attributes:
+        key: suite, target, trial, metric, channel, unit.
+        entries: in the order of the nights. nights: the same ones.
+        scored: whether the newest night of its suite and target has a value.
+        missed: nights without one since the first. family: how many metrics are watched.
+    """
+
+    key: Key
+    entries: tuple[Entry, ...]
+    nights: tuple[Night, ...]
+    scored: bool
+    missed: int
+    family: int
+
+
+def _watched(index: Index) -> list[_Watched]:
     nights = {night.id: night for night in index.nights}
     order = {night.id: place for place, night in enumerate(index.nights)}
     by_group: dict[tuple[str, str], list[Night]] = {}
@@ -115,31 +136,30 @@ def _trends(index: Index) -> Iterator[Trend]:
         key: [e for e in entries if math.isfinite(e.value)] for key, entries in grouped.items()
     }
     family = sum(bool(entries) for entries in known.values()) or 1
+    found = []
     for key, entries in known.items():
         if not entries:
             continue  # never scored: there is nothing to watch
         entries.sort(key=lambda entry: order[entry.run])
         all_nights = by_group[key[:2]]
-        seen = [nights[entry.run] for entry in entries]
+        seen = tuple(nights[entry.run] for entry in entries)
         since = [night for night in all_nights if order[night.id] >= order[seen[0].id]]
-        yield _judged(key, entries, tuple(seen), all_nights[-1], len(since) - len(seen), family)
+        scored = seen[-1] is all_nights[-1]
+        found.append(_Watched(key, tuple(entries), seen, scored, len(since) - len(seen), family))
+    return found
 
 
-def _judged(
-    key: Key,
-    entries: list[Entry],
-    nights: tuple[Night, ...],
-    newest: Night,
-    missed: int,
-    family: int,
-) -> Trend:
-    values = np.array([entry.value for entry in entries])
-    better, aim = _direction(key[3])
-    margin = _margin(entries[-1], float(np.median(values)))
+def _judged(metric: _Watched) -> Trend:
+    values = np.array([entry.value for entry in metric.entries])
+    better, aim = _direction(metric.key[3])
+    margin = _margin(metric.entries[-1], float(np.median(values)))
     course, limits, drift, state = judge(
-        values, family=family, margin=margin, scored=nights[-1] is newest
+        values, family=metric.family, margin=margin, scored=metric.scored
     )
-    return Trend(*key, better, aim, nights, values, course, limits, drift, margin, state, missed)
+    return Trend(
+        *metric.key, better, aim, metric.nights, values, course, limits, drift, margin, state,
+        metric.missed,
+    )  # fmt: skip
 
 
 def _direction(metric: str) -> tuple[int, float]:
