@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run
+from eha_bench.plants.plant import Drive
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -89,6 +90,38 @@ class Measured:
             usual = np.quantile(change, 0.9)
             found.append(np.flatnonzero(change > max(10.0 * usual, 0.02 * np.ptp(values) + 1e-300)))
         return np.unique(np.concatenate(found)) if found else np.zeros(0, dtype=np.intp)
+
+    @cached_property
+    def shaft_angle(self) -> FloatArray | None:
+        """The shaft's angle from the integrated measured speed, (n,) rad, or None."""
+        speed = self.inputs.get("motor_speed")
+        if speed is None:
+            speed = self.column("motor_speed")
+        if speed is None:
+            return None
+        good = np.isfinite(speed)
+        filled = np.interp(self.time, self.time[good], speed[good])
+        steps = 0.5 * (filled[1:] + filled[:-1]) * np.diff(self.time)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def drive(
+        self, first: int, last: int, initial: Mapping[str, float] | None = None, history: int = 0
+    ) -> Drive:
+        """Return what drives a simulation over the ticks from `first` to before `last`.
+
+        Args:
+            first, last: ticks. initial: channel -> what its sensor reads first, SI.
+            history: ticks of the inputs before, at most.
+        """
+        lead = max(0, first - history)
+        return Drive(
+            np.ascontiguousarray(self.time[lead:last]),
+            {name: np.ascontiguousarray(values[lead:last]) for name, values in self.inputs.items()},
+            initial or {},
+            self.run.locked,
+            self.run.bypass_open,
+            first - lead,
+        )
 
     def column(self, channel: str) -> FloatArray | None:
         """Return a valid channel with NaN where it may not be believed, or None."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.diagnosis.data.windows import Window, window_at
-from eha_bench.plants.plant import Drive, Plant
+from eha_bench.plants.plant import Plant
 
 FloatArray = NDArray[np.float64]
 
@@ -63,7 +63,8 @@ def carried(
         unread = missing(plant, window)
         own = {name: known[name] for name in unread if name in known}
         start = {**plant.at_rest(window.initial), **window.initial, **own}
-        out = plant.simulate(vector, _drive(window, stop, start), step)
+        drive = measured.drive(window.first, stop + 1, start)
+        out = plant.simulate(vector, drive, step)
         for at, name in enumerate(plant.outputs):
             part = out[:, at]
             if name in plant.states and np.isfinite(part).all():
@@ -80,15 +81,3 @@ def carried(
             replace(window, initial={**window.initial, **own}, spread={**window.spread, **spread})
         )
     return done
-
-
-def _drive(window: Window, stop: int, initial: dict[str, float]) -> Drive:
-    measured = window.measured
-    span = slice(window.first, stop + 1)
-    return Drive(
-        np.ascontiguousarray(measured.time[span]),
-        {name: np.ascontiguousarray(values[span]) for name, values in measured.inputs.items()},
-        initial,
-        measured.run.locked,
-        measured.run.bypass_open,
-    )

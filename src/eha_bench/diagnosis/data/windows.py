@@ -91,19 +91,6 @@ def window_at(measured: Measured, first: int, last: int, noise: Mapping[str, flo
     return Window(measured, first, last, state, spread, noise)
 
 
-def shaft_angle(measured: Measured) -> FloatArray | None:
-    """Return the shaft's angle from the integrated measured speed, (n,) rad, or None."""
-    speed = measured.inputs.get("motor_speed")
-    if speed is None:
-        speed = measured.column("motor_speed")
-    if speed is None:
-        return None
-    good = np.isfinite(speed)
-    filled = np.interp(measured.time, measured.time[good], speed[good])
-    steps = 0.5 * (filled[1:] + filled[:-1]) * np.diff(measured.time)
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
 def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_]:
     """Where a window may start: command without jumps, rod and shaft well under way."""
     time = measured.time
@@ -199,9 +186,8 @@ def _start(
         for name in ("piston_velocity",):
             state.pop(name, None)
             spread.pop(name, None)
-    angle = shaft_angle(measured)
-    if angle is not None:
-        state["shaft_angle"] = float(angle[first])
+    if measured.shaft_angle is not None:
+        state["shaft_angle"] = float(measured.shaft_angle[first])
         if "motor_speed" in noise and "motor_speed" not in measured.inputs:
             # what the noise of the speed adds up to
             period = float(measured.time[-1]) / (measured.time.size - 1)

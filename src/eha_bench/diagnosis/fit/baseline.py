@@ -17,7 +17,6 @@ from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.odd_runs import notes_of, odd_runs
 from eha_bench.diagnosis.fit.problem import Problem, soften
-from eha_bench.plants.plant import Drive
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -154,13 +153,8 @@ def _with_unmeasured(dataset: Dataset, windows: list[Window]) -> list[Window]:
         name_of_run = measured.run.name
         if name_of_run not in free:
             start = next(w for w in windows if w.measured is measured).initial
-            drive = Drive(
-                measured.time,
-                measured.inputs,
-                {key: value for key, value in start.items() if key in plant.states},
-                measured.run.locked,
-                measured.run.bypass_open,
-            )
+            known = {key: value for key, value in start.items() if key in plant.states}
+            drive = measured.drive(0, measured.time.size, known)
             free[name_of_run] = plant.simulate(vector, drive, COARSE)
         values = free[name_of_run]
         initial = dict(window.initial)

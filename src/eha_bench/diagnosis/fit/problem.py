@@ -32,6 +32,8 @@ T = TypeVar("T")
 
 SLOPES = 3.4e-4
 """Integration step of slopes, s: both ends are off by the same."""
+_HISTORY = 100
+"""Ticks of the inputs before a window: a delayed command looks back."""
 _SOFT = 5.0
 _BAD = 1e9
 
@@ -264,18 +266,7 @@ class Problem:
             if name in self.noise and self.noise[name] > 0 and name in self._outputs
         ]
         span = slice(window.first, window.last)
-        lead = max(0, window.first - 100)
-        drive = Drive(
-            np.ascontiguousarray(measured.time[lead : window.last]),
-            {
-                name: np.ascontiguousarray(values[lead : window.last])
-                for name, values in measured.inputs.items()
-            },
-            {},
-            measured.run.locked,
-            measured.run.bypass_open,
-            window.first - lead,
-        )
+        drive = measured.drive(window.first, window.last, history=_HISTORY)
         valid = measured.valid[span][:, use]
         scale = np.array([self.noise[measured.outputs[at]] for at in use])
         pick = np.flatnonzero(valid.ravel())

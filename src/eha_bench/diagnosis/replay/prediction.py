@@ -17,7 +17,6 @@ from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, noise_of
 from eha_bench.diagnosis.fit.problem import start_of
 from eha_bench.plants.model import Model, load_model
-from eha_bench.plants.plant import Drive
 
 FloatArray = NDArray[np.float64]
 
@@ -119,16 +118,9 @@ def simulate_from(
         step: largest integration step, s.
     """
     vector = model.vector()
-    drive = Drive(
-        measured.time,
-        measured.inputs,
-        {},
-        measured.run.locked,
-        measured.run.bypass_open,
-    )
+    drive = measured.drive(0, measured.time.size)
     initial = start_of(model.plant, vector, drive, state)
-    full = Drive(drive.time, drive.inputs, initial, drive.locked, drive.bypass_open)
-    return model.plant.simulate(vector, full, step)
+    return model.plant.simulate(vector, drive.starting(initial), step)
 
 
 def predict(

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.diagnosis.data.gate import Measured
-from eha_bench.diagnosis.data.windows import shaft_angle
 from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.plants.plant import Plant
 
@@ -95,9 +94,8 @@ def variables_of(measured: Measured) -> dict[str, FloatArray]:
     if "pressure_a" in found and "pressure_b" in found:
         found["pressure_difference"] = found["pressure_a"] - found["pressure_b"]
         found["pressure_sum"] = found["pressure_a"] + found["pressure_b"]
-    angle = shaft_angle(measured)
-    if angle is not None:
-        found["shaft_angle"] = angle
+    if measured.shaft_angle is not None:
+        found["shaft_angle"] = measured.shaft_angle
     return found
 
 
