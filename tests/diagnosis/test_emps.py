@@ -35,7 +35,13 @@ def _measured(shared: Path, name: str) -> dict[str, np.ndarray]:
 
 
 def _equation_error(log: dict[str, np.ndarray], model: Model) -> float:
-    """Force that the equation of motion does not explain, as a share; filtered at 50 Hz."""
+    """Force that the equation of motion does not explain, as a share.
+
+    As such drives are identified: position filtered both ways, differentiated centrally, force and
+    what explains it decimated alike (Janot, Vandanjon, Gautier, An instrumental variable approach
+    for rigid industrial robots identification, Control Engineering Practice 25 (2014) 85). Least
+    squares of just this error with asymmetric friction reach 3.08 %.
+    """
     period = 1e-3
     b, a = scipy.signal.butter(4, 50.0 * 2 * period)
     position = scipy.signal.filtfilt(b, a, log["qm"])
@@ -50,10 +56,9 @@ def _equation_error(log: dict[str, np.ndarray], model: Model) -> float:
         + dry * np.sign(velocity)
         + model.value("force_offset")
     )
-    force = scipy.signal.filtfilt(b, a, log["gtau"][0] * log["vir"])
-    left = force - scipy.signal.filtfilt(b, a, explained)
-    middle = slice(50, -50)
-    return float(np.linalg.norm(left[middle]) / np.linalg.norm(force[middle]))
+    asked = log["gtau"][0] * log["vir"]
+    force, left = (scipy.signal.decimate(each, 10)[5:-5] for each in (asked, asked - explained))
+    return float(np.linalg.norm(left) / np.linalg.norm(force))
 
 
 def test_the_published_symmetric_model_has_its_published_error(shared_data) -> None:
@@ -80,7 +85,7 @@ def test_friction_and_then_its_asymmetry_are_named(repository, shared_data, tmp_
     assert named == ["coulomb_friction", "asymmetric_friction"]
     assert found["effects"][1]["settings"]["kind"] == "viscous"
     revised = load_model(tmp_path / "revised.yaml")
-    assert _equation_error(_measured(shared_data, "DATA_EMPS.mat"), revised) < 0.0315
+    assert _equation_error(_measured(shared_data, "DATA_EMPS.mat"), revised) < 0.031
     # in closed loop, on the file that was never fitted, with its pulses as an input
     assert found["error"]["holdout"]["piston_position"]["after"] < 2.3e-6
     dataset = tmp_path / "dataset" / "dataset.yaml"

@@ -23,12 +23,12 @@ from eha_bench.targets.can.drive import Drive, Frame, decode
 from eha_bench.targets.can.load import load_drive
 
 
-def relaxed(base: str, stale: str = "5 s") -> str:
+def relaxed(base: str, stale: str = "5 s", first_frames: str = "20 s") -> str:
     """Return lines of a target that let pass how long a busy machine stalls."""
     channels = load_drive(shipped_rig(base)).channels
     limits = "".join(f"  {name}: {{stale: {stale}}}\n" for name in channels)
     return (
-        f"limits:\n{limits}following: {{}}\nstart: {{timeout: 20 s, enable: 10 s}}\n"
+        f"limits:\n{limits}following: {{}}\nstart: {{timeout: {first_frames}, enable: 10 s}}\n"
         "loop: {overruns: 1, lost: 1, late: 1}\n"
     )
 
