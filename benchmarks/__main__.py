@@ -32,7 +32,7 @@ FULL: dict[str, list[str]] = {
 }
 QUICK: dict[str, list[str]] = {
     "startup": ["--rounds", "2", "--no-suite"],
-    "simulation": ["--rounds", "1"],
+    "simulation": ["--rounds", "1", "--no-cold"],
     "recordings": ["--ticks", "60000", "--rounds", "2", "--seconds", "2"],
     "report": ["--signals", "20", "--samples", "20000", "--no-peers"],
     "scoring": ["--seconds", "60"],
