@@ -11,15 +11,17 @@ Read in two ways, by where the sensors sit (`side`):
 * `load`: the sensors are on the rod, and the load is beyond the play. Rod and load are two masses
   that touch only at the ends of the gap, through a stiff and damped contact (a dead zone)::
 
-      d = x - x_load;  f = k (|d| - g/2) sign(d) + c (v - v_load)  where |d| > g/2, only pushing
-      rod_mass dv/dt = ... - f;   M dv_load/dt = f - F_e
+      d = x - x_load
+      f = k (|d| - g/2) sign(d) + 2 zeta sqrt(k m) (v - v_load)  where |d| > g/2, only pushing
+      m dv/dt = ... - f;   M dv_load/dt = f - F_e
 
   The weight that `gravity_load` adds stays on the rod.
 
 Where in the gap the joint is at the first sample is not known. Beyond a sensor it is taken in the
 middle at rest, and at the driving end where the rod moves. A load is taken to touch the end that
 pushes it: rod and load move as one under what the chambers and friction leave, and the force that
-the load takes of it, f = F_e + M dv/dt, says which end that is and how far the contact gives.
+the load takes of it, f = F_e + M dv/dt, says which end that is and how far the contact gives. At
+rest it may as well lie anywhere in between (`rest`).
 
 Source: Nordin, Gutman, Automatica 38 (2002) 1633, doi:10.1016/S0005-1098(02)00047-X; the play
 operator: Krasnosel'skii, Pokrovskii, Systems with Hysteresis, Springer 1989.
@@ -36,6 +38,8 @@ from eha_bench.plants.parameter import Parameter, choice
 _POSITION, _JOINT, _LOAD = 0.0, 1.0, 2.0
 # slower than this the rod counts as at rest at the first sample, m/s
 _AT_REST = 5e-3
+# step of the integration, in radians of the rod's vibration on the contact
+_RESOLVED = 0.12
 
 
 @njit()
@@ -46,10 +50,15 @@ def _share(speed: float) -> float:
 
 @njit()
 def _contact(
-    d: float, closing: float, gap: float, joint_stiffness: float, rod_mass: float
+    d: float,
+    closing: float,
+    gap: float,
+    joint_stiffness: float,
+    joint_damping: float,
+    rod_mass: float,
 ) -> float:
     """Return the force from the rod on the load, N; `d` = x - x_load, `closing` = its rate."""
-    damping = math.sqrt(joint_stiffness * rod_mass)
+    damping = 2.0 * joint_damping * math.sqrt(joint_stiffness * rod_mass)
     if d > 0.5 * gap:
         return max(0.0, joint_stiffness * (d - 0.5 * gap) + damping * closing)
     if d < -0.5 * gap:
@@ -93,12 +102,13 @@ def engaged_load(
     gap: float,
     side: float,
     joint_stiffness: float,
+    joint_damping: float,
     rod_mass: float,
 ) -> float:
     """Return the load's force on the rod (positive against extension), N."""
     if side != _LOAD:
         return load
-    return _contact(x - load_x, v - load_v, gap, joint_stiffness, rod_mass)
+    return _contact(x - load_x, v - load_v, gap, joint_stiffness, joint_damping, rod_mass)
 
 
 def lone_mass(mass: float, side: float, rod_mass: float) -> float:
@@ -106,14 +116,29 @@ def lone_mass(mass: float, side: float, rod_mass: float) -> float:
     return rod_mass if side == _LOAD else mass
 
 
-def move_load(load_x: float, load_v: float, h: float) -> float:
-    """Return the load's position after a time h, m."""
-    return load_x + h * load_v
-
-
-def push_load(
+@njit()
+def _pulled(
+    x: float,
+    v: float,
     load_x: float,
     load_v: float,
+    load_mass: float,
+    force: float,
+    gap: float,
+    joint_stiffness: float,
+    joint_damping: float,
+    rod_mass: float,
+) -> float:
+    """Return the load's acceleration against a force, m/s^2."""
+    return (
+        _contact(x - load_x, v - load_v, gap, joint_stiffness, joint_damping, rod_mass) - force
+    ) / load_mass
+
+
+def move_by(
+    load_x: float,
+    load_v: float,
+    seen: float,
     x: float,
     v: float,
     h: float,
@@ -122,11 +147,62 @@ def push_load(
     measured_force: float,
     gap: float,
     joint_stiffness: float,
+    joint_damping: float,
     rod_mass: float,
 ) -> float:
-    """Return the load's velocity after a time h, m/s."""
-    force = _contact(x - load_x, v - load_v, gap, joint_stiffness, rod_mass)
-    return load_v + h * (force - external_force - measured_force) / load_mass
+    """Return the load's way in a time h, m.
+
+    A step of the rod lies between two halves of one of the load. In the first the contact pushes
+    and then the load moves, in the second it moves and then it is pushed (velocity Verlet): pushed
+    with the rod half a step behind, or ahead, the contact would be a damper of a kN*s/m.
+    """
+    if x != seen:
+        return h * load_v
+    force = external_force + measured_force
+    pulled = _pulled(
+        x, v, load_x, load_v, load_mass, force, gap, joint_stiffness, joint_damping, rod_mass
+    )
+    return h * (load_v + h * pulled)
+
+
+def move_load(load_x: float, way: float) -> float:
+    """Return the load's position after its way, m."""
+    return load_x + way
+
+
+def push_load(
+    load_x: float,
+    load_v: float,
+    way: float,
+    seen: float,
+    x: float,
+    v: float,
+    h: float,
+    load_mass: float,
+    external_force: float,
+    measured_force: float,
+    gap: float,
+    joint_stiffness: float,
+    joint_damping: float,
+    rod_mass: float,
+) -> float:
+    """Return the load's velocity after a time h, m/s, pushed where the rod was looked at."""
+    there = load_x - way if x == seen else load_x
+    force = external_force + measured_force
+    pulled = _pulled(
+        x, v, there, load_v, load_mass, force, gap, joint_stiffness, joint_damping, rod_mass
+    )
+    return load_v + h * pulled
+
+
+def look(x: float) -> float:
+    """Return where the rod was when the load last moved, m."""
+    return x
+
+
+def stay() -> float:
+    """Return the load's way before it has moved, m."""
+    return 0.0
 
 
 def load_at_first(
@@ -144,6 +220,7 @@ def load_at_first(
     gap: float,
     joint_stiffness: float,
     rod_mass: float,
+    rest: float,
 ) -> float:
     """Return the load's position at the first sample, m: at the end of the gap that pushes it."""
     load = external_force + measured_force
@@ -153,12 +230,20 @@ def load_at_first(
         push -= math.copysign(rod_coulomb, v)
         force += load_mass * (push - load) / (rod_mass + load_mass)
     side = _share(v) if force == 0.0 else math.copysign(1.0, force)
-    return x - 0.5 * gap * side - force / joint_stiffness
+    share = rest if abs(v) < _AT_REST else 1.0
+    return x - share * (0.5 * gap * side + force / joint_stiffness)
 
 
 def speed_at_first(v: float) -> float:
     """Return the load's velocity at the first sample, m/s."""
     return v
+
+
+def resolve(h: float, locked: bool, side: float, joint_stiffness: float, rod_mass: float) -> float:
+    """Return the longest step, s, over which the rod on the contact is followed."""
+    if side != _LOAD or locked:
+        return h
+    return min(h, _RESOLVED * math.sqrt(rod_mass / joint_stiffness))
 
 
 EFFECT = Effect(
@@ -172,8 +257,17 @@ EFFECT = Effect(
             "hardened pin of the rod", searched=False, when=("side", ("load",)),
         ),
         Parameter(
+            "joint_damping", "", 0.5, 0.01, 2.0, "zeta",
+            "share of critical damping of the rod on the contact", when=("side", ("load",)),
+        ),
+        Parameter(
             "rod_mass", "kg", 2.0, 0.5, 1e3, "", "rod and piston alone",
             when=("side", ("load",)),
+        ),
+        Parameter(
+            "rest", "", 1.0, -1.0, 1.0, "",
+            "where a load at rest begins: 0 the middle of the gap, 1 the end that pushes it",
+            searched=False, when=("side", ("load",)),
         ),
     ),
     actions={
@@ -185,18 +279,27 @@ EFFECT = Effect(
                 "initial_position": behind,
                 "external_load": engaged_load,
                 "moving_mass": lone_mass,
+                "longest_step": resolve,
             },
             chosen_by="side",
             equations={"load": Equation.FORCE},
         )
     },
-    states=("read", "load_x", "load_v"),
-    advance={"read": drag, "load_x": move_load, "load_v": push_load},
-    start={"read": read_at_first, "load_x": load_at_first, "load_v": speed_at_first},
+    states=("read", "way", "load_x", "load_v", "seen"),
+    advance={
+        "read": drag, "way": move_by, "load_x": move_load, "load_v": push_load, "seen": look,
+    },
+    start={
+        "read": read_at_first, "way": stay, "load_x": load_at_first, "load_v": speed_at_first,
+        "seen": look,
+    },
     source="Nordin, Gutman, Automatica 38 (2002) 1633, doi:10.1016/S0005-1098(02)00047-X",
     separate=(
         "reverse slowly and compare rod and joint: with play the joint waits, "
         "with friction both stop"
     ),
-    starts=({"gap": 1e-3}, {"side": _JOINT}, {"side": _LOAD}, {"gap": 1e-3, "side": _LOAD}),
+    starts=(
+        {"gap": 1e-3}, {"side": _JOINT},
+        *({"side": _LOAD, "gap": gap, "rest": rest} for gap in (3e-4, 1e-3) for rest in (1.0, 0.0)),
+    ),
 )  # fmt: skip

@@ -234,6 +234,12 @@ def initial_position(position: float, v: float, P: Vector, S: Vector) -> float:
 
 
 @njit()
+def longest_step(h: float, locked: bool, P: Vector, S: Vector) -> float:
+    """Longest step of the integration, s, while the rod is locked or not."""
+    return h
+
+
+@njit()
 def start_states(current: float, omega: float, theta: float, p_a: float, p_b: float, x: float,
         v: float, P: Vector, S: Vector) -> None:
     """Set the effects' own states at the first sample."""

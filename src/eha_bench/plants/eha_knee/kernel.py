@@ -65,6 +65,7 @@ from eha_bench.plants.eha_knee.hooks import (
     initial_position,
     initial_pressure_a,
     initial_pressure_b,
+    longest_step,
     memory_record,
     parameter_record,
     start_states,
@@ -361,7 +362,7 @@ def simulate(
             break
         t = times[k]
         span = times[k + 1] - t
-        count = max(1, math.ceil(span / h_max - 1e-6))
+        count = max(1, math.ceil(span / longest_step(h_max, locked, P, S) - 1e-6))
         h = span / count
         if is_imposed[IMPOSE_POSITION] and not is_imposed[IMPOSE_VELOCITY]:
             Y[VELOCITY] = (imposed[k + 1, IMPOSE_POSITION] - imposed[k, IMPOSE_POSITION]) / span
