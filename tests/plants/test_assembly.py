@@ -10,14 +10,16 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from textwrap import dedent
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from eha_bench.core.errors import PluginError
-from eha_bench.plants.assembly import Layout, assemble, hook_names, kernel_folder
+from eha_bench.plants.assembly import assemble, hook_names, kernel_folder
 from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.effects import current_lag
+from eha_bench.plants.layout import Layout
 from eha_bench.plants.linear_drive import equations, hooks, kernel
 from eha_bench.plants.linear_drive.parameters import PARAMETERS, SIGNALS
 from eha_bench.plants.parameter import Parameter, choice
@@ -116,9 +118,50 @@ def _plain(force, size):
     return force + size
 
 
+class Where(NamedTuple):
+    x: float
+    v: float
+
+
+class Elsewhere(NamedTuple):
+    x: float
+    pressure: float
+
+
+def _spring(force, size, where: Where):
+    return force - size * where.x
+
+
+def _with_unknown_field(force, where: Elsewhere):
+    return force + where.pressure
+
+
 def test_quantity_that_is_not_there_is_named_with_what_is() -> None:
     with pytest.raises(PluginError, match=r"'mine' asks for 'pressure' in _with_unknown.*voltage"):
         assemble(_layout(_effect(_with_unknown_quantity)), (equations, kernel), hooks)
+
+
+def test_fields_of_a_named_tuple_are_bound_by_name() -> None:
+    """A spring on the carriage swings at sqrt(k / M) (the carriage's own friction is off)."""
+    layout = _layout(_effect(_spring))
+    made = assemble(layout, (equations, kernel), hooks)
+    vector = layout.defaults()
+    values = {"mass": 100.0, "viscous_friction": 0.0, "coulomb_friction": 0.0, "mine.size": 4e4}
+    for key, value in values.items():
+        vector[layout.index[key]] = value
+    time = np.arange(0.0, 1.0, 1e-3)
+    zero = np.zeros(time.size)
+    out = np.full((time.size, 3), np.nan)
+    made.simulate(
+        0, time.size - 1, time, zero.copy(), zero, zero, False, 1e-4, vector,
+        np.zeros(layout.memory), np.array([0.01, 0.0, 0.0]), out,
+    )  # fmt: skip
+    np.testing.assert_allclose(out[:, 1], 0.01 * np.cos(20.0 * time), atol=2e-6)
+
+
+def test_field_that_is_not_there_is_named_with_what_is() -> None:
+    with pytest.raises(PluginError, match=r"'mine' asks for 'pressure' in _with_unknown_field"):
+        assemble(_layout(_effect(_with_unknown_field)), (equations, kernel), hooks)
 
 
 def test_hook_that_is_not_there_is_named_with_what_is() -> None:

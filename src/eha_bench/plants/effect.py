@@ -3,8 +3,9 @@
 An effect is written as small pure functions, one for each place of the plant's kernel where it
 acts (a *hook*). A function names what it needs as its arguments: the hook's own quantities
 (`omega`, `pressure`, `level` ...), parameters of the plant by name, the effect's own parameters and
-states by name. `assembly` binds them by those names and compiles everything once; at its neutral
-parameters an effect is skipped, so the declared model is nested in every candidate.
+states by name, or a NamedTuple of such names. `composition` binds them and `assembly` compiles
+everything once; at its neutral parameters an effect is skipped, so the declared model is nested in
+every candidate.
 """
 
 from __future__ import annotations

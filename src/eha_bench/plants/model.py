@@ -22,7 +22,7 @@ from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.yaml_file import StrictModel
-from eha_bench.plants.assembly import Layout
+from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.plant import Plant, get_plant
 

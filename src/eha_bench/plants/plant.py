@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from eha_bench.core import plugins
 from eha_bench.core.errors import PluginError
-from eha_bench.plants.assembly import Layout
 from eha_bench.plants.effect import Effect
+from eha_bench.plants.layout import Layout
 
 FloatArray = NDArray[np.float64]
 

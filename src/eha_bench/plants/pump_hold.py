@@ -17,9 +17,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.plants.assembly import Layout
 from eha_bench.plants.effect import Equation
 from eha_bench.plants.eha_knee.parameters import PARAMETERS as KNEE
+from eha_bench.plants.layout import Layout
 from eha_bench.plants.plant import effects_of
 from eha_bench.plants.static_plant import StaticPlant
 

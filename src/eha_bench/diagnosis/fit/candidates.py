@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.plants.assembly import Layout
 from eha_bench.plants.effect import Effect, Equation
+from eha_bench.plants.layout import Layout
 
 FloatArray = NDArray[np.float64]
 

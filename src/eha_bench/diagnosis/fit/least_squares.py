@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.diagnosis.fit.problem import SLOPES, Problem, soften
-from eha_bench.plants.assembly import Layout
+from eha_bench.plants.layout import Layout
 
 FloatArray = NDArray[np.float64]
 

@@ -24,8 +24,8 @@ from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
-from eha_bench.plants.assembly import Layout
 from eha_bench.plants.effect import Effect
+from eha_bench.plants.layout import Layout
 
 FloatArray = NDArray[np.float64]
 

@@ -1,14 +1,21 @@
-"""The broken line through evenly spaced knots that a learned effect is made of."""
+"""The broken line through evenly spaced knots that a learned effect is made of, and its words."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from eha_bench.plants.compiled import njit
 from eha_bench.plants.effects._types import Vector
 
 KNOTS = 24
 """Knots of a learned curve."""
+
+# places of the words among the effect's choices
+TORQUE, FLOW, FORCE, ACTUATION, MEASUREMENT = range(5)
+ADDITIVE, GAIN, FRICTION = range(3)
+MOTOR, DRIVE, A_TO_B, CHAMBER_A, CHAMBER_B = range(5)
+CURRENT, SPEED, PRESSURE_A, PRESSURE_B, POSITION, VELOCITY, PRESSURES = range(5, 12)
 
 
 @njit()
@@ -30,36 +37,26 @@ def curve(u: float, period: float, low: float, high: float, values: Vector) -> f
     return float(values[left] + share * (values[right] - values[left]))
 
 
+class Curve(NamedTuple):
+    """The effect's own parameters; words are given by their places."""
+
+    equation: float
+    form: float
+    variable: float
+    place: float
+    period: float
+    low: float
+    high: float
+    scale: float
+
+
 @njit()
-def knee_value(
-    variable: float, current: float, omega: float, theta: float, p_a: float, p_b: float, x: float,
-    v: float, t: float, measured_force: float, oil_temperature: float, demanded_current: float,
-    period: float, low: float, high: float, scale: float, values: Vector,
-) -> float:  # fmt: skip
-    """Return the scaled curve at the variable that it depends on."""
-    u = t
-    if variable == 1.0:
-        u = omega
-    elif variable == 2.0:
-        u = p_a - p_b
-    elif variable == 3.0:
-        u = p_a
-    elif variable == 4.0:
-        u = p_b
-    elif variable == 5.0:
-        u = p_a + p_b
-    elif variable == 6.0:
-        u = x
-    elif variable == 7.0:
-        u = v
-    elif variable == 8.0:
-        u = current
-    elif variable == 9.0:
-        u = demanded_current
-    elif variable == 10.0:
-        u = theta
-    elif variable == 11.0:
-        u = measured_force
-    elif variable == 12.0:
-        u = oil_temperature
-    return scale * curve(u, period, low, high, values)
+def scaled(u: float, own: Curve, values: Vector) -> float:
+    """Return the curve times its scale at u."""
+    return own.scale * curve(u, own.period, own.low, own.high, values)
+
+
+@njit()
+def changed(quantity: float, f: float, form: float) -> float:
+    """Return a quantity with the curve's value as a gain, or added."""
+    return quantity * (1.0 + f) if form == GAIN else quantity + f

@@ -2,100 +2,91 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from eha_bench.plants.compiled import njit
-from eha_bench.plants.effects._curve import curve
+from eha_bench.plants.effects._curve import (
+    ACTUATION,
+    ADDITIVE,
+    DRIVE,
+    FORCE,
+    MEASUREMENT,
+    POSITION,
+    VELOCITY,
+    Curve,
+    changed,
+    scaled,
+)
 from eha_bench.plants.effects._types import Vector
 
-# places of the words in learned.EQUATIONS, FORMS, VARIABLES and PLACES
-_FORCE, _ACTUATION, _MEASUREMENT = 2, 3, 4
-_ADDITIVE, _GAIN = 0, 1
-_POSITION, _VELOCITY, _VOLTAGE = 6, 7, 13
-_DRIVE, _READ_POSITION, _READ_VELOCITY = 1, 9, 10
+# places of the variables among learned.VARIABLES
+_OF_POSITION, _OF_VELOCITY, _OF_VOLTAGE = 6, 7, 13
+
+
+class Seen(NamedTuple):
+    """What a curve may follow; `current` is the voltage."""
+
+    current: float
+    x: float
+    v: float
+    t: float
 
 
 @njit()
-def _value(
-    variable: float, current: float, x: float, v: float, t: float, period: float, low: float,
-    high: float, scale: float, values: Vector,
-) -> float:  # fmt: skip
+def _value(seen: Seen, own: Curve, values: Vector) -> float:
     """Return the scaled curve at the variable that it depends on."""
-    u = t
-    if variable == _POSITION:
-        u = x
-    elif variable == _VELOCITY:
-        u = v
-    elif variable == _VOLTAGE:
-        u = current
-    return scale * curve(u, period, low, high, values)
+    u = seen.t
+    if own.variable == _OF_POSITION:
+        u = seen.x
+    elif own.variable == _OF_VELOCITY:
+        u = seen.v
+    elif own.variable == _OF_VOLTAGE:
+        u = seen.current
+    return scaled(u, own, values)
 
 
-def asked(
-    value: float, current: float, x: float, v: float, t: float, equation: float, form: float,
-    variable: float, place: float, period: float, low: float, high: float, scale: float,
-    values: Vector,
-) -> float:  # fmt: skip
+@njit()
+def _read(value: float, sensor: float, seen: Seen, own: Curve, values: Vector) -> float:
+    """Return what a sensor reads, with the curve where it is this one's."""
+    if own.equation != MEASUREMENT or own.place != sensor:
+        return value
+    return changed(value, _value(seen, own, values), own.form)
+
+
+def asked(value: float, seen: Seen, own: Curve, values: Vector) -> float:
     """Return the voltage that is asked for (and logged) with the curve added or as a gain, V."""
-    if equation != _ACTUATION or place != _DRIVE:
+    if own.equation != ACTUATION or own.place != DRIVE:
         return value
-    f = _value(variable, current, x, v, t, period, low, high, scale, values)
-    return value * (1.0 + f) if form == _GAIN else value + f
+    return changed(value, _value(seen, own, values), own.form)
 
 
-def motor(
-    force: float, force_constant: float, current: float, x: float, v: float, t: float,
-    equation: float, form: float, variable: float, place: float, period: float, low: float,
-    high: float, scale: float, values: Vector,
-) -> float:  # fmt: skip
+def motor(force: float, force_constant: float, seen: Seen, own: Curve, values: Vector) -> float:
     """Return the motor's force with the curve as a voltage or as a gain, N."""
-    if equation != _ACTUATION or place == _DRIVE:
+    if own.equation != ACTUATION or own.place == DRIVE:
         return force
-    f = _value(variable, current, x, v, t, period, low, high, scale, values)
-    return force * (1.0 + f) if form == _GAIN else force + force_constant * f
+    f = _value(seen, own, values)
+    return force + force_constant * f if own.form == ADDITIVE else force * (1.0 + f)
 
 
-def carriage(
-    force: float, current: float, x: float, v: float, t: float, equation: float, form: float,
-    variable: float, place: float, period: float, low: float, high: float, scale: float,
-    values: Vector,
-) -> float:  # fmt: skip
+def carriage(force: float, seen: Seen, own: Curve, values: Vector) -> float:
     """Return the force on the carriage with the curve added, N."""
-    if equation != _FORCE or form != _ADDITIVE:
+    if own.equation != FORCE or own.form != ADDITIVE:
         return force
-    f = _value(variable, current, x, v, t, period, low, high, scale, values)
-    return force + f
+    return force + _value(seen, own, values)
 
 
-def level(
-    level: float, current: float, x: float, v: float, t: float, equation: float, form: float,
-    variable: float, place: float, period: float, low: float, high: float, scale: float,
-    values: Vector,
-) -> float:  # fmt: skip
+def level(level: float, seen: Seen, own: Curve, values: Vector) -> float:
     """Return the carriage's dry friction with the curve, N."""
-    if equation != _FORCE or form == _ADDITIVE:
+    if own.equation != FORCE or own.form == ADDITIVE:
         return level
-    f = _value(variable, current, x, v, t, period, low, high, scale, values)
-    return max(0.0, level * (1.0 + f) if form == _GAIN else level + f)
+    return max(0.0, changed(level, _value(seen, own, values), own.form))
 
 
-def read_position(
-    value: float, current: float, x: float, v: float, t: float, equation: float, form: float,
-    variable: float, place: float, period: float, low: float, high: float, scale: float,
-    values: Vector,
-) -> float:  # fmt: skip
+def read_position(value: float, seen: Seen, own: Curve, values: Vector) -> float:
     """Return what the position sensor reads, with the curve, m."""
-    if equation != _MEASUREMENT or place != _READ_POSITION:
-        return value
-    f = _value(variable, current, x, v, t, period, low, high, scale, values)
-    return value * (1.0 + f) if form == _GAIN else value + f
+    return _read(value, POSITION, seen, own, values)
 
 
-def read_velocity(
-    value: float, current: float, x: float, v: float, t: float, equation: float, form: float,
-    variable: float, place: float, period: float, low: float, high: float, scale: float,
-    values: Vector,
-) -> float:  # fmt: skip
+def read_velocity(value: float, seen: Seen, own: Curve, values: Vector) -> float:
     """Return what the velocity sensor reads, with the curve, m/s."""
-    if equation != _MEASUREMENT or place != _READ_VELOCITY:
-        return value
-    f = _value(variable, current, x, v, t, period, low, high, scale, values)
-    return value * (1.0 + f) if form == _GAIN else value + f
+    return _read(value, VELOCITY, seen, own, values)

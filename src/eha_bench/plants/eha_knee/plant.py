@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import InputError
-from eha_bench.plants.assembly import Layout, assemble, hook_names
+from eha_bench.plants.assembly import assemble, hook_names
 from eha_bench.plants.eha_knee import equations, hooks, kernel
 from eha_bench.plants.eha_knee.parameters import PARAMETERS, SIGNALS
+from eha_bench.plants.layout import Layout
 from eha_bench.plants.plant import Drive, Plant, effects_of
 
 FloatArray = NDArray[np.float64]
