@@ -39,6 +39,8 @@ _NEVER = 1e-6
 _ABRUPT = 1.5
 """Change from sample to sample, in steps of the resolution, of what does not stand still itself."""
 _BESIDE = 5
+_LET_GO = 3.0
+"""Jump over the usual change from sample to sample by which a latched reading comes back."""
 _GAP = 1.5
 """A step of the clock by more than this many usual ones leaves samples out."""
 _RESTS = 3
@@ -366,9 +368,9 @@ def _stuck(raw: FloatArray) -> BoolArray:
     """Stretches of equal values that this channel's own noise makes impossible.
 
     Forty are enough where equal neighbours are rare. Fewer are where by chance no stretch of this
-    length would come, and the value does not stand there because the signal does: it came or goes
-    by more than steps of the resolution. What reads the same as a stretch at the end of the range
-    is clipped as well.
+    length would come, and the signal itself did not rest: when it was let go it had gone on
+    (latched), or it ran into the end of its range (clipped). What reads the same as a stretch
+    there is clipped as well.
     """
     mask = np.zeros(raw.size, dtype=np.bool_)
     same = np.diff(raw) == 0.0
@@ -384,19 +386,28 @@ def _stuck(raw: FloatArray) -> BoolArray:
     if others < _STUCK or common > _COMMON:
         return mask
     by_chance = np.log(_NEVER / raw.size) / np.log(max(common, 1.0 / raw.size))
-    usual = _ABRUPT * quantum_of(raw[np.isfinite(raw)])
     ends = {float(np.nanmin(raw)), float(np.nanmax(raw))}
+    coarse = _ABRUPT * quantum_of(raw[np.isfinite(raw)])
     for start, length in zip(starts, lengths, strict=True):
         stop = start + length + 1
-        if length >= _STUCK or (length > by_chance and _moves(raw, start, stop) > usual):
+        at_end = float(raw[start]) in ends
+        # a run may begin at rest
+        unlikely = length > by_chance and start > 0 and stop < raw.size
+        if length >= _STUCK or (unlikely and _went_on(raw, start, stop, coarse, at_end=at_end)):
             mask[start:stop] = True
-            if float(raw[start]) in ends:
+            if at_end:
                 mask |= raw == raw[start]
     return mask
 
 
-def _moves(raw: FloatArray, start: int, stop: int) -> float:
-    """Return the mean change from sample to sample on the livelier side of a stretch."""
-    sides = (raw[max(0, start - _BESIDE) : start + 1], raw[stop - 1 : stop + _BESIDE])
-    changes = [np.abs(np.diff(side)) for side in sides]
-    return max((float(np.nanmean(c)) for c in changes if np.isfinite(c).any()), default=0.0)
+def _went_on(raw: FloatArray, start: int, stop: int, coarse: float, *, at_end: bool) -> bool:
+    """Whether a signal moved while its reading stood still from `start` to `stop`."""
+    before, after = (
+        np.abs(np.diff(side))
+        for side in (raw[max(0, start - _BESIDE) : start + 1], raw[stop : stop + _BESIDE + 1])
+    )
+    beside = [float(np.nanmean(side)) for side in (before, after) if np.isfinite(side).any()]
+    if not beside:
+        return False
+    jump = abs(float(raw[stop]) - float(raw[stop - 1]))
+    return (at_end and max(beside) > coarse) or jump > max(_LET_GO * max(beside), coarse)
