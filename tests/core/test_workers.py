@@ -2,13 +2,11 @@
 
 import math
 import os
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from cluster import Cluster, two_workers
 from poison import Shared, fails_on_three, kills_on_three, kills_once, slow_square, square
 
 from eha_bench.core.errors import InputError
@@ -80,57 +78,10 @@ def test_a_scheduler_that_does_not_answer_is_told() -> None:
         DaskCluster("tcp://127.0.0.1:1").map(square, ITEMS)
 
 
-class Cluster:
-    """A scheduler and workers as processes on this machine, as `dask scheduler` starts them."""
-
-    def __init__(self, folder: Path, workers: int) -> None:
-        self.file = folder / "scheduler.json"
-        self.environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
-        self.folder = folder
-        self.processes = [self.start("scheduler", "--no-dashboard", "--host", "127.0.0.1",
-                                     "--port", "0")]  # fmt: skip
-        self.workers = [
-            self.start("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard")
-            for _ in range(workers)
-        ]
-        self.processes += self.workers
-
-    def start(self, what: str, *options: str) -> "subprocess.Popen[bytes]":
-        return subprocess.Popen(
-            [sys.executable, "-m", "dask", what, "--scheduler-file", str(self.file), *options],
-            cwd=self.folder, env=self.environment, stderr=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-        )  # fmt: skip
-
-    @property
-    def name(self) -> str:
-        import json
-
-        deadline = time.monotonic() + 60.0
-        while not self.file.exists():
-            assert time.monotonic() < deadline, "the scheduler does not start"
-            time.sleep(0.1)
-        return str(json.loads(self.file.read_text())["address"]).replace("tcp://", "dask://")
-
-    def stop(self) -> None:
-        for process in self.processes:
-            process.kill()
-            process.wait()
-
-
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    distributed = pytest.importorskip("distributed")
-    started = Cluster(tmp_path, 2)
-    client = distributed.Client(
-        started.name.replace("dask://", "tcp://"), timeout=60, set_as_default=False
-    )
-    try:
-        client.wait_for_workers(2, timeout=60)
+    with two_workers(tmp_path) as started:
         yield started
-    finally:
-        client.close()
-        started.stop()
 
 
 @pytest.mark.slow
@@ -149,3 +100,33 @@ def test_a_dask_cluster_gives_the_same_though_a_worker_is_killed(cluster: Cluste
     assert cluster.workers[1].pid in places
     assert len(places) == 2
     assert workers.map(math.sqrt, ITEMS) == [math.sqrt(x) for x in ITEMS]
+
+
+@pytest.fixture
+def in_ray() -> Iterator[Workers]:
+    """Two workers of a Ray cluster on this machine, which takes some seconds to start."""
+    reason = "Ray is not among the locked packages (214 MB): pip install ray"
+    ray = pytest.importorskip("ray", reason=reason)
+    there = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+    also = {"env_vars": {"PYTHONPATH": there}}
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, runtime_env=also)
+    try:
+        yield RayCluster("the one that runs")
+    finally:
+        ray.shutdown()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_ray_gives_the_same_and_an_error_costs_its_own_item(
+    in_ray: Workers, tmp_path: Path
+) -> None:
+    assert in_ray.count == 2
+    assert in_ray.map(math.sqrt, ITEMS) == [math.sqrt(x) for x in ITEMS]
+    told = tmp_path / "arrivals"
+    assert in_ray.map(Shared(str(told)), ITEMS) == [x * x for x in ITEMS]
+    places = told.read_text().split()
+    assert 1 <= len(places) == len(set(places)) <= 2
+    found = list(in_ray.ordered(fails_on_three, range(6)))
+    assert [outcome.value for outcome in found] == [0, 1, 2, None, 4, 5]
+    assert str(found[3].error) == "ValueError: three is no good"

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "core"))
 
+from cluster import two_workers
 from drive_data import write_drive
 
 import eha_bench
@@ -29,3 +32,20 @@ def assert_same(one: Diagnosis, two: Diagnosis) -> None:
 
 def test_processes_find_the_same(dataset: Path) -> None:
     assert_same(eha_bench.diagnose(dataset), eha_bench.diagnose(dataset, workers=2))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+def test_a_cluster_finds_the_same_though_a_worker_is_killed(dataset: Path, tmp_path: Path) -> None:
+    with two_workers(tmp_path) as cluster:
+        victim = cluster.workers[0]
+        later = threading.Timer(3.0, victim.kill)
+
+        def tell(stage: str, _: float) -> None:
+            if stage == "search" and not later.ident:
+                later.start()
+
+        there = eha_bench.diagnose(dataset, progress=tell, workers=cluster.name)
+        later.join()
+        assert victim.poll() is not None
+    assert_same(eha_bench.diagnose(dataset), there)

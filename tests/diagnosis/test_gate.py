@@ -83,13 +83,14 @@ def test_a_stuck_stretch_is_masked_and_the_rest_kept():
 
 @pytest.mark.parametrize("step", [0.0, 0.05], ids=["continuous", "quantised"])
 def test_what_is_latched_or_clipped_for_some_samples_is_masked_and_nothing_else(step):
-    reading = recording()
-    speed = np.array(reading["motor_speed"])
+    tick = np.arange(2000)
+    speed = 10.0 * np.sin(0.02 * tick) + 0.1 * np.random.default_rng(0).standard_normal(2000)
     speed = np.round(speed / step) * step if step else speed
+    reading = recording(motor_speed=speed)
     for spoilt in (speed, np.minimum(speed, 9.0)):
         wrong = spoilt != speed
         latched = spoilt.copy()
-        for k in range(700, 2000, 400):
+        for k in range(942, 2000, 314):
             latched[k : k + 25] = latched[k - 1]
             wrong[k : k + 25] = True
         found = admit(

@@ -10,10 +10,11 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped
-from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.unmeasured import carried, missing
 from eha_bench.diagnosis.data.windows import window_at
+from eha_bench.diagnosis.fit.baseline import gather
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
@@ -83,3 +84,12 @@ def test_at_rest_one_chamber_tells_the_other(model) -> None:
     assert model.plant.at_rest({"pressure_a": 6e5}) == {"pressure_b": 6e5}
     assert model.plant.at_rest({"pressure_a": 6e5, "pressure_b": 1e5}) == {}
     assert model.plant.at_rest({"motor_speed": 0.0}) == {}
+
+
+def test_what_nobody_measured_is_left_to_be_carried(model, truth) -> None:
+    measured = _measured(model, truth)
+    dataset = Dataset(model, ("current_command",), (measured.run,))
+    _, windows, _, _ = gather(dataset)
+    later = [window for window in windows if window.first > 0]
+    assert later
+    assert all(missing(model.plant, window) == ("pressure_b",) for window in later)

@@ -321,14 +321,27 @@ def test_load_beyond_a_play_coasts_while_the_gap_is_crossed(knee, effect) -> Non
     assert worst < 2e-3
 
 
-def test_tight_joint_moves_as_one_mass(knee, effect) -> None:
+@pytest.mark.parametrize("step", [2e-6, 5e-4])
+def test_tight_joint_moves_as_one_mass_at_any_step(knee, effect, step) -> None:
     time = np.arange(0.0, 0.3, 1e-3)
     command = 10.0 * np.sin(2 * np.pi * 4 * time)
     plain = knee.run(time, command, locked=False, external_force=300.0)
     play = effect("joint_backlash", gap=1e-9, side="load", rod_mass=0.5, joint_stiffness=1e8)
-    got = knee.run(time, command, play, locked=False, external_force=300.0, step=2e-6)
+    got = knee.run(time, command, play, locked=False, external_force=300.0, step=step)
     worst = np.max(np.abs(got["piston_position"] - plain["piston_position"]))
     assert worst < 0.02 * np.ptp(plain["piston_position"])
+
+
+def test_load_may_begin_anywhere_in_its_gap(knee, effect) -> None:
+    time = np.arange(0.0, 0.1, 1e-3)
+    path = {}
+    for rest in (1.0, 0.0, -1.0):
+        play = effect("joint_backlash", gap=2e-3, side="load", rest=rest)
+        out = knee.run(time, np.full(time.size, 10.0), play, locked=False, external_force=300.0)
+        path[rest] = out["piston_position"]
+    # the further the load falls before it meets the rod, the harder it pushes it back
+    fell = [np.max(np.abs(path[rest] - path[1.0])) for rest in (0.0, -1.0)]
+    assert fell[1] > 1.2 * fell[0] > 1e-4
 
 
 @pytest.mark.parametrize(("posture", "share"), [(0.0, 1.0), (1.0, 0.5)])

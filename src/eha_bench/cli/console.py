@@ -38,11 +38,13 @@ def say_what_the_product_logs() -> None:
 def errors_as_sentences() -> Iterator[None]:
     """Turn what a user can put right into one sentence and an exit status.
 
-    Anything else is a bug and keeps its traceback.
+    Anything else is a bug and keeps its traceback, as does one that a worker came upon.
     """
     try:
         yield
     except EhaBenchError as error:
+        if error.trace:
+            say(error.trace.rstrip())
         say(f"eha-bench: {error}")
         raise SystemExit(error.exit_status) from error
     except KeyboardInterrupt as error:

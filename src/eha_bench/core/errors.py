@@ -36,6 +36,8 @@ class EhaBenchError(Exception):
     """Root of all errors raised on purpose: one sentence, a place and a way out."""
 
     exit_status: ClassVar[int] = 2
+    trace: str = ""
+    """Traceback of a bug that ended what was done elsewhere; empty where a sentence says it all."""
 
     def __init__(self, what: str, *, where: Place | None = None, hint: str = "") -> None:
         self.what = what

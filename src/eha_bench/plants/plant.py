@@ -50,15 +50,36 @@ class Drive:
         object.__setattr__(other, "laid_out", self.laid_out)
         return other
 
-    def first_tick(self, initial: Mapping[str, float]) -> Drive:
-        """Return the drive from another first state, ended at the tick where it starts."""
+    @property
+    def first_tick(self) -> Drive:
+        """The drive ended at the tick where it starts."""
         kept = self.laid_out.get(_FIRST_TICK)
         if not isinstance(kept, Drive):
             end = self.first + 1
             inputs = {name: values[:end] for name, values in self.inputs.items()}
             kept = replace(self, time=self.time[:end], inputs=inputs)
             self.laid_out[_FIRST_TICK] = kept
-        return kept.starting(initial)
+        return kept
+
+
+class Parametrised:
+    """A plant with its parameters set: what depends on them alone is looked up once.
+
+    Attributes:
+        plant: the plant. vector: its parameters, as `layout` orders them.
+    """
+
+    def __init__(self, plant: Plant, vector: FloatArray) -> None:
+        self.plant = plant
+        self.vector = vector
+        self.sensors_are_ideal = plant.layout.sensors_are_ideal(vector)
+
+    def simulate(self, drive: Drive, initial: Mapping[str, float], step: float) -> FloatArray:
+        """Return what the sensors would read from another first state than the drive's own.
+
+        Args and result are those of `Plant.simulate`.
+        """
+        return self.plant.simulate(self.vector, drive.starting(initial), step)
 
 
 class Plant(ABC):
@@ -89,6 +110,10 @@ class Plant(ABC):
         Returns:
             (n, len(outputs)), SI.
         """
+
+    def at(self, vector: FloatArray) -> Parametrised:
+        """Return the plant with its parameters set, for many simulations with them."""
+        return Parametrised(self, vector)
 
     def at_rest(
         self,

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run
+from eha_bench.diagnosis.data.stuck import stuck
 from eha_bench.plants.plant import Drive
 
 FloatArray = NDArray[np.float64]
@@ -32,13 +33,6 @@ _HELD = ("current_command", "reference", "voltage", "pulses")
 # what comes on top of another input: a log without it is one in which nothing was added
 _ON_TOP = ("pulses",)
 _LOCKED_STILL = ("piston_position", "piston_velocity", "joint_angle")
-_STUCK = 40
-_COMMON = 0.3
-_NEVER = 1e-6
-"""Expected number of stretches in a run from which one is none of chance."""
-_ABRUPT = 1.5
-"""Change from sample to sample, in steps of the resolution, of what does not stand still itself."""
-_BESIDE = 5
 _GAP = 1.5
 """A step of the clock by more than this many usual ones leaves samples out."""
 _RESTS = 3
@@ -262,13 +256,13 @@ def admit(
             continue
         if run.locked and name in _LOCKED_STILL:
             continue
-        stuck = _stuck(raw)
-        if stuck.any():
+        still = stuck(raw, quantum_of(raw[good]))
+        if still.any():
             notes.append(
                 f"{run.name}: '{name}' stands still or is clipped for "
-                f"{int(stuck.sum())} samples, left out"
+                f"{int(still.sum())} samples, left out"
             )
-            good &= ~stuck
+            good &= ~still
         if not good.all():
             gaps = int((~np.isfinite(raw)).sum())
             if gaps:
@@ -360,43 +354,3 @@ def _long_holes(missing: BoolArray, time: FloatArray, longest: float) -> list[in
                 ends.append(k)
             start = None
     return ends
-
-
-def _stuck(raw: FloatArray) -> BoolArray:
-    """Stretches of equal values that this channel's own noise makes impossible.
-
-    Forty are enough where equal neighbours are rare. Fewer are where by chance no stretch of this
-    length would come, and the value does not stand there because the signal does: it came or goes
-    by more than steps of the resolution. What reads the same as a stretch at the end of the range
-    is clipped as well.
-    """
-    mask = np.zeros(raw.size, dtype=np.bool_)
-    same = np.diff(raw) == 0.0
-    if not same.any():
-        return mask
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
-    starts, lengths = edges[::2], edges[1::2] - edges[::2]
-    long = lengths >= _STUCK
-    outside = int(same.sum() - lengths[long].sum())
-    others = int(same.size - lengths[long].sum())
-    # where equal neighbours are common (a coarse encoder at rest), standing still proves nothing
-    common = outside / others if others else 1.0
-    if others < _STUCK or common > _COMMON:
-        return mask
-    by_chance = np.log(_NEVER / raw.size) / np.log(max(common, 1.0 / raw.size))
-    usual = _ABRUPT * quantum_of(raw[np.isfinite(raw)])
-    ends = {float(np.nanmin(raw)), float(np.nanmax(raw))}
-    for start, length in zip(starts, lengths, strict=True):
-        stop = start + length + 1
-        if length >= _STUCK or (length > by_chance and _moves(raw, start, stop) > usual):
-            mask[start:stop] = True
-            if float(raw[start]) in ends:
-                mask |= raw == raw[start]
-    return mask
-
-
-def _moves(raw: FloatArray, start: int, stop: int) -> float:
-    """Return the mean change from sample to sample on the livelier side of a stretch."""
-    sides = (raw[max(0, start - _BESIDE) : start + 1], raw[stop - 1 : stop + _BESIDE])
-    changes = [np.abs(np.diff(side)) for side in sides]
-    return max((float(np.nanmean(c)) for c in changes if np.isfinite(c).any()), default=0.0)

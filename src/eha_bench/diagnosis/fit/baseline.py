@@ -110,7 +110,7 @@ def gather(
             hint=f"{plant.id} gives: {', '.join(plant.outputs)}",
         )
     windows = [window for item in measured for window in cut(item, noise)]
-    windows = _with_unmeasured(dataset, thinned(windows))
+    windows = thinned(windows)
     notes = [f"a training run is left out: {error}" for error in unread]
     return tuple(measured), windows, noise, (*notes, *_notes(measured))
 
@@ -129,41 +129,6 @@ def thinned(windows: list[Window], budget: float = BUDGET) -> list[Window]:
 def _length(window: Window) -> float:
     time = window.measured.time
     return float(time[window.last - 1] - time[window.first])
-
-
-def _with_unmeasured(dataset: Dataset, windows: list[Window]) -> list[Window]:
-    """Give windows inside a run a start for states that nobody measured, from the declared model.
-
-    Such a start is a guess, so its spread is that of the state over the whole run.
-    """
-    plant = dataset.model.plant
-    vector = dataset.model.vector()
-    free: dict[str, FloatArray] = {}
-    out = []
-    for window in windows:
-        measured = window.measured
-        missing = [
-            (at, name)
-            for at, name in enumerate(plant.outputs)
-            if name in plant.states and name not in window.initial and name not in measured.inputs
-        ]
-        if window.first == 0 or not missing:
-            out.append(window)
-            continue
-        name_of_run = measured.run.name
-        if name_of_run not in free:
-            start = next(w for w in windows if w.measured is measured).initial
-            known = {key: value for key, value in start.items() if key in plant.states}
-            drive = measured.drive(0, measured.time.size, known)
-            free[name_of_run] = plant.simulate(vector, drive, COARSE)
-        values = free[name_of_run]
-        initial = dict(window.initial)
-        spread = dict(window.spread)
-        for at, name in missing:
-            initial[name] = float(values[window.first, at])
-            spread[name] = float(np.std(values[:, at]))
-        out.append(replace(window, initial=initial, spread=spread))
-    return out
 
 
 class CalibrationInterrupted(KeyboardInterrupt):

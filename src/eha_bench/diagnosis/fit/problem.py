@@ -25,7 +25,7 @@ from eha_bench.diagnosis.data.unmeasured import carried, missing
 from eha_bench.diagnosis.data.windows import Window
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.effort import simulated
-from eha_bench.plants.plant import Drive, Plant
+from eha_bench.plants.plant import Drive, Parametrised, Plant
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
@@ -164,14 +164,16 @@ class Problem:
         rough = self.at_step(max(self.step, SLOPES))
         self._carry(vector, rough.step)
 
+        at = self.plant.at(vector)
+
         def one(part: _Prepared) -> None:
-            base = rough._weighted(part, vector, {})
+            base = rough._weighted(part, at, {})
             columns = []
             for name, spread in part.window.spread.items():
                 if not np.isfinite(spread) or spread <= 0 or name not in self.plant.states:
                     continue
                 # a fifth of a spread: a compromise between noise of stick events and curvature
-                moved = rough._weighted(part, vector, {name: 0.2 * spread})
+                moved = rough._weighted(part, at, {name: 0.2 * spread})
                 columns.append((moved - base) / 0.2)
             if not columns:
                 part.basis = np.zeros((base.size, 0))
@@ -201,13 +203,15 @@ class Problem:
 
     def raw(self, vector: FloatArray) -> FloatArray:
         """Return the weighted residual without whitening, (size,)."""
-        return np.concatenate(self._each(lambda part: self._weighted(part, vector, {})))
+        at = self.plant.at(vector)
+        return np.concatenate(self._each(lambda part: self._weighted(part, at, {})))
 
     def residual(self, vector: FloatArray) -> FloatArray:
         """Return the whitened weighted residual, (size,): white, variance 1 where all is said."""
+        at = self.plant.at(vector)
 
         def one(part: _Prepared) -> FloatArray:
-            return self._white(part, self._weighted(part, vector, {}))
+            return self._white(part, self._weighted(part, at, {}))
 
         found = np.concatenate(self._each(one))
         return found if self._defect is None else found + self._defect
@@ -217,9 +221,10 @@ class Problem:
 
         Needs `prepare` at this vector.
         """
+        at = self.plant.at(vector)
 
         def one(part: _Prepared) -> FloatArray:
-            residual = self._weighted(part, vector, {})
+            residual = self._weighted(part, at, {})
             if part.shrink.size == 0:
                 return residual
             # 1 - 1 / (1 + s^2), from 1 - 1 / sqrt(1 + s^2)
@@ -233,7 +238,8 @@ class Problem:
 
         Each is (ticks, outputs of the plant).
         """
-        return self._each(lambda part: self._simulated(part, vector, {})[part.drive.first :])
+        at = self.plant.at(vector)
+        return self._each(lambda part: self._simulated(part, at, {})[part.drive.first :])
 
     def _each(self, function: Callable[[_Prepared], T], seconds: float | None = None) -> list[T]:
         """Do something with every window; `seconds` are simulated by it (default: each once)."""
@@ -285,18 +291,17 @@ class Problem:
         )
 
     def _simulated(
-        self, part: _Prepared, vector: FloatArray, shift: Mapping[str, float]
+        self, part: _Prepared, at: Parametrised, shift: Mapping[str, float]
     ) -> FloatArray:
-        drive = part.drive
-        initial = start_of(self.plant, vector, drive, part.window.initial)
+        initial = start_of(at, part.drive, part.window.initial)
         for name, change in shift.items():
             initial[name] = initial.get(name, 0.0) + change
-        return self.plant.simulate(vector, drive.starting(initial), self.step)
+        return at.simulate(part.drive, initial, self.step)
 
     def _weighted(
-        self, part: _Prepared, vector: FloatArray, shift: Mapping[str, float]
+        self, part: _Prepared, at: Parametrised, shift: Mapping[str, float]
     ) -> FloatArray:
-        out = self._simulated(part, vector, shift).ravel()[part.places]
+        out = self._simulated(part, at, shift).ravel()[part.places]
         out /= part.scale
         difference = np.subtract(part.target, out, out=out)
         if not np.abs(difference).max(initial=0.0) <= _BAD:
@@ -311,22 +316,21 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="simulate")
 
 
-def start_of(
-    plant: Plant, vector: FloatArray, drive: Drive, measured: Mapping[str, float]
-) -> dict[str, float]:
+def start_of(at: Parametrised, drive: Drive, measured: Mapping[str, float]) -> dict[str, float]:
     """Return the start state at which the plant's sensors would read what was measured.
 
     A sensor with an offset reads another value than the state has: one tick is simulated, and the
     state is moved by what the sensor adds.
     """
+    plant = at.plant
     measured = {name: value for name, value in measured.items() if name in plant.states}
     initial = {**plant.at_rest(measured), **measured}
-    if plant.layout.sensors_are_ideal(vector):
+    if at.sensors_are_ideal:
         return initial
-    reads = plant.simulate(vector, drive.first_tick(initial), 1.0)[drive.first]
-    for at, name in enumerate(plant.outputs):
-        if name in measured and name != "current" and np.isfinite(reads[at]):
-            initial[name] += measured[name] - reads[at]
+    reads = at.simulate(drive.first_tick, initial, 1.0)[drive.first]
+    for place, name in enumerate(plant.outputs):
+        if name in measured and name != "current" and np.isfinite(reads[place]):
+            initial[name] += measured[name] - reads[place]
     return initial
 
 

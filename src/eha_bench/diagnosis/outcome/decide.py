@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from eha_bench.diagnosis.fit.candidates import LEARNED
-from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, is_unexplained
+from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN, is_unexplained
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
@@ -58,6 +58,12 @@ def decide(search: Search, step: float, progress: Progress) -> Decision:
             notes.append("what was found does not explain everything: something else is missing")
         return Decision(Verdict.EFFECT, search.fit, tuple(notes), None)
     if not unexplained:
+        if rest.relative > REST_RELATIVE:
+            worst = max(rest.by_channel, key=lambda name: rest.by_channel[name])
+            notes.append(
+                f"that has no structure in time: single readings far off, most of '{worst}', which "
+                "no model makes"
+            )
         return Decision(Verdict.NONE, search.fit, tuple(notes), None)
     if search.effects:
         notes.append(

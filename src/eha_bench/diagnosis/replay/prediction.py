@@ -117,10 +117,9 @@ def simulate_from(
         measured: the run. model: what is simulated. state: channel -> first reading, SI.
         step: largest integration step, s.
     """
-    vector = model.vector()
+    at = model.plant.at(model.vector())
     drive = measured.drive(0, measured.time.size)
-    initial = start_of(model.plant, vector, drive, state)
-    return model.plant.simulate(vector, drive.starting(initial), step)
+    return at.simulate(drive, start_of(at, drive, state), step)
 
 
 def predict(

@@ -15,7 +15,7 @@ from eha_bench.plants.assembly import assemble, hook_names
 from eha_bench.plants.eha_knee import equations, hooks, kernel
 from eha_bench.plants.eha_knee.parameters import PARAMETERS, SIGNALS
 from eha_bench.plants.layout import Layout
-from eha_bench.plants.plant import Drive, Plant, effects_of
+from eha_bench.plants.plant import Drive, Parametrised, Plant, effects_of
 
 FloatArray = NDArray[np.float64]
 
@@ -112,16 +112,19 @@ class EhaKnee(Plant):
         Raises:
             InputError: a channel that is no state of this plant.
         """
-        return self._started(vector, initial, self.kernel_for(vector))
+        compiled, parameters, memory = self.kernel_for(vector)
+        return self.settled(initial, compiled, parameters, memory)
 
-    def _started(
+    def settled(
         self,
-        vector: FloatArray,
         initial: Mapping[str, float],
-        fastest: tuple[ModuleType, FloatArray, FloatArray],
+        compiled: ModuleType,
+        parameters: FloatArray,
+        memory: FloatArray,
     ) -> FloatArray:
+        """Return a start state as `start_state` does, by a kernel that is known already."""
         state = np.zeros(7)
-        rest = vector[self.layout.index["initial_pressure"]]
+        rest = parameters[self._bare.index["initial_pressure"]]
         state[equations.PRESSURE_A] = state[equations.PRESSURE_B] = rest
         for name, value in initial.items():
             if name not in _STATE:
@@ -130,7 +133,6 @@ class EhaKnee(Plant):
                 )
             state[_STATE[name]] = value
         read = np.array([name in initial for name in IMPOSED])
-        compiled, parameters, memory = fastest
         compiled.settle(read, parameters, memory, state)
         return state
 
@@ -146,30 +148,11 @@ class EhaKnee(Plant):
         Raises:
             InputError: an input or a first value that this plant does not have.
         """
-        n = drive.time.size
-        inputs = self._inputs(drive)
-        out = np.full((n, len(self.outputs)), np.nan)
-        fastest = self.kernel_for(vector)
-        state = self._started(vector, drive.initial, fastest)
-        compiled, parameters, memory = fastest
-        compiled.simulate(
-            drive.first,
-            n - 1,
-            inputs.time,
-            inputs.commands,
-            inputs.signals,
-            inputs.imposed,
-            inputs.is_imposed,
-            drive.locked,
-            drive.bypass_open,
-            step,
-            True,
-            parameters,
-            memory,
-            state,
-            out,
-        )
-        return out
+        return _Fastest(self, vector).simulate(drive, drive.initial, step)
+
+    def at(self, vector: FloatArray) -> Parametrised:
+        """Return the plant with its parameters set, for many simulations with them."""
+        return _Fastest(self, vector)
 
     def sweep(self, vectors: FloatArray, drive: Drive, step: float) -> FloatArray:
         """Return what `simulate` does for each row of parameters: (m, n, 6), SI.
@@ -180,7 +163,7 @@ class EhaKnee(Plant):
         Raises:
             InputError: as `simulate`.
         """
-        inputs = self._inputs(drive)
+        inputs = self.inputs_of(drive)
         out = np.empty((len(vectors), drive.time.size, len(self.outputs)))
         together = np.zeros(len(vectors), dtype=np.bool_)
         if not inputs.is_imposed.any():
@@ -212,7 +195,7 @@ class EhaKnee(Plant):
         )  # fmt: skip
         return out.transpose(2, 0, 1)[: len(vectors)]
 
-    def _inputs(self, drive: Drive) -> Inputs:
+    def inputs_of(self, drive: Drive) -> Inputs:
         """Return a drive's inputs as the kernels take them, laid out once.
 
         Raises:
@@ -264,6 +247,44 @@ def _signals(n: int) -> FloatArray:
     signals = np.zeros((n, len(_MEASURED)))
     signals[:, _MEASURED.index("oil_temperature")] = np.nan
     return signals
+
+
+class _Fastest(Parametrised):
+    """The knee with its parameters set, and the kernel that is the fastest for them."""
+
+    plant: EhaKnee
+
+    def __init__(self, plant: EhaKnee, vector: FloatArray) -> None:
+        super().__init__(plant, vector)
+        self._compiled, self._parameters, memory = plant.kernel_for(vector)
+        self._memory = memory.size
+
+    def simulate(self, drive: Drive, initial: Mapping[str, float], step: float) -> FloatArray:
+        """Return (n, 6) in the order of the plant's outputs, SI, as `EhaKnee.simulate` does."""
+        inputs = self.plant.inputs_of(drive)
+        n = inputs.time.size
+        out = np.empty((n, len(self.plant.outputs)))
+        out[: drive.first] = np.nan
+        memory = np.zeros(self._memory)
+        state = self.plant.settled(initial, self._compiled, self._parameters, memory)
+        self._compiled.simulate(
+            drive.first,
+            n - 1,
+            inputs.time,
+            inputs.commands,
+            inputs.signals,
+            inputs.imposed,
+            inputs.is_imposed,
+            drive.locked,
+            drive.bypass_open,
+            step,
+            True,
+            self._parameters,
+            memory,
+            state,
+            out,
+        )
+        return out
 
 
 class Session:

@@ -1,0 +1,64 @@
+"""A Dask cluster of two workers on this machine, for tests."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+
+class Cluster:
+    """A scheduler and workers as processes on this machine, as `dask scheduler` starts them."""
+
+    def __init__(self, folder: Path, workers: int) -> None:
+        self.file = folder / "scheduler.json"
+        self.environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
+        self.folder = folder
+        self.processes = [self.start("scheduler", "--no-dashboard", "--host", "127.0.0.1",
+                                     "--port", "0")]  # fmt: skip
+        self.workers = [
+            self.start("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard")
+            for _ in range(workers)
+        ]
+        self.processes += self.workers
+
+    def start(self, what: str, *options: str) -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(
+            [sys.executable, "-m", "dask", what, "--scheduler-file", str(self.file), *options],
+            cwd=self.folder, env=self.environment, stderr=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+
+    @property
+    def name(self) -> str:
+        deadline = time.monotonic() + 60.0
+        while not self.file.exists():
+            assert time.monotonic() < deadline, "the scheduler does not start"
+            time.sleep(0.1)
+        return str(json.loads(self.file.read_text())["address"]).replace("tcp://", "dask://")
+
+    def stop(self) -> None:
+        for process in self.processes:
+            process.kill()
+            process.wait()
+
+
+@contextmanager
+def two_workers(folder: Path) -> Iterator[Cluster]:
+    """Give a cluster once both workers are there; the test is skipped where Dask is not."""
+    distributed = pytest.importorskip("distributed")
+    started = Cluster(folder, 2)
+    client = distributed.Client(
+        started.name.replace("dask://", "tcp://"), timeout=60, set_as_default=False
+    )
+    try:
+        client.wait_for_workers(2, timeout=60)
+        yield started
+    finally:
+        client.close()
+        started.stop()
