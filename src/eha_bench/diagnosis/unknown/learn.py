@@ -80,7 +80,9 @@ def _settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
         before = float(np.mean(fit.residual**2))
         short.prepare(fit.vector)
         short.scale_to(short.residual(fit.vector))
-        fit = levenberg_marquardt(short, fit.vector, free, iterations=_ITERATIONS, refresh=1)
+        fit = levenberg_marquardt(
+            short, fit.vector, free, iterations=_ITERATIONS, known=fit.columns, refresh=1
+        )
         if float(np.mean(fit.residual**2)) > _FALLS * before:
             break
     return fit
