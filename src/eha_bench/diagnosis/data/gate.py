@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.stuck import stuck
 from eha_bench.plants.plant import Drive
@@ -225,6 +226,14 @@ def admit(
     where = Place(file=str(run.log))
     time = np.array(recording.time - recording.time[0])
     notes = [f"{run.name}: {note}" for note in recording.notes]
+    regular = regular_clock(time, [recording[name] for name in outputs if name in recording])
+    if regular is not None:
+        beside = 1e3 * float(np.std(time - regular))
+        notes.append(
+            f"{run.name}: its time stamps lie {beside:.2g} ms beside a regular clock; the readings "
+            "were taken by that clock, so it is used"
+        )
+        time = regular
     driven: dict[str, FloatArray] = {}
     missing = np.zeros(time.size, dtype=np.bool_)
     for name in inputs:

@@ -1,0 +1,43 @@
+"""Stamps beside a regular clock: which of both the readings follow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eha_bench.diagnosis.data.clock import regular_clock
+
+PERIOD = 1e-3
+
+
+def _logged(*, late: float, stamps_are_true: bool, gaps: bool) -> tuple[np.ndarray, ...]:
+    """Ticks, stamps and a noisy position of samples that reach the log late."""
+    rng = np.random.default_rng(0)
+    tick = np.arange(3000.0)
+    stamps = tick * PERIOD + late * np.abs(rng.standard_normal(tick.size))
+    taken = stamps if stamps_are_true else tick * PERIOD
+    position = 0.02 * np.sin(5.0 * taken) + 4e-6 * rng.standard_normal(tick.size)
+    kept = tick % 100 < (85 if gaps else 100)
+    return tick[kept], stamps[kept] - stamps[0], position[kept]
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_what_was_sampled_regularly_is_put_back_on_its_clock(gaps: bool) -> None:
+    tick, stamps, position = _logged(late=1e-4, stamps_are_true=False, gaps=gaps)
+    found = regular_clock(stamps, [position])
+    assert found is not None
+    assert np.abs(found - tick * PERIOD).max() < 0.02 * PERIOD
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_stamps_that_the_readings_follow_are_kept(gaps: bool) -> None:
+    _, stamps, position = _logged(late=1e-4, stamps_are_true=True, gaps=gaps)
+    assert regular_clock(stamps, [position]) is None
+
+
+def test_a_clock_that_drifts_or_is_regular_anyway_is_kept() -> None:
+    rng = np.random.default_rng(1)
+    position = rng.standard_normal(3000)
+    for steps in (PERIOD * np.ones(3000), PERIOD + 1e-4 * rng.standard_normal(3000)):
+        time = np.cumsum(steps) - steps[0]
+        assert regular_clock(time, [position]) is None
