@@ -21,11 +21,13 @@ class Cluster:
         self.folder = folder
         self.processes = [self.start("scheduler", "--no-dashboard", "--host", "127.0.0.1",
                                      "--port", "0")]  # fmt: skip
-        self.workers = [
-            self.start("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard")
-            for _ in range(workers)
-        ]
-        self.processes += self.workers
+        self.workers = self.more(workers)
+
+    def more(self, count: int) -> "list[subprocess.Popen[bytes]]":
+        options = ("--nthreads", "1", "--no-nanny", "--no-dashboard")
+        started = [self.start("worker", *options) for _ in range(count)]
+        self.processes += started
+        return started
 
     def start(self, what: str, *options: str) -> "subprocess.Popen[bytes]":
         return subprocess.Popen(

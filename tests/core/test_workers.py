@@ -102,6 +102,20 @@ def test_a_dask_cluster_gives_the_same_though_a_worker_is_killed(cluster: Cluste
     assert workers.map(math.sqrt, ITEMS) == [math.sqrt(x) for x in ITEMS]
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+def test_a_cluster_may_lose_all_workers_and_what_was_sent_to_them(cluster: Cluster) -> None:
+    workers = workers_from(cluster.name)
+    found = []
+    for outcome in workers.ordered(slow_square, ITEMS):
+        found.append(outcome.get()[0])
+        if len(found) == 3:
+            for process in cluster.workers:
+                process.kill()
+            cluster.more(2)
+    assert found == [x * x for x in ITEMS]
+
+
 @pytest.fixture
 def in_ray() -> Iterator[Workers]:
     """Two workers of a Ray cluster on this machine, which takes some seconds to start."""

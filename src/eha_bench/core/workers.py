@@ -146,7 +146,7 @@ def _done(
 
 _LOST = {
     "TerminatedWorkerError", "BrokenProcessPool",  # loky
-    "KilledWorker",  # Dask
+    "KilledWorker", "FutureCancelledError",  # Dask; the second where what was sent is lost, too
     "RayActorError", "WorkerCrashedError",  # Ray
 }  # fmt: skip
 
