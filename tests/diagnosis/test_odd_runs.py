@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from eha_bench.diagnosis.fit.odd_runs import odd_runs
 from eha_bench.diagnosis.fit.problem import Problem
 
 
-def _odd(folder: Path, logs: list[str]) -> dict[str, str]:
+def _odd(folder: Path, logs: list[str], others: Sequence[float] = ()) -> dict[str, str]:
     path = folder / "dataset.yaml"
     head = "model: model.yaml\nchannels: channels.yaml\ninputs: [reference]\nruns:\n"
     path.write_text(head + "".join(f"  - {{log: {log}.csv, use: train}}\n" for log in logs))
@@ -27,7 +28,8 @@ def _odd(folder: Path, logs: list[str]) -> dict[str, str]:
     problem = Problem(dataset.model.plant, windows, noise, COARSE)
     vector = dataset.model.vector()
     problem.prepare(vector)
-    return odd_runs(problem, problem.residual(vector))
+    residual = problem.residual(vector)
+    return odd_runs(problem, [residual, *(share * residual for share in others)])
 
 
 @pytest.fixture(scope="module")
@@ -51,3 +53,7 @@ def test_what_is_missing_in_the_model_makes_no_run_odd(folder: Path) -> None:
 
 def test_of_two_runs_nobody_knows_which_is_odd(folder: Path) -> None:
     assert _odd(folder, ["train", "odd"]) == {}
+
+
+def test_a_run_that_one_of_two_models_explains_is_not_odd(folder: Path) -> None:
+    assert _odd(folder, ["train", "held", "odd"], others=[0.0]) == {}

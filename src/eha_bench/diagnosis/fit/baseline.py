@@ -171,13 +171,13 @@ def _calibrated(
     layout = plant.layout
     keys = tuple(dict.fromkeys(dataset.model.calibrate))
     progress("calibrate", 0.1)
-    declared_cost, rough, fit = _roughly(dataset, windows, noise, best)
-    odd = odd_runs(rough, fit.residual)
+    declared, rough, fit = _roughly(dataset, windows, noise, best)
+    odd = odd_runs(rough, (declared, fit.residual))
     if odd:
         measured = tuple(item for item in measured if item.run.name not in odd)
         windows = [window for window in windows if window.measured.run.name not in odd]
         noise = pooled_noise(measured, plant.outputs)
-        declared_cost, rough, fit = _roughly(dataset, windows, noise, best)
+        declared, rough, fit = _roughly(dataset, windows, noise, best)
     progress("calibrate", 0.4)
     fit = at_rest(rough, fit)
     best.append(fit.vector)
@@ -198,15 +198,15 @@ def _calibrated(
         fit,
         (*keys, *nuisance),
         nuisance,
-        declared_cost,
+        float(np.sum(declared**2)),
         notes_of(odd),
     )
 
 
 def _roughly(
     dataset: Dataset, windows: list[Window], noise: dict[str, float], best: list[FloatArray]
-) -> tuple[float, Problem, Fit]:
-    """Return the cost of the declared model, and a first fit from there with its problem."""
+) -> tuple[FloatArray, Problem, Fit]:
+    """Return the residual of the declared model, and a first fit from there with its problem."""
     vector = dataset.model.vector()
     rough = Problem(dataset.model.plant, windows, noise, COARSE)
     rough.prepare(vector)
@@ -216,7 +216,7 @@ def _roughly(
     free = free_parameters(rough.plant.layout, keys, vector)
     fit = levenberg_marquardt(rough, vector, free, iterations=6, refresh=1, watch=best.append)
     rough.scale_to(fit.residual)
-    return float(np.sum(first**2)), rough, fit
+    return first, rough, fit
 
 
 def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:

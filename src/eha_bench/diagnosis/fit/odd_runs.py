@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.problem import FloatArray, Problem
 
 _NOTHING = 1.0
@@ -22,21 +21,27 @@ _WELL = 0.3
 """And below which a channel is explained, whatever is missing in the model."""
 _LOUD = 10.0
 """Least that a channel must do to be asked, in standard deviations of its noise."""
+_ALIKE = 0.5
+"""Correlation of what is simulated and measured from which something of it is explained."""
 _FEW = 1.0 / 3.0
 """Largest share of all runs that may be odd."""
 
 
-def odd_runs(problem: Problem, residual: FloatArray) -> dict[str, str]:
+def odd_runs(problem: Problem, residuals: Sequence[FloatArray]) -> dict[str, str]:
     """Return the runs that are left out, each with the channel of which least is explained.
 
     Args:
-        problem: over whole runs. residual: its residual, of a calibrated model.
+        problem: over whole runs. residuals: of models, of which each run counts by the one that
+            explains most of it: a fit that is caught somewhere makes no run odd.
     """
     runs = {window.measured.run.name: window.measured for window in problem.windows}
+    tried = [_shares(problem, residual) for residual in residuals]
     worst = {
-        name: max(shares.items(), key=lambda item: item[1])
-        for name, shares in _shares(problem, residual, runs).items()
-    }
+        name: min((max(own[name].items(), key=lambda item: item[1]) for own in tried),
+                  key=lambda item: item[1])
+        for name in runs
+        if all(name in own for own in tried)
+    }  # fmt: skip
     found: dict[str, str] = {}
     setups = {(item.run.locked, item.run.bypass_open) for item in runs.values()}
     for setup in sorted(setups):
@@ -56,24 +61,35 @@ def notes_of(odd: Mapping[str, str]) -> tuple[str, ...]:
     )
 
 
-def _shares(
-    problem: Problem, residual: FloatArray, runs: Mapping[str, Measured]
-) -> dict[str, dict[str, float]]:
+def _shares(problem: Problem, residual: FloatArray) -> dict[str, dict[str, float]]:
     """Return the error of every run's channels over what they do themselves."""
-    names: Sequence[str] = problem.plant.outputs
-    sums: dict[str, dict[str, list[float]]] = {}
+    names = problem.plant.outputs
+    errors: dict[str, dict[str, list[FloatArray]]] = {}
     for piece in problem.pieces:
-        run = problem.windows[piece.window].measured.run.name
+        window = problem.windows[piece.window]
+        run = window.measured.run.name
         for channel in np.unique(piece.channels):
-            part = residual[piece.rows][piece.channels == channel]
-            entry = sums.setdefault(run, {}).setdefault(names[channel], [0.0, 0.0])
-            entry[0] += float(part @ part)
-            entry[1] += part.size
-    found: dict[str, dict[str, float]] = {}
-    for run, channels in sums.items():
-        for channel, (total, count) in channels.items():
-            column = runs[run].column(channel)
-            moves = 0.0 if column is None else float(np.nanstd(column)) / problem.noise[channel]
-            error = float(np.sqrt(total / max(count, 1.0)))
-            found.setdefault(run, {})[channel] = error / max(moves, _LOUD)
-    return found
+            name = names[channel]
+            mine = piece.channels == channel
+            own = window.measured.values[window.first + piece.ticks[mine],
+                                         window.measured.outputs.index(name)]  # fmt: skip
+            pair = np.stack([own / problem.noise[name], residual[piece.rows][mine]])
+            errors.setdefault(run, {}).setdefault(name, []).append(pair)
+    return {
+        run: {name: _share(*np.hstack(pairs)) for name, pairs in channels.items()}
+        for run, channels in errors.items()
+    }
+
+
+def _share(measured: FloatArray, error: FloatArray) -> float:
+    """Return an error over what a channel does itself, both (n,) in its noise.
+
+    What is simulated may be far off in size and still be the same: where it goes with what was
+    measured, something is explained.
+    """
+    moves, size = float(np.std(measured)), float(np.sqrt(np.mean(error**2)))
+    simulated = measured - error
+    both = moves * float(np.std(simulated))
+    alike = float(np.mean((measured - measured.mean()) * simulated)) / both if both > 0.0 else 0.0
+    share = size / max(moves, _LOUD)
+    return min(share, _NOTHING) if alike > _ALIKE else share
