@@ -9,7 +9,7 @@ import pytest
 
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import Measured
-from eha_bench.diagnosis.data.windows import shaft_angle, window_at
+from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.candidates import effect_starts
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
@@ -66,7 +66,7 @@ def test_parts_follow_each_other_and_begin_at_the_angle_that_was_measured(proble
     parts = in_parts(Problem(problem.plant, [whole], NOISE, 1e-4), 0.2).windows
     assert [part.first for part in parts] == [0, *(part.last for part in parts[:-1])]
     assert parts[-1].last == 800
-    angle = shaft_angle(measured)
+    angle = measured.shaft_angle
     for part in parts[1:]:
         assert part.initial["shaft_angle"] == angle[part.first]
         assert 0.0 < part.spread["shaft_angle"] < 0.01
