@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +117,18 @@ def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> F
     return friction_at_rest(coarse, other)
 
 
+@dataclass(frozen=True)
+class Nearby:
+    """Candidates after a refit of all of them together over short windows.
+
+    Attributes:
+        starts: where each began, the one added last at the end. fit: the end.
+    """
+
+    starts: tuple[Start, ...]
+    fit: Fit
+
+
 class Near:
     """The search over windows of 0.1 s, begun again from the declared parameters where it is bent.
 
@@ -179,11 +192,16 @@ class Near:
         free = free_of(self.search, vector, extra)
         return tuple(item for item in free if item.key not in FRICTION_AT_REST)
 
-    def trials(self, most: int) -> list[Trial]:
-        """Return the best of the screened refitted, first over short windows, then long ones.
+    @property
+    def excess(self) -> float:
+        """What the short windows hold beyond noise, without what is looked for."""
+        return self.fit.cost - SOFT_MEAN * self.problem.size
+
+    def fits(self, most: int) -> list[Nearby]:
+        """Return the best of the screened refitted over the short windows, the best first.
 
         Args:
-            most: how many are taken to the long windows.
+            most: how many candidates will be asked for.
         """
         tried = {name: [item for item in own if item.gain > 0.0]
                  for name, own in self._screened.items() if own[0].gain > 0.0}  # fmt: skip
@@ -192,24 +210,30 @@ class Near:
             for number, name in enumerate(list(tried)[: most + 2])
             for item in _unlike(tried[name])[: _KEEP if number < 3 else 1]
         ]
-        found = side_by_side(
-            lambda item: self._fitted(item.start, begun(self.problem, item, self.fit)), chosen
-        )
-        found.sort(key=lambda pair: pair[1].cost)
-        fits = list({start.candidate: (start, fit) for start, fit in reversed(found)}.values())
-        fits.sort(key=lambda pair: pair[1].cost)
-        if not fits:
-            return []
-        best = self.fit.cost - fits[0][1].cost
-        least = rival_share(_HOPEFUL, best, self.fit.cost - SOFT_MEAN * self.problem.size) * best
-        hopeful = [p for p in fits if self.fit.cost - p[1].cost > least][:most]
-        return side_by_side(lambda pair: self._long(*pair), hopeful)
+        found = side_by_side(self._begun, chosen)
+        found.sort(key=lambda item: item.fit.cost)
+        best = {item.starts[-1].candidate: item for item in reversed(found)}
+        return sorted(best.values(), key=lambda item: item.fit.cost)
 
-    def turning(self, starts: Sequence[Start], most: int) -> list[Trial]:
-        """Return the best of what is periodic in the shaft's angle, refitted as `trials` does.
+    def trials(self, most: int) -> list[Trial]:
+        """Return the best of the screened refitted, first over short windows, then long ones.
 
         Args:
-            starts: of one effect or several. most: how many are taken to the long windows.
+            most: how many are taken to the long windows.
+        """
+        fits = self.fits(most)
+        if not fits:
+            return []
+        best = self.fit.cost - fits[0].fit.cost
+        least = rival_share(_HOPEFUL, best, self.excess) * best
+        hopeful = [item for item in fits if self.fit.cost - item.fit.cost > least][:most]
+        return side_by_side(self._trial, hopeful)
+
+    def turned(self, starts: Sequence[Start]) -> list[Nearby]:
+        """Return what is periodic in the shaft's angle refitted over the short windows.
+
+        Args:
+            starts: of one effect or several.
         """
         layout = self.search.problem.plant.layout
         scanned = [
@@ -219,26 +243,66 @@ class Near:
                 self.problem, self.fit, layout, [s for s in starts if s.candidate == name]
             )
         ]
-        fits = side_by_side(
-            lambda start: self._fitted(start, start.apply(self.fit.vector)), scanned
-        )
-        fits.sort(key=lambda pair: pair[1].cost)
-        excess = self.fit.cost - SOFT_MEAN * self.problem.size
-        least = max(_WORTH * excess, _HOPEFUL * (self.fit.cost - fits[0][1].cost) if fits else 0.0)
-        hopeful = [pair for pair in fits if self.fit.cost - pair[1].cost > least][:most]
-        return side_by_side(lambda pair: self._long(*pair), hopeful)
+        fits = side_by_side(lambda start: self.refitted((start,), start.apply(self.fit.vector)),
+                            scanned)  # fmt: skip
+        return sorted(fits, key=lambda item: item.fit.cost)
 
-    def _fitted(self, start: Start, vector: FloatArray) -> tuple[Start, Fit]:
-        known = self.fit.columns
-        free = self._free(vector, [start])
-        return start, levenberg_marquardt(
-            self.problem, vector, free, iterations=6, known=known, refresh=1
-        )
+    def turning(self, starts: Sequence[Start], most: int) -> list[Trial]:
+        """Return the best of what is periodic in the shaft's angle, refitted as `trials` does.
 
-    def _long(self, start: Start, near: Fit) -> Trial:
+        Args:
+            starts: of one effect or several. most: how many are taken to the long windows.
+        """
+        fits = self.turned(starts)
+        best = self.fit.cost - fits[0].fit.cost if fits else 0.0
+        least = max(_WORTH * self.excess, _HOPEFUL * best)
+        hopeful = [item for item in fits if self.fit.cost - item.fit.cost > least][:most]
+        return side_by_side(self._trial, hopeful)
+
+    def beside(self, first: Nearby, starts: Sequence[Start], most: int) -> list[Nearby]:
+        """Return two candidates together over the short windows, the best first.
+
+        Args:
+            first: one of them, fitted. starts: of what may be the other.
+            most: how many others are fitted.
+        """
+        screened = Screen(self.problem.at_step(SCREENING), first.fit).all(starts)
+        best: dict[str, Screened] = {}
+        for item in screened:
+            if item.gain > 0.0:
+                best.setdefault(item.start.candidate, item)
+
+        def fitted(item: Screened) -> Nearby:
+            vector = begun(self.problem, item, first.fit)
+            return self.refitted((*first.starts, item.start), vector, first.fit.columns)
+
+        return side_by_side(fitted, list(best.values())[:most])
+
+    def refitted(
+        self,
+        starts: tuple[Start, ...],
+        vector: FloatArray,
+        known: Mapping[str, FloatArray] | None = None,
+    ) -> Nearby:
+        """Fit candidates together over the short windows, from a vector with all of them on."""
+        columns = self.fit.columns if known is None else known
+        free = self._free(vector, starts)
+        fit = levenberg_marquardt(
+            self.problem, vector, free, iterations=6, known=columns, refresh=1
+        )
+        return Nearby(starts, fit)
+
+    def _begun(self, item: Screened) -> Nearby:
+        return self.refitted((item.start,), begun(self.problem, item, self.fit))
+
+    def _trial(self, item: Nearby) -> Trial:
+        return Trial(item.starts[-1], self.long(item), Comparison(0, 0, 0, 0, 1, 0))
+
+    def long(self, item: Nearby) -> Fit:
         """Fit over long windows from where short ones have led."""
         layout = self.search.problem.plant.layout
-        added = [start, *(item.start for item in self.search.accepted)]
+        starts, near = item.starts, item.fit
+        added = [*starts, *(item.start for item in self.search.accepted)]
         turns = any(not s.mundane and is_periodic(layout.effect(s.candidate)) for s in added)
         problem = self.coarse
         if turns:
@@ -246,7 +310,7 @@ class Near:
             problem = in_parts(self.search.problem, _STRETCH)
             problem.prepare(near.vector)
             problem.scale_to(problem.residual(near.vector))
-        free = self._free(near.vector, [start])
+        free = self._free(near.vector, starts)
         rounds = 8 if turns else 5
         fit = levenberg_marquardt(problem, near.vector, free, iterations=rounds, refresh=1)
         if fit.cost > _NOISE * SOFT_MEAN * problem.size:
@@ -255,9 +319,9 @@ class Near:
             # with the parameters right, the model keeps the phase by itself; a fast turn needs the
             # finer step
             own = self.search.problem
-            free = free_of(self.search, fit.vector, [start])
+            free = free_of(self.search, fit.vector, starts)
             fit = levenberg_marquardt(own, fit.vector, free, iterations=6, refresh=1)
-        return Trial(start, fit, Comparison(0, 0, 0, 0, 1, 0))
+        return fit
 
 
 def _unlike(screened: Sequence[Screened]) -> list[Screened]:
@@ -278,7 +342,8 @@ def begun(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
     """Return a vector with a screened candidate on, at a size that makes nothing worse.
 
     A prediction far beyond the strength that was probed holds only where an effect is proportional
-    to its strength; a fit that begins behind a ridge stays there.
+    to its strength; a fit that begins behind a ridge stays there. What was probed itself may be
+    the better place: the instants of impacts are proportional to nothing.
 
     Args:
         problem: where a fit is to begin. item: the candidate. fit: without it, there.
@@ -286,10 +351,17 @@ def begun(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
     share = 1.0
     while True:
         vector = started(item, fit.vector, share)
-        soft, _ = soften(problem.residual(vector), problem.soft)
-        if float(soft @ soft) <= fit.cost or share < _SMALLEST:
-            return vector
+        cost = _cost(problem, vector)
+        if cost <= fit.cost or share < _SMALLEST:
+            break
         share /= 3.0
+    probed = item.start.apply(fit.vector)
+    return probed if _cost(problem, probed) < cost else vector
+
+
+def _cost(problem: Problem, vector: FloatArray) -> float:
+    soft, _ = soften(problem.residual(vector), problem.soft)
+    return float(soft @ soft)
 
 
 def started(item: Screened, vector: FloatArray, share: float = 1.0) -> FloatArray:

@@ -11,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.diagnosis.fit.baseline import STEP
 from eha_bench.diagnosis.fit.evidence import excess, refined_noise
 from eha_bench.diagnosis.fit.finish import fine_enough
+from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.search.refit import polish
 from eha_bench.diagnosis.search.state import Search
@@ -34,6 +36,19 @@ def settle(search: Search) -> None:
         if here.cost - search.fit.cost < _SETTLED * here.cost:
             break
     search.excess_left = excess(search.problem, search.fit)
+
+
+def rebase(search: Search) -> None:
+    """Fit what is there without any effect anew, in the problem that these have changed."""
+    search.base = levenberg_marquardt(
+        # what is bent this far needs no finer step
+        search.problem.at_step(max(search.problem.step, STEP)),
+        search.base.vector,
+        search.base.free,
+        known=search.base.columns,
+        refresh=0,
+    )
+    search.excess_base = excess(search.problem, search.base)
 
 
 def refine(search: Search, vector: FloatArray) -> None:

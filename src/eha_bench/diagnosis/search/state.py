@@ -151,13 +151,11 @@ class Thresholds:
         share: least part of the present excess that it takes on runs left out.
         p_value: largest probability that it gains nothing on runs left out.
         runs_better: least part of the runs that it changes for which it gains.
-        part: the share for the first of two effects, of which neither explains much alone.
-        together: least part of the excess that such two must explain in the end.
+        together: least part of the excess that two must explain that are looked for at once.
     """
 
     gain: float = 30.0
     share: float = 0.25
     p_value: float = 1e-3
     runs_better: float = 0.5
-    part: float = 0.08
     together: float = 0.8

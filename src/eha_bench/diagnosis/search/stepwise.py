@@ -9,25 +9,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING, STEP
+from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
 from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import (
     REST_SIGNIFICANCE,
     SOFT_MEAN,
     Groups,
     compare,
-    excess,
     is_unexplained,
 )
-from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.search.backward import drop_last, is_idle, release, review
 from eha_bench.diagnosis.search.exchange import CLOSE, exchange
+from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.periodic import is_periodic
 from eha_bench.diagnosis.search.refit import Near, is_bent, polish, refit
 from eha_bench.diagnosis.search.screen import Screen, Screened
-from eha_bench.diagnosis.search.settle import refine, settle
+from eha_bench.diagnosis.search.settle import rebase, refine, settle
 from eha_bench.diagnosis.search.state import (
     Accepted,
     Ranked,
@@ -67,17 +66,19 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
         # so little may also be what a calibration that stopped early leaves over
         settle(search)
         search.base, search.excess_base = search.fit, search.excess_left
-    before = search.snapshot()
     _grow(search, limits, progress)
-    if not search.accepted and is_unexplained(search.excess_left):
-        # two effects may hide each other: the best of the first look may still be one of them
-        _grow(search, replace(limits, share=limits.part), progress)
-        left = search.excess_left.total / max(search.excess_base.total, 1.0)
-        if len(search.accepted) < 2 or left > 1.0 - limits.together:
-            search.restore(before)
     if search.effects and is_unexplained(search.excess_left):
         progress("search", 0.8)
         if exchange(search, limits):
+            review(search, limits)
+            _grow(search, limits, progress)
+    if is_unexplained(search.excess_left):
+        progress("search", 0.9)
+        if joint(search, limits):
+            if is_idle(search, limits):
+                drop_last(search)
+            if is_unexplained(search.excess_left):
+                exchange(search, limits)
             review(search, limits)
             _grow(search, limits, progress)
     release(search, limits)
@@ -314,12 +315,4 @@ def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
         Accepted(chosen.start, chosen.comparison, equivalents(chosen, trials, search.groups))
     )
     settle(search)
-    search.base = levenberg_marquardt(
-        # what is bent this far needs no finer step
-        search.problem.at_step(max(search.problem.step, STEP)),
-        search.base.vector,
-        search.base.free,
-        known=search.base.columns,
-        refresh=0,
-    )
-    search.excess_base = excess(search.problem, search.base)
+    rebase(search)

@@ -1,0 +1,94 @@
+"""Looks for two effects at once, where one after the other has not explained what is there.
+
+The first of two is fitted while the second is missing, so what fits best then may be neither of
+them, and beside it the right ones are not found. Over short windows a fit takes a fraction of a
+second. There the best few first ones are each taken for given, everything else is screened again
+beside them, and the best pairs are fitted: a beam search (Lowerre, The HARPY Speech Recognition
+System, 1976), of which a stepwise search is the narrowest.
+"""
+
+from __future__ import annotations
+
+from eha_bench.diagnosis.fit.baseline import COARSE
+from eha_bench.diagnosis.fit.candidates import Start, all_starts
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.search.periodic import is_periodic
+from eha_bench.diagnosis.search.refit import Near, Nearby, polish
+from eha_bench.diagnosis.search.settle import rebase, settle
+from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
+
+_FIRSTS = 4
+_SECONDS = 3
+_FINALISTS = 2
+_STARTS = 3
+_PLAUSIBLE = 0.5
+"""Share of what the short windows hold that a pair must explain there to be taken further."""
+_LARGER = 0.4
+"""Share of it that the larger of two must explain alone: half, less what both could."""
+
+
+def joint(search: Search, limits: Thresholds) -> bool:
+    """Replace what was found by two that explain more together; return whether they do."""
+    kept = search.snapshot()
+    search.accepted, search.fit = [], search.base
+    search.excess_left = search.excess_base
+    try:
+        best = _best(search)
+    finally:
+        search.restore(kept)
+    if best is None or best.fit.cost > search.fit.cost - limits.gain:
+        return False
+    left = best.fit.cost - SOFT_MEAN * search.problem.size
+    before = search.excess_base.total
+    if left > (1.0 - limits.together) * before:
+        return False
+    alone = [_without(search, best.fit, start) for start in best.starts]
+    search.accepted = [
+        Accepted(start, compare(fit, best.fit, search.groups, before), ())
+        for start, fit in zip(best.starts, alone, strict=True)
+    ]
+    search.fit = best.fit
+    settle(search)
+    rebase(search)
+    return True
+
+
+def _best(search: Search) -> Nearby | None:
+    """Return the best pair refitted to the end, None where none is worth it."""
+    layout = search.problem.plant.layout
+    near = Near(search, search.problem.at_step(COARSE))
+    starts = all_starts(layout, search.fit.vector, search.declared, search.keys)
+    turning = [effect.id for effect in layout.effects if is_periodic(effect)]
+    # what turns is scanned for at length: only where that was worth it before
+    seen = {trial.candidate for trials in search.looks for trial in trials}
+    own = [start for start in starts if start.candidate in turning and start.candidate in seen]
+    still = near.promising([s for s in starts if s.candidate not in turning], _STARTS)
+    turned = {item.starts[-1].candidate: item for item in reversed(near.turned(own))}
+    firsts = sorted([*near.fits(_FIRSTS), *turned.values()], key=_cost)[:_FIRSTS]
+    if not firsts or near.fit.cost - _cost(firsts[0]) < _LARGER * near.excess:
+        return None
+    pairs: dict[frozenset[str], Nearby] = {}
+    for first in firsts:
+        others = [s for s in still if s.candidate != first.starts[0].candidate]
+        for pair in near.beside(first, others, _SECONDS):
+            name = frozenset(start.candidate for start in pair.starts)
+            if name not in pairs or _cost(pair) < _cost(pairs[name]):
+                pairs[name] = pair
+    good = [p for p in pairs.values() if near.fit.cost - _cost(p) > _PLAUSIBLE * near.excess]
+    good = sorted(good, key=_cost)[:_FINALISTS]
+    done = [Nearby(p.starts, near.long(p)) for p in good]
+    done = [Nearby(p.starts, polish(search, p.fit, p.starts, afresh=False)) for p in done]
+    return min(done, key=_cost, default=None)
+
+
+def _cost(item: Nearby) -> float:
+    return item.fit.cost
+
+
+def _without(search: Search, fit: Fit, start: Start) -> Fit:
+    """Return a fit with one candidate switched off."""
+    vector = fit.vector.copy()
+    vector[start.strength_at] = start.neutral
+    free = tuple(item for item in fit.free if item.key not in start.keys)
+    return levenberg_marquardt(search.problem, vector, free, iterations=0)
