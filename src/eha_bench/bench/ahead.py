@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from types import TracebackType
 from typing import Self
@@ -32,7 +32,7 @@ class Coming:
                 )
         self._jobs = list(jobs)
         self._workers = workers
-        self._outcomes: Iterator[Done[Outcome]] | None = None
+        self._outcomes: Generator[Done[Outcome], None, None] | None = None
 
     def starts_with(self, target: Target, trial: Trial, repeat: int) -> bool:
         """Whether this job is the next one."""
@@ -56,8 +56,7 @@ class Coming:
     def close(self) -> None:
         """Drop what is still running."""
         if self._outcomes is not None:
-            with closing(self._outcomes):  # type: ignore[type-var]  # it is a generator
-                pass
+            self._outcomes.close()
 
 
 class Ahead(Target):

@@ -11,9 +11,10 @@ from __future__ import annotations
 import os
 import re
 import traceback
+import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
@@ -73,12 +74,12 @@ class Workers(ABC):
     @abstractmethod
     def _each(
         self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
-    ) -> Iterator[Outcome[Value]]:
+    ) -> Generator[Outcome[Value], None, None]:
         """Yield outcomes as they come; the error of a worker that died ends it."""
 
     def outcomes(
         self, function: Callable[[Item], Value], items: Sequence[Item]
-    ) -> Iterator[Outcome[Value]]:
+    ) -> Generator[Outcome[Value], None, None]:
         """Yield the outcome of each item as it comes, in any order; every item comes once.
 
         Args:
@@ -94,9 +95,10 @@ class Workers(ABC):
             chosen = list(waiting)[: 2 * self.count if alone else None]
             for group in [[index] for index in chosen] if alone else [chosen]:
                 try:
-                    for outcome in self._each(function, [(n, waiting[n]) for n in group]):
-                        del waiting[outcome.index]
-                        yield outcome
+                    with closing(self._each(function, [(n, waiting[n]) for n in group])) as each:
+                        for outcome in each:
+                            del waiting[outcome.index]
+                            yield outcome
                 except Exception as error:
                     if not _is_lost_worker(error):
                         raise
@@ -112,15 +114,16 @@ class Workers(ABC):
 
     def ordered(
         self, function: Callable[[Item], Value], items: Sequence[Item]
-    ) -> Iterator[Outcome[Value]]:
+    ) -> Generator[Outcome[Value], None, None]:
         """Yield the outcomes in the order of the items, each as soon as all before it are there."""
         early: dict[int, Outcome[Value]] = {}
         expected = 0
-        for outcome in self.outcomes(function, items):
-            early[outcome.index] = outcome
-            while expected in early:
-                yield early.pop(expected)
-                expected += 1
+        with closing(self.outcomes(function, items)) as outcomes:
+            for outcome in outcomes:
+                early[outcome.index] = outcome
+                while expected in early:
+                    yield early.pop(expected)
+                    expected += 1
 
     def map(self, function: Callable[[Item], Value], items: Sequence[Item]) -> list[Value]:
         """Return the values in the order of the items.
@@ -166,7 +169,7 @@ class Here(Workers):
 
     def _each(
         self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
-    ) -> Iterator[Outcome[Value]]:
+    ) -> Generator[Outcome[Value], None, None]:
         for index, item in numbered:
             yield _done(lambda: function, index, item)
 
@@ -190,7 +193,7 @@ class _Joblib(Workers):
 
     def _each(
         self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
-    ) -> Iterator[Outcome[Value]]:
+    ) -> Generator[Outcome[Value], None, None]:
         from joblib import Parallel, delayed
 
         with self._backend(packed(function)) as sent:
@@ -199,9 +202,17 @@ class _Joblib(Workers):
                 yield from Parallel()(calls)
                 return
             # one item a batch, and few ahead: what dies takes little with it
-            yield from Parallel(
+            outcomes = Parallel(
                 return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
             )(calls)
+            try:
+                for outcome in outcomes:  # noqa: UP028 - `yield from` would close it, and warn
+                    yield outcome
+            finally:
+                with warnings.catch_warnings():
+                    # whoever leaves early knows that there was more
+                    warnings.simplefilter("ignore", UserWarning)
+                    outcomes.close()
 
 
 def _done_there(function: Sent, index: int, item: Item) -> Outcome[Any]:

@@ -90,7 +90,7 @@ class ByWorkers(Way):
             WorkError: an item could not be done anywhere.
         """
         found = []
-        with closing(self.workers.ordered(_Elsewhere(function), items)) as outcomes:  # type: ignore[type-var]  # it is a generator
+        with closing(self.workers.ordered(_Elsewhere(function), items)) as outcomes:
             for outcome in outcomes:
                 value, spent = outcome.get()
                 for seconds in spent:
