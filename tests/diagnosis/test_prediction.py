@@ -10,6 +10,7 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
+from eha_bench.diagnosis.fit.baseline import gather
 from eha_bench.diagnosis.replay.prediction import STEP, predict
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
@@ -71,3 +72,20 @@ def test_a_measured_speed_may_drive_the_model():
     assert "motor_speed" not in found.values
     error = np.abs(found.values["pressure_a"] - recording["pressure_a"]).max()
     assert error < 0.02 * float(np.ptp(recording["pressure_a"]))
+
+
+def test_what_nothing_drives_is_left_out_and_the_rest_predicted():
+    """A log of pressures and position without a current says nothing of the shaft's speed."""
+    recording = simulated()
+    noise = 1e-6 * np.random.default_rng(1).standard_normal(len(recording))
+    values = {**recording.values, "piston_position": recording["piston_position"] + noise}
+    read = Recording(recording.time, values)
+    run = Run("one", Path("one.mcap"), None, False, False, Use.TRAIN, lambda: read)
+    pressures = Dataset(MODEL, ("pressure_a", "pressure_b"), (run,))
+    (found,) = predict(pressures)
+    assert set(found.values) == {"piston_position", "piston_velocity"}
+    measured, _, noises, notes = gather(pressures)
+    assert "motor_speed" not in measured[0].outputs
+    assert "piston_position" in noises
+    assert "motor_speed" not in noises
+    assert any("'motor_speed' is not compared" in note for note in notes)

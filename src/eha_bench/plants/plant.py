@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -114,6 +114,13 @@ class Plant(ABC):
     def at(self, vector: FloatArray) -> Parametrised:
         """Return the plant with its parameters set, for many simulations with them."""
         return Parametrised(self, vector)
+
+    def determined(
+        self,
+        inputs: Collection[str],  # noqa: ARG002 - for plants that not every input drives
+    ) -> tuple[str, ...]:
+        """Return the outputs that these inputs determine: nothing drives the others."""
+        return self.outputs
 
     def at_rest(
         self,

@@ -93,25 +93,31 @@ def gather(
         InputError: no run has anything to compare.
     """
     plant = dataset.model.plant
+    compared = plant.determined(dataset.inputs)
     measured: list[Measured] = []
     unread: list[RecordingError] = []
     for run in dataset.training:
         try:
-            measured.append(admit(run, run.read(), dataset.inputs, plant.outputs))
+            measured.append(admit(run, run.read(), dataset.inputs, compared))
         except RecordingError as error:
             unread.append(error)
     if not measured:
         raise unread[0]
-    noise = pooled_noise(measured, plant.outputs)
+    noise = pooled_noise(measured, compared)
     if not noise:
         raise InputError(
             "no measured channel can be held against the model",
             where=Place(file=dataset.source),
-            hint=f"{plant.id} gives: {', '.join(plant.outputs)}",
+            hint=f"{plant.id} gives: {', '.join(compared)}",
         )
     windows = [window for item in measured for window in cut(item, noise)]
     windows = thinned(windows)
     notes = [f"a training run is left out: {error}" for error in unread]
+    notes += [
+        f"'{name}' is not compared: nothing among the inputs drives it"
+        for name in plant.outputs
+        if name not in compared and name not in dataset.inputs
+    ]
     return tuple(measured), windows, noise, (*notes, *_notes(measured))
 
 

@@ -76,9 +76,8 @@ def _read(dataset: Dataset) -> tuple[list[Measured], list[str]]:
     for run in dataset.holdout:
         try:
             recording = run.read()
-            found.append(
-                admit(run, recording, dataset.inputs, dataset.model.plant.outputs, strict=False)
-            )
+            compared = dataset.model.plant.determined(dataset.inputs)
+            found.append(admit(run, recording, dataset.inputs, compared, strict=False))
         except EhaBenchError as error:
             notes.append(f"held-out run {run.name} is not scored: {error}")
     return found, notes

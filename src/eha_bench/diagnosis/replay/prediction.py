@@ -130,6 +130,8 @@ def predict(
 ) -> tuple[Prediction, ...]:
     """Simulate every run of a dataset freely, from its inputs and its first sample.
 
+    Channels that nothing among the inputs drives are left out.
+
     Args:
         dataset: dataset.yaml, or as loaded.
         model: model.yaml, or as loaded; the dataset's own where not given.
@@ -152,12 +154,13 @@ def predict(
         if progress:
             progress(run.name, number / len(dataset.runs))
         recording = run.read()
-        measured = admit(run, recording, dataset.inputs, plant.outputs, strict=False)
+        determined = plant.determined(dataset.inputs)
+        measured = admit(run, recording, dataset.inputs, determined, strict=False)
         values = simulate_run(measured, model)
         columns = {
             name: np.ascontiguousarray(values[:, at])
             for at, name in enumerate(plant.outputs)
-            if name not in dataset.inputs
+            if name in determined and name not in dataset.inputs
         }
         if "pressure_a" in columns and "pressure_b" in columns:
             columns["pressure_difference"] = columns["pressure_a"] - columns["pressure_b"]

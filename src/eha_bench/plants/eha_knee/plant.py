@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -28,6 +28,7 @@ IMPOSED = (
     "current",
     "shaft_angle",
 )
+_DRIVEN_BY = frozenset({"current_command", "current", "motor_speed"})
 _MEASURED = ("force", "oil_temperature")
 _STATE = {
     "motor_speed": equations.OMEGA,
@@ -135,6 +136,12 @@ class EhaKnee(Plant):
         read = np.array([name in initial for name in IMPOSED])
         compiled.settle(read, parameters, memory, state)
         return state
+
+    def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
+        """Return the outputs that these inputs determine: the shaft's need a current or speed."""
+        if not _DRIVEN_BY.isdisjoint(inputs):
+            return self.outputs
+        return tuple(name for name in self.outputs if name not in ("current", "motor_speed"))
 
     def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
         """Return the pressure of a chamber without a reading: the pump's leakage evens them out."""
