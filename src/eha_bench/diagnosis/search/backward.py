@@ -49,11 +49,12 @@ def review(search: Search, limits: Thresholds) -> None:
     for item in list(search.accepted[:-1]):
         kept = [other for other in search.accepted if other is not item]
         trial = _without(search, item, kept)
-        found = compare(trial, search.fit, search.groups, search.excess_base.total)
-        if found.gain_out < limits.gain / 2 or found.p_value > limits.p_value:
+        left = excess(search.problem, trial)
+        found = compare(trial, search.fit, search.groups, left.total)
+        if found.gain_out < limits.gain / 2 or not limits.is_sure(found):
             search.accepted = kept
             search.fit = trial
-            search.excess_left = excess(search.problem, trial)
+            search.excess_left = left
 
 
 def release(search: Search, limits: Thresholds) -> None:

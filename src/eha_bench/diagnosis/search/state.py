@@ -150,6 +150,8 @@ class Thresholds:
         gain: least fall of the cost, fitted and left out (a cost of 1 is one sigma).
         share: least part of the present excess that it takes on runs left out.
         p_value: largest probability that it gains nothing on runs left out.
+        p_few: the same where it leaves next to nothing: what acts in a few instants (impacts) shows
+            in a few blocks, however sure it is.
         runs_better: least part of the runs that it changes for which it gains.
         together: least part of the excess that two must explain that are looked for at once.
     """
@@ -157,5 +159,11 @@ class Thresholds:
     gain: float = 30.0
     share: float = 0.25
     p_value: float = 1e-3
+    p_few: float = 0.02
     runs_better: float = 0.5
     together: float = 0.8
+
+    def is_sure(self, found: Comparison) -> bool:
+        """Whether a gain is no accident, on runs left out."""
+        all_of_it = min(found.share, found.share_out) > _NEARLY_ALL
+        return found.p_value < (self.p_few if all_of_it else self.p_value)

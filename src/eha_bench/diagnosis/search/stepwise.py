@@ -286,7 +286,7 @@ def _believed(item: Trial, limits: Thresholds) -> bool:
         found.gain > limits.gain
         and found.gain_out > limits.gain / 2
         and min(found.share, found.share_out) > limits.share
-        and found.p_value < limits.p_value
+        and limits.is_sure(found)
         and found.runs_better >= limits.runs_better
     )
 
