@@ -145,8 +145,22 @@ class Near:
         self.search = search
         self.coarse = coarse
         self.problem = medium_problem(search.problem.at_step(COARSE))
+        self._from = (search.problem, search.fit, *search.accepted)
         self.fit = self._begun_again() if is_bent(search.excess_left) else self._from_here()
+        self._asked: list[Start] = []
         self._screened: dict[str, list[Screened]] = {}
+        self._fits: dict[int, list[Nearby]] = {}
+        self._turned: dict[str, tuple[list[Start], list[Nearby]]] = {}
+
+    @classmethod
+    def here(cls, search: Search, coarse: Problem) -> Near:
+        """Return the one that began from where the search is, and what it has found; or begin."""
+        kept = search.near
+        at = (search.problem, search.fit, *search.accepted)
+        if not isinstance(kept, Near) or list(map(id, kept._from)) != list(map(id, at)):
+            kept = search.near = cls(search, coarse)
+        kept.coarse = coarse
+        return kept
 
     def _begun_again(self) -> Fit:
         layout = self.search.problem.plant.layout
@@ -179,9 +193,10 @@ class Near:
         Args:
             starts: of the candidates. most: how many of each are returned.
         """
-        self._screened = {}
-        for item in Screen(self.problem.at_step(SCREENING), self.fit).all(starts):
-            self._screened.setdefault(item.start.candidate, []).append(item)
+        if self._asked != list(starts):
+            self._asked, self._screened, self._fits = list(starts), {}, {}
+            for item in Screen(self.problem.at_step(SCREENING), self.fit).all(starts):
+                self._screened.setdefault(item.start.candidate, []).append(item)
         return [item.start for own in self._screened.values() for item in own[:most]]
 
     def _weigh(self, vector: FloatArray) -> None:
@@ -203,6 +218,11 @@ class Near:
         Args:
             most: how many candidates will be asked for.
         """
+        if most not in self._fits:
+            self._fits[most] = self._fitted(most)
+        return self._fits[most]
+
+    def _fitted(self, most: int) -> list[Nearby]:
         tried = {name: [item for item in own if item.gain > 0.0]
                  for name, own in self._screened.items() if own[0].gain > 0.0}  # fmt: skip
         chosen = [
@@ -235,17 +255,20 @@ class Near:
         Args:
             starts: of one effect or several.
         """
+        names = dict.fromkeys(start.candidate for start in starts)
+        own = {name: [s for s in starts if s.candidate == name] for name in names}
+        new = [n for n in names if n not in self._turned or self._turned[n][0] != own[n]]
         layout = self.search.problem.plant.layout
         scanned = [
-            start
-            for name in dict.fromkeys(start.candidate for start in starts)
-            for start in scan(
-                self.problem, self.fit, layout, [s for s in starts if s.candidate == name]
-            )
+            start for name in new for start in scan(self.problem, self.fit, layout, own[name])
         ]
         fits = side_by_side(lambda start: self.refitted((start,), start.apply(self.fit.vector)),
                             scanned)  # fmt: skip
-        return sorted(fits, key=lambda item: item.fit.cost)
+        for name in new:
+            fitted = [item for item in fits if item.starts[0].candidate == name]
+            self._turned[name] = own[name], fitted
+        found = [item for name in names for item in self._turned[name][1]]
+        return sorted(found, key=lambda item: item.fit.cost)
 
     def turning(self, starts: Sequence[Start], most: int) -> list[Trial]:
         """Return the best of what is periodic in the shaft's angle, refitted as `trials` does.

@@ -71,6 +71,7 @@ class Search:
         accepted: in the order added. ranking: of the first look.
         looks: all that were taken, each the best first. looked_from: where the last one was.
         exchanged_from: where an exchange last changed nothing.
+        near: the last search over short windows (`refit.Near`), where it began.
         excess_base, excess_left: beyond noise before and after.
     """
 
@@ -88,10 +89,11 @@ class Search:
     looks: list[list[Trial]] = field(default_factory=list)
     looked_from: Fit | None = None
     exchanged_from: Fit | None = None
+    near: object | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """Leave at home what was tried before: a fit elsewhere begins from where the search is."""
-        return {**self.__dict__, "looks": [], "ranking": []}
+        return {**self.__dict__, "looks": [], "ranking": [], "near": None}
 
     def snapshot(self) -> Search:
         """Return a copy that later additions leave as it is."""

@@ -141,7 +141,7 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     coarse = search.problem.coarser(COARSE, search.fit.vector, search.fit.residual)
     # what is small must not drown in the instants of sticking that a coarser step shifts
     much = is_bent(search.excess_left)
-    near = Near(search, coarse) if much else None
+    near = Near.here(search, coarse) if much else None
     if near is not None:
         # over long windows only what promised most over short ones
         still = near.promising(still, _PROMISING)
@@ -152,7 +152,7 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     floor = search.fit.cost - search.excess_left.total
     if _worth_a_look(search) and reached > floor + max(_MOSTLY * search.excess_left.total, 30.0):
         own = [start for start in starts if start.candidate in turning]
-        rough = (near or Near(search, coarse)).turning(own, _TURNING) if own else []
+        rough = (near or Near.here(search, coarse)).turning(own, _TURNING) if own else []
         finals += _finished(search, _best_of_each(rough), afresh=False)
     best: dict[str, Screened] = {}
     for item in screened:
