@@ -41,3 +41,19 @@ def test_a_clock_that_drifts_or_is_regular_anyway_is_kept() -> None:
     for steps in (PERIOD * np.ones(3000), PERIOD + 1e-4 * rng.standard_normal(3000)):
         time = np.cumsum(steps) - steps[0]
         assert regular_clock(time, [position]) is None
+
+
+def test_a_channel_that_stands_still_has_no_say() -> None:
+    _, stamps, position = _logged(late=1e-4, stamps_are_true=True, gaps=False)
+    still = np.full(position.size, 0.3)
+    assert regular_clock(stamps, [position, still]) is None
+    assert regular_clock(stamps, [still]) is None
+
+
+def test_one_late_message_makes_no_missing_sample() -> None:
+    tick = np.arange(3000.0)
+    stamps = tick * PERIOD
+    stamps[1500] += 0.6 * PERIOD
+    noise = 4e-6 * np.random.default_rng(0).standard_normal(tick.size)
+    found = regular_clock(stamps, [0.02 * np.sin(5.0 * tick * PERIOD) + noise])
+    assert found is None or np.abs(found - tick * PERIOD).max() < 0.02 * PERIOD

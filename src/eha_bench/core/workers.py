@@ -103,9 +103,9 @@ class Workers(ABC):
                     if not _is_lost_worker(error):
                         raise
                     lost += 1
-                    if alone:
+                    if alone and group[0] in waiting:
                         tries[group[0]] += 1
-                    if tries[group[0]] >= TRIES:
+                    if group[0] in waiting and tries[group[0]] >= TRIES:
                         del waiting[group[0]]
                         told = f"its worker died each of {TRIES} times ({type(error).__name__})"
                         yield Outcome(group[0], error=WorkError(told, status=3))

@@ -33,6 +33,7 @@ BoolArray = NDArray[np.bool_]
 _HELD = ("current_command", "reference", "voltage", "pulses")
 # what comes on top of another input: a log without it is one in which nothing was added
 _ON_TOP = ("pulses",)
+_LIMITED = ("current", "voltage")
 _LOCKED_STILL = ("piston_position", "piston_velocity", "joint_angle")
 _GAP = 1.5
 """A step of the clock by more than this many usual ones leaves samples out."""
@@ -265,7 +266,7 @@ def admit(
             continue
         if run.locked and name in _LOCKED_STILL:
             continue
-        still = stuck(raw, quantum_of(raw[good]))
+        still = _stuck(name, raw, quantum_of(raw[good]))
         if still.any():
             notes.append(
                 f"{run.name}: '{name}' stands still or is clipped for "
@@ -293,6 +294,12 @@ def admit(
         tuple(notes),
         held,
     )
+
+
+def _stuck(name: str, raw: FloatArray, resolution: float) -> BoolArray:
+    still = stuck(raw, resolution)
+    # at its limit a drive's current does stand still
+    return still & (np.abs(raw) < np.nanmax(np.abs(raw))) if name in _LIMITED else still
 
 
 def _input(name: str, recording: Recording, where: Place) -> FloatArray:

@@ -24,8 +24,8 @@ def stuck(raw: FloatArray, resolution: float) -> BoolArray:
 
     Forty are enough where equal neighbours are rare. Fewer are where by chance no stretch of this
     length would come, and the signal itself did not rest: when it was let go it had gone on
-    (latched), or it ran into the end of its range (clipped). What reads the same as a stretch
-    there is clipped as well.
+    (latched), or it ran into the same end of its range several times and left it as it came
+    (clipped); all that reads this end is clipped then.
 
     Args:
         raw: (n,), NaN where nothing was measured. resolution: of the channel, in its unit.
@@ -46,26 +46,35 @@ def stuck(raw: FloatArray, resolution: float) -> BoolArray:
     by_chance = np.log(_NEVER / raw.size) / np.log(max(common, 1.0 / raw.size))
     ends = {float(np.nanmin(raw)), float(np.nanmax(raw))}
     coarse = _ABRUPT * resolution
+    clipped: dict[float, list[slice]] = {}
     for start, length in zip(starts, lengths, strict=True):
         stop = start + length + 1
-        at_end = float(raw[start]) in ends
-        # a run may begin at rest
-        unlikely = length > by_chance and start > 0 and stop < raw.size
-        if length >= _STUCK or (unlikely and _went_on(raw, start, stop, coarse, at_end=at_end)):
+        if length >= _STUCK:
             mask[start:stop] = True
-            if at_end:
-                mask |= raw == raw[start]
+        # a run may begin at rest
+        if length > by_chance and start > 0 and stop < raw.size:
+            change = _change_beside(raw, start, stop)
+            if _was_latched(raw, start, stop, max(_LET_GO * max(change), coarse)):
+                mask[start:stop] = True
+            elif float(raw[start]) in ends and min(change) > coarse:
+                clipped.setdefault(float(raw[start]), []).append(slice(start, stop))
+    for value, stretches in clipped.items():
+        # a play or a reversal may hold a reading as well, but hardly twice at the same value
+        if len(stretches) > 1:
+            mask |= raw == value
     return mask
 
 
-def _went_on(raw: FloatArray, start: int, stop: int, coarse: float, *, at_end: bool) -> bool:
-    """Whether a signal moved while its reading stood still from `start` to `stop`."""
-    before, after = (
-        np.abs(np.diff(side))
-        for side in (raw[max(0, start - _BESIDE) : start + 1], raw[stop : stop + _BESIDE + 1])
-    )
-    beside = [float(np.nanmean(side)) for side in (before, after) if np.isfinite(side).any()]
-    if not beside:
-        return False
-    jump = abs(float(raw[stop]) - float(raw[stop - 1]))
-    return (at_end and max(beside) > coarse) or jump > max(_LET_GO * max(beside), coarse)
+def _change_beside(raw: FloatArray, start: int, stop: int) -> tuple[float, float]:
+    """Return the mean change from sample to sample before and after a stretch."""
+    sides = (raw[max(0, start - _BESIDE) : start + 1], raw[stop : stop + _BESIDE + 1])
+    changes = [np.abs(np.diff(side)) for side in sides]
+    before, after = (float(np.nanmean(c)) if np.isfinite(c).any() else 0.0 for c in changes)
+    return before, after
+
+
+def _was_latched(raw: FloatArray, start: int, stop: int, least: float) -> bool:
+    """Whether a reading jumps when it is let go; one of nothing must have jumped there as well."""
+    came = abs(float(raw[start]) - float(raw[start - 1]))
+    went = abs(float(raw[stop]) - float(raw[stop - 1]))
+    return went > least and (float(raw[start]) != 0.0 or came > least)

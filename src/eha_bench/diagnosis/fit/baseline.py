@@ -101,7 +101,7 @@ def gather(
             measured.append(admit(run, run.read(), dataset.inputs, compared))
         except RecordingError as error:
             unread.append(error)
-    if not measured:
+    if unread and not measured:
         raise unread[0]
     noise = pooled_noise(measured, compared)
     if not noise:

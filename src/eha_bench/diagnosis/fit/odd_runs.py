@@ -75,10 +75,14 @@ def _shares(problem: Problem, residual: FloatArray) -> dict[str, dict[str, float
                                          window.measured.outputs.index(name)]  # fmt: skip
             pair = np.stack([own / problem.noise[name], residual[piece.rows][mine]])
             errors.setdefault(run, {}).setdefault(name, []).append(pair)
-    return {
-        run: {name: _share(*np.hstack(pairs)) for name, pairs in channels.items()}
-        for run, channels in errors.items()
-    }
+    found: dict[str, dict[str, float]] = {}
+    for run, channels in errors.items():
+        for name, pairs in channels.items():
+            measured, error = np.hstack(pairs)
+            # a rod that sticks while the model's moves is what tells of friction
+            if np.std(measured) > _LOUD:
+                found.setdefault(run, {})[name] = _share(measured, error)
+    return found
 
 
 def _share(measured: FloatArray, error: FloatArray) -> float:
@@ -91,5 +95,5 @@ def _share(measured: FloatArray, error: FloatArray) -> float:
     simulated = measured - error
     both = moves * float(np.std(simulated))
     alike = float(np.mean((measured - measured.mean()) * simulated)) / both if both > 0.0 else 0.0
-    share = size / max(moves, _LOUD)
+    share = size / moves
     return min(share, _NOTHING) if alike > _ALIKE else share

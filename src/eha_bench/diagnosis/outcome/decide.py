@@ -61,8 +61,8 @@ def decide(search: Search, step: float, progress: Progress) -> Decision:
         if rest.relative > REST_RELATIVE:
             worst = max(rest.by_channel, key=lambda name: rest.by_channel[name])
             notes.append(
-                f"that has no structure in time: single readings far off, most of '{worst}', which "
-                "no model makes"
+                f"that has no structure in time: single wild readings, or more noise than was "
+                f"estimated, most of '{worst}'"
             )
         return Decision(Verdict.NONE, search.fit, tuple(notes), None)
     if search.effects:

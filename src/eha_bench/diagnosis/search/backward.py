@@ -39,7 +39,7 @@ def is_idle(search: Search, limits: Thresholds) -> bool:
 def drop_last(search: Search) -> None:
     """Take out what was added last, and keep the better place."""
     item, kept = search.accepted[-1], search.accepted[:-1]
-    search.fit = _without(search, item, kept)
+    search.fit = without(search, item, kept)
     search.accepted = kept
     search.excess_left = excess(search.problem, search.fit)
 
@@ -48,7 +48,7 @@ def review(search: Search, limits: Thresholds) -> None:
     """Take out what a later addition has made needless."""
     for item in list(search.accepted[:-1]):
         kept = [other for other in search.accepted if other is not item]
-        trial = _without(search, item, kept)
+        trial = without(search, item, kept)
         left = excess(search.problem, trial)
         found = compare(trial, search.fit, search.groups, left.total)
         if found.gain_out < limits.gain / 2 or not limits.is_sure(found):
@@ -71,14 +71,15 @@ def release(search: Search, limits: Thresholds) -> None:
         if size > _SURE * spreads(search.fit, search.groups)[key].deviation:
             continue
         kept = [other for other in search.accepted if other is not item]
-        trial = _without(search, item, kept)
+        trial = without(search, item, kept)
         if trial.cost - search.fit.cost < limits.gain:
             search.accepted = kept
             search.fit = trial
             search.excess_left = excess(search.problem, trial)
 
 
-def _without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
+def without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
+    """Return the search's fit without one of what was added, the others fitted anew."""
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral
     layout = search.problem.plant.layout

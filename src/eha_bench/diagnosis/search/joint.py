@@ -9,15 +9,18 @@ System, 1976), of which a stepwise search is the narrowest.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import Start, all_starts
-from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare
-from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.candidates import all_starts
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Comparison, compare, excess
+from eha_bench.diagnosis.search.backward import without
 from eha_bench.diagnosis.search.periodic import is_periodic
 from eha_bench.diagnosis.search.refit import Near, Nearby, polish
 from eha_bench.diagnosis.search.settle import rebase, settle
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
+_NOT_COMPARED = Comparison(*[float("nan")] * 6)
 _FIRSTS = 4
 _SECONDS = 3
 _FINALISTS = 2
@@ -43,15 +46,27 @@ def joint(search: Search, limits: Thresholds) -> bool:
     before = search.excess_base.total
     if left > (1.0 - limits.together) * before:
         return False
-    alone = [_without(search, best.fit, start) for start in best.starts]
-    search.accepted = [
-        Accepted(start, compare(fit, best.fit, search.groups, before), ())
-        for start, fit in zip(best.starts, alone, strict=True)
-    ]
     search.fit = best.fit
+    search.accepted = [Accepted(start, _NOT_COMPARED, ()) for start in best.starts]
+    found = [_beside(search, item) for item in search.accepted]
+    if not all(limits.allow(item) for item in found):
+        search.restore(kept)
+        return False
+    search.accepted = [
+        replace(item, comparison=comparison)
+        for item, comparison in zip(search.accepted, found, strict=True)
+    ]
     settle(search)
     rebase(search)
     return True
+
+
+def _beside(search: Search, item: Accepted) -> Comparison:
+    """Return what one of two gains beside the other, refitted alone."""
+    other = [each for each in search.accepted if each is not item]
+    alone = without(search, item, other)
+    left = excess(search.problem, alone).total
+    return compare(alone, search.fit, search.groups, left)
 
 
 def _best(search: Search) -> Nearby | None:
@@ -84,11 +99,3 @@ def _best(search: Search) -> Nearby | None:
 
 def _cost(item: Nearby) -> float:
     return item.fit.cost
-
-
-def _without(search: Search, fit: Fit, start: Start) -> Fit:
-    """Return a fit with one candidate switched off."""
-    vector = fit.vector.copy()
-    vector[start.strength_at] = start.neutral
-    free = tuple(item for item in fit.free if item.key not in start.keys)
-    return levenberg_marquardt(search.problem, vector, free, iterations=0)

@@ -153,7 +153,7 @@ class Thresholds:
         share: least part of the present excess that it takes on runs left out.
         p_value: largest probability that it gains nothing on runs left out.
         p_few: the same where it leaves next to nothing: what acts in a few instants (impacts) shows
-            in a few blocks, however sure it is.
+            in a few blocks, however sure it is; by at least `plain`, so much in each of them.
         runs_better: least part of the runs that it changes for which it gains.
         together: least part of the excess that two must explain that are looked for at once.
     """
@@ -162,10 +162,21 @@ class Thresholds:
     share: float = 0.25
     p_value: float = 1e-3
     p_few: float = 0.02
+    plain: float = 300.0
     runs_better: float = 0.5
     together: float = 0.8
+
+    def allow(self, found: Comparison) -> bool:
+        """Whether something gains on runs left out as well, and no accident does as much."""
+        return (
+            found.gain > self.gain
+            and found.gain_out > self.gain / 2
+            and self.is_sure(found)
+            and found.runs_better >= self.runs_better
+        )
 
     def is_sure(self, found: Comparison) -> bool:
         """Whether a gain is no accident, on runs left out."""
         all_of_it = min(found.share, found.share_out) > _NEARLY_ALL
-        return found.p_value < (self.p_few if all_of_it else self.p_value)
+        plain = min(found.gain, found.gain_out) > self.plain
+        return found.p_value < (self.p_few if all_of_it and plain else self.p_value)

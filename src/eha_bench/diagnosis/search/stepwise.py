@@ -74,6 +74,7 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
             _grow(search, limits, progress)
     if is_unexplained(search.excess_left):
         progress("search", 0.9)
+        kept = search.snapshot()
         if joint(search, limits):
             if is_idle(search, limits):
                 drop_last(search)
@@ -81,6 +82,8 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
                 exchange(search, limits)
             review(search, limits)
             _grow(search, limits, progress)
+            if search.excess_left.relative > kept.excess_left.relative:
+                search.restore(kept)
     release(search, limits)
     progress("search", 1.0)
 
@@ -282,13 +285,7 @@ def _choose(trials: Sequence[Trial], limits: Thresholds) -> Trial | None:
 
 def _believed(item: Trial, limits: Thresholds) -> bool:
     found = item.comparison
-    return (
-        found.gain > limits.gain
-        and found.gain_out > limits.gain / 2
-        and min(found.share, found.share_out) > limits.share
-        and limits.is_sure(found)
-        and found.runs_better >= limits.runs_better
-    )
+    return limits.allow(found) and min(found.share, found.share_out) > limits.share
 
 
 def equivalents(chosen: Trial, trials: Sequence[Trial], groups: Groups) -> tuple[str, ...]:

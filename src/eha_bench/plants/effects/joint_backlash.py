@@ -232,7 +232,8 @@ def load_at_first(
     side = _share(v) if force == 0.0 else math.copysign(1.0, force)
     # a speed that was measured is never nothing: so only a run begins
     share = rest if v == 0.0 else 1.0
-    return x - share * (0.5 * gap * side + force / joint_stiffness)
+    squeezed = force / joint_stiffness if share == 1.0 else 0.0
+    return x - share * 0.5 * gap * side - squeezed
 
 
 def speed_at_first(v: float) -> float:

@@ -28,7 +28,7 @@ IMPOSED = (
     "current",
     "shaft_angle",
 )
-_DRIVEN_BY = frozenset({"current_command", "current", "motor_speed"})
+_CURRENTS = frozenset({"current_command", "current"})
 _MEASURED = ("force", "oil_temperature")
 _STATE = {
     "motor_speed": equations.OMEGA,
@@ -138,10 +138,19 @@ class EhaKnee(Plant):
         return state
 
     def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
-        """Return the outputs that these inputs determine: the shaft's need a current or speed."""
-        if not _DRIVEN_BY.isdisjoint(inputs):
-            return self.outputs
-        return tuple(name for name in self.outputs if name not in ("current", "motor_speed"))
+        """Return the outputs that these inputs determine.
+
+        A current turns the shaft, the shaft moves the oil, and the oil the rod.
+        """
+        given = set(inputs)
+        found = set() if _CURRENTS.isdisjoint(given) else {"current", "motor_speed"}
+        if found or "motor_speed" in given:
+            found |= {"motor_speed", "pressure_a", "pressure_b"}
+        if found or {"pressure_a", "pressure_b"} <= given:
+            found |= {"piston_position", "piston_velocity"}
+        if "piston_velocity" in given:
+            found.add("piston_position")
+        return tuple(name for name in self.outputs if name in found)
 
     def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
         """Return the pressure of a chamber without a reading: the pump's leakage evens them out."""
