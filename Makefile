@@ -92,11 +92,10 @@ $(BIN)/python:
 	echo "Making .venv with $$($(PYTHON) -V)"
 	$(PYTHON) -m venv --clear .venv
 
-# Two stamps, so that a new entry point does not install the lock again. Modules are compiled when
-# they are first imported, which most of the packages never are: a third of the time.
+# Two stamps, so that a new entry point does not install the lock again.
 .venv/.locked: $(LOCK) | $(BIN)/python
 	echo "Installing the packages of $(LOCK) (a minute or two)"
-	$(PIP) install --quiet --no-compile --require-hashes --requirement $(LOCK)
+	$(PIP) install --quiet --require-hashes --requirement $(LOCK)
 	touch $@
 
 .venv/.installed: pyproject.toml .venv/.locked
