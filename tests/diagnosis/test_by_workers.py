@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
 import sys
 import threading
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -34,18 +37,31 @@ def test_processes_find_the_same(dataset: Path) -> None:
     assert_same(eha_bench.diagnose(dataset), eha_bench.diagnose(dataset, workers=2))
 
 
+def kill_at_work(victim: subprocess.Popen[bytes], over: threading.Event) -> None:
+    """Kill a worker as soon as it computes: by its own time, since no wall clock says when."""
+    used = psutil.Process(victim.pid).cpu_times
+    at_rest = used().user
+    while not over.wait(0.01):
+        if used().user > at_rest + 0.2:
+            victim.kill()
+            return
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_a_cluster_finds_the_same_though_a_worker_is_killed(dataset: Path, tmp_path: Path) -> None:
+    over = threading.Event()
     with two_workers(tmp_path) as cluster:
         victim = cluster.workers[0]
-        later = threading.Timer(3.0, victim.kill)
+        killer = threading.Thread(target=kill_at_work, args=(victim, over))
 
         def tell(stage: str, _: float) -> None:
-            if stage == "search" and not later.ident:
-                later.start()
+            if stage == "search" and not killer.ident:
+                killer.start()
 
         there = eha_bench.diagnose(dataset, progress=tell, workers=cluster.name)
-        later.join()
-        assert victim.poll() is not None
+        over.set()
+        killer.join()
+        victim.wait(timeout=10.0)
+    assert victim.returncode == -signal.SIGKILL
     assert_same(eha_bench.diagnose(dataset), there)
