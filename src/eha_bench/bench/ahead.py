@@ -9,7 +9,7 @@ from typing import Self
 
 from eha_bench.core.errors import InputError
 from eha_bench.core.trial import Trial
-from eha_bench.core.workers import Here, Workers
+from eha_bench.core.workers import HERE, Workers
 from eha_bench.core.workers import Outcome as Done
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
 
@@ -102,12 +102,12 @@ class Ahead(Target):
 
 @contextmanager
 def ahead(jobs: Sequence[Job], workers: Workers) -> Iterator[Callable[[Target], Target]]:
-    """Give what turns a target of the jobs into one that runs them ahead; with `Here`, none does.
+    """Give what turns a target of the jobs into one that runs them ahead; with `HERE`, none does.
 
     Raises:
         InputError: a target can run one trial at a time only.
     """
-    if workers == Here():
+    if workers == HERE:
         yield lambda target: target
         return
     with closing(Coming(jobs, workers)) as coming:

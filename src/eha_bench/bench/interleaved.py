@@ -21,7 +21,7 @@ from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.trial import Trial
-from eha_bench.core.workers import Here, Workers
+from eha_bench.core.workers import HERE, Workers
 from eha_bench.suites import Suite
 from eha_bench.targets.target import Target
 
@@ -29,7 +29,6 @@ SCHEMA_VERSION: Final = 1
 PLAN_NAME: Final = "ab.json"
 SIDES: Final = ("a", "b")
 _WARM_UP: Final = "warm-up"
-_HERE: Final = Here()
 
 Opener = Callable[[], Target]
 Decided = Callable[[dict[str, Result]], bool]
@@ -97,7 +96,7 @@ def run_interleaved(
     decided: Decided,
     warm_up: int = 1,
     resume: bool = False,
-    workers: Workers = _HERE,
+    workers: Workers = HERE,
     progress: Progress = silent,
 ) -> Interleaved:
     """Run every trial on both targets, pair by pair, until nothing is left to decide.
@@ -214,7 +213,7 @@ def _ahead(
     Raises:
         InputError: a target can run one trial at a time only.
     """
-    if workers == Here():
+    if workers == HERE:
         yield openers
         return
     targets = {side: openers[side]() for side in SIDES}

@@ -22,7 +22,7 @@ from eha_bench.core.interruption import Interruption
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
-from eha_bench.core.workers import Here, Workers
+from eha_bench.core.workers import HERE, Workers
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
 from eha_bench.targets.target import Ending, Journal, Stopping, Target
@@ -35,7 +35,6 @@ _STATUS = {
 }
 _RETRY_AFTER = 1.0
 """Seconds before a trial is tried again: an adapter may need to come back."""
-_HERE = Here()
 
 
 @dataclass
@@ -88,7 +87,7 @@ def run_suite(
     resume: bool = False,
     retries: int = 0,
     time_limit: float = math.inf,
-    workers: Workers = _HERE,
+    workers: Workers = HERE,
     progress: Progress = silent,
 ) -> Result:
     """Run every trial and repeat of a suite, write recordings and result.json into `out`.

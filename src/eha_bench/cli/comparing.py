@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
+from eha_bench.cli.running import Workers
 
 if TYPE_CHECKING:
     from eha_bench.comparison.comparison import Comparison
@@ -70,13 +71,7 @@ def ab(  # noqa: PLR0913, PLR0917 - the options of a command
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with an interrupted run.")
     ] = False,
-    workers: Annotated[
-        str,
-        typer.Option(
-            "--workers",
-            help="Simulate on so many processes, or on dask://host:port or ray://host:port.",
-        ),
-    ] = "",
+    workers: Workers = "",
     json: Json = False,
     strict: Strict = False,
 ) -> None:

@@ -15,6 +15,13 @@ if TYPE_CHECKING:
 Out = Annotated[
     Path | None, typer.Option("--out", help="Result folder (default: reports/<suite>).")
 ]
+Workers = Annotated[
+    str,
+    typer.Option(
+        "--workers",
+        help="Simulate on so many processes, or on dask://host:port or ray://host:port.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json on standard output.")]
 
 
@@ -37,13 +44,7 @@ def run(
     time_limit: Annotated[
         str, typer.Option("--time-limit", help="Stop safely after this time, e.g. '2 h'.")
     ] = "",
-    workers: Annotated[
-        str,
-        typer.Option(
-            "--workers",
-            help="Simulate on so many processes, or on dask://host:port or ray://host:port.",
-        ),
-    ] = "",
+    workers: Workers = "",
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show what would be sent, and send nothing.")
     ] = False,

@@ -16,7 +16,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 
 from eha_bench.core.errors import EhaBenchError, InputError
 from eha_bench.core.packed import Packed, packed
@@ -172,6 +172,10 @@ class Here(Workers):
     ) -> Generator[Outcome[Value], None, None]:
         for index, item in numbered:
             yield _done(lambda: function, index, item)
+
+
+HERE: Final = Here()
+"""One after the other in this process, which is what happens where nothing else is asked for."""
 
 
 class Sent(Protocol):
@@ -352,10 +356,10 @@ def workers_from(text: str | int | None) -> Workers:
         InputError: none of these.
     """
     if text is None or text == "":
-        return Here()
+        return HERE
     if str(text).isdecimal():
         count = int(text) or os.cpu_count() or 1
-        return Processes(count) if count > 1 else Here()
+        return Processes(count) if count > 1 else HERE
     match = _CLUSTER.fullmatch(str(text))
     if match is None:
         raise InputError(

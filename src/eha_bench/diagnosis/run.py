@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption, checkpoints
-from eha_bench.core.workers import Here, Workers
+from eha_bench.core.workers import HERE, Workers
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.fit.baseline import (
     COARSE,
@@ -59,7 +59,6 @@ FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 _NOTHING = 5.0
-_HERE = Here()
 
 
 @dataclass(frozen=True)
@@ -155,7 +154,7 @@ def diagnose(
     dataset: Dataset | str | Path,
     out: str | Path | None = None,
     progress: Progress = no_progress,
-    workers: Workers = _HERE,
+    workers: Workers = HERE,
 ) -> Diagnosis:
     """Close the loop: residual, cause, revised model, errors before and after.
 

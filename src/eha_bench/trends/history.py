@@ -15,7 +15,7 @@ from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, metric_spec
-from eha_bench.core.workers import Here, Workers
+from eha_bench.core.workers import HERE, Workers
 from eha_bench.trends.index import Entry, Index, Night
 from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import State, Trend, judge
@@ -27,7 +27,6 @@ DEFAULT_SHARE: Final = 0.005
 _SIGNS: Final = {Better.LOWER: -1, Better.HIGHER: 1}
 _AIMS: Final = {Better.NEARER_ZERO: 0.0, Better.NEARER_ONE: 1.0}
 _GRAVITY: Final = list(State)
-_HERE: Final = Here()
 
 Key = tuple[str, str, str, str, str, str]
 
@@ -76,7 +75,7 @@ class History:
         write_text(path, self.to_json())
 
 
-def history_of(index: Index, folder: str, workers: Workers = _HERE) -> History:
+def history_of(index: Index, folder: str, workers: Workers = HERE) -> History:
     """Return the trends of an index, each judged by itself, wherever the workers are.
 
     Raises:

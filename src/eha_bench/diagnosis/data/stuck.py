@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +48,7 @@ def stuck(raw: FloatArray, resolution: float) -> BoolArray:
     by_chance = np.log(_NEVER / raw.size) / np.log(max(common, 1.0 / raw.size))
     ends = {float(np.nanmin(raw)), float(np.nanmax(raw))}
     coarse = _ABRUPT * resolution
-    clipped: dict[float, list[slice]] = {}
+    clipped: Counter[float] = Counter()
     for start, length in zip(starts, lengths, strict=True):
         stop = start + length + 1
         if length >= _STUCK:
@@ -57,10 +59,10 @@ def stuck(raw: FloatArray, resolution: float) -> BoolArray:
             if _was_latched(raw, start, stop, max(_LET_GO * max(change), coarse)):
                 mask[start:stop] = True
             elif float(raw[start]) in ends and min(change) > coarse:
-                clipped.setdefault(float(raw[start]), []).append(slice(start, stop))
-    for value, stretches in clipped.items():
+                clipped[float(raw[start])] += 1
+    for value, times in clipped.items():
         # a play or a reversal may hold a reading as well, but hardly twice at the same value
-        if len(stretches) > 1:
+        if times > 1:
             mask |= raw == value
     return mask
 

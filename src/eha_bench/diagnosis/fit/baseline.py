@@ -16,7 +16,7 @@ from eha_bench.diagnosis.data.windows import Window, cut, split
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.odd_runs import notes_of, odd_runs
-from eha_bench.diagnosis.fit.problem import Problem, soften
+from eha_bench.diagnosis.fit.problem import Problem, cost_of
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -278,8 +278,7 @@ def at_rest(problem: Problem, fit: Fit) -> Fit:
             trial = vector.copy()
             trial[at] = size
             part.prepare(trial)
-            soft, _ = soften(part.residual(trial), part.soft)
-            costs[size] = float(soft @ soft)
+            costs[size] = cost_of(part, trial)
         size = min(costs, key=lambda size: costs[size])
         if costs[size] < costs[float(vector[at])] - _TELLING:
             vector = vector.copy()
@@ -301,9 +300,8 @@ def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
         for size in sizes:
             trial = fit.vector.copy()
             trial[at] = size
-            soft, _ = soften(problem.residual(trial), problem.soft)
-            if float(soft @ soft) < cost:
-                best, cost = trial, float(soft @ soft)
+            if (reached := cost_of(problem, trial)) < cost:
+                best, cost = trial, reached
         if best is not fit.vector:
             moved = _along(problem, fit, best)
             if moved.cost < fit.cost - _TELLING:

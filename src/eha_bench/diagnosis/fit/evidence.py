@@ -215,6 +215,10 @@ class Comparison:
     runs_better: float
 
 
+NOT_COMPARED = Comparison(0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+"""What stands where nothing has been compared yet: no gain."""
+
+
 def compare(
     before: Fit, after: Fit, groups: Groups, excess_before: float, seed: int = 0
 ) -> Comparison:

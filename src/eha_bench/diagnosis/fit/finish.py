@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem, soften
+from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
 
 FloatArray = NDArray[np.float64]
 
@@ -45,10 +45,10 @@ def fine_enough(problem: Problem, vector: FloatArray) -> Problem:
         problem: at the usual step. vector: where it is simulated.
     """
     noise = SOFT_MEAN * problem.size
-    cost = _cost(problem, vector)
+    cost = cost_of(problem, vector)
     while problem.step > FINEST:
         finer = problem.at_step(0.5 * problem.step)
-        other = _cost(finer, vector)
+        other = cost_of(finer, vector)
         if abs(cost - other) < max(_LITTLE * noise, _SHARE * (other - noise)):
             return problem
         problem, cost = finer, other
@@ -108,8 +108,3 @@ def _at(problem: Problem, fit: Fit) -> Fit:
     return replace(
         fit, residual=residual, jacobian=matrix, cost=float(soft @ soft), soft=problem.soft
     )
-
-
-def _cost(problem: Problem, vector: FloatArray) -> float:
-    soft, _ = soften(problem.residual(vector), problem.soft)
-    return float(soft @ soft)

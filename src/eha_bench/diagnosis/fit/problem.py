@@ -346,3 +346,9 @@ def soften(residual: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatA
     with np.errstate(invalid="ignore", divide="ignore"):
         weight = np.where(np.abs(residual) > 1e-6, residual / (root * soft), 1.0)
     return soft, np.where(np.isfinite(weight), weight, 1.0)
+
+
+def cost_of(problem: Problem, vector: FloatArray) -> float:
+    """Return the sum of squares of a problem's softened residual."""
+    soft, _ = soften(problem.residual(vector), problem.soft)
+    return float(soft @ soft)

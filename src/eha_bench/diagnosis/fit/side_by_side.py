@@ -22,7 +22,7 @@ from typing import Generic, TypeVar
 from threadpoolctl import threadpool_limits
 
 from eha_bench.core.interruption import checkpoint
-from eha_bench.core.workers import Here, Workers
+from eha_bench.core.workers import HERE, Workers
 from eha_bench.diagnosis.fit.effort import counted, simulated
 
 Item = TypeVar("Item")
@@ -121,8 +121,8 @@ _WAY: ContextVar[Way] = ContextVar("way", default=_ON_THREADS)
 
 @contextmanager
 def fits_by(workers: Workers) -> Iterator[None]:
-    """A context in which workers do what is independent; `Here` does it on threads."""
-    token = _WAY.set(_ON_THREADS if workers == Here() else ByWorkers(workers))
+    """A context in which workers do what is independent; `HERE` does it on threads."""
+    token = _WAY.set(_ON_THREADS if workers == HERE else ByWorkers(workers))
     try:
         yield
     finally:

@@ -73,10 +73,10 @@ def scored(
 def _read(dataset: Dataset) -> tuple[list[Measured], list[str]]:
     """Read the held-out runs; one that cannot be read costs its score, not the diagnosis."""
     found, notes = [], []
+    compared = dataset.model.plant.determined(dataset.inputs)
     for run in dataset.holdout:
         try:
             recording = run.read()
-            compared = dataset.model.plant.determined(dataset.inputs)
             found.append(admit(run, recording, dataset.inputs, compared, strict=False))
         except EhaBenchError as error:
             notes.append(f"held-out run {run.name} is not scored: {error}")

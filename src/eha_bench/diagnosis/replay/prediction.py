@@ -149,12 +149,12 @@ def predict(
     elif not isinstance(model, Model):
         model = load_model(Path(model))
     plant = model.plant
+    determined = plant.determined(dataset.inputs)
     found = []
     for number, run in enumerate(dataset.runs):
         if progress:
             progress(run.name, number / len(dataset.runs))
         recording = run.read()
-        determined = plant.determined(dataset.inputs)
         measured = admit(run, recording, dataset.inputs, determined, strict=False)
         values = simulate_run(measured, model)
         columns = {

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import soften
+from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.profile import cost_with
 from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.search.refit import polish, sticks
@@ -28,8 +28,7 @@ def is_idle(search: Search, limits: Thresholds) -> bool:
     fit, start = search.fit, search.accepted[-1].start
     vector = fit.vector.copy()
     vector[start.strength_at] = start.neutral
-    soft, _ = soften(search.problem.residual(vector), search.problem.soft)
-    least = float(soft @ soft)
+    least = cost_of(search.problem, vector)
     for item in fit.free:
         if item.at == start.strength_at:
             least = min(least, cost_with(search.problem, fit, item.key, start.neutral))

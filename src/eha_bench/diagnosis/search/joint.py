@@ -13,14 +13,13 @@ from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import all_starts
-from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Comparison, compare, excess
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Comparison, compare, excess
 from eha_bench.diagnosis.search.backward import without
 from eha_bench.diagnosis.search.periodic import is_periodic
 from eha_bench.diagnosis.search.refit import Near, Nearby, polish
 from eha_bench.diagnosis.search.settle import rebase, settle
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
-_NOT_COMPARED = Comparison(*[float("nan")] * 6)
 _FIRSTS = 4
 _SECONDS = 3
 _FINALISTS = 2
@@ -47,7 +46,7 @@ def joint(search: Search, limits: Thresholds) -> bool:
     if left > (1.0 - limits.together) * before:
         return False
     search.fit = best.fit
-    search.accepted = [Accepted(start, _NOT_COMPARED, ()) for start in best.starts]
+    search.accepted = [Accepted(start, NOT_COMPARED, ()) for start in best.starts]
     found = [_beside(search, item) for item in search.accepted]
     if not all(limits.allow(item) for item in found):
         search.restore(kept)

@@ -16,9 +16,9 @@ from eha_bench.diagnosis.fit.baseline import (
     friction_at_rest,
 )
 from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Comparison, Excess
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem, soften
+from eha_bench.diagnosis.fit.problem import Problem, cost_of
 from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.search.periodic import in_parts, is_periodic, scan
@@ -74,7 +74,7 @@ def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
     fit = levenberg_marquardt(
         coarse, vector, free, iterations=6 if moved else 4, known=known, refresh=int(moved)
     )
-    return Trial(item.start, fit, Comparison(0, 0, 0, 0, 1, 0))
+    return Trial(item.start, fit, NOT_COMPARED)
 
 
 def polish(search: Search, rough: Fit, extra: Sequence[Start], *, afresh: bool = True) -> Fit:
@@ -319,7 +319,7 @@ class Near:
         return self.refitted((item.start,), begun(self.problem, item, self.fit))
 
     def _trial(self, item: Nearby) -> Trial:
-        return Trial(item.starts[-1], self.long(item), Comparison(0, 0, 0, 0, 1, 0))
+        return Trial(item.starts[-1], self.long(item), NOT_COMPARED)
 
     def long(self, item: Nearby) -> Fit:
         """Fit over long windows from where short ones have led."""
@@ -374,17 +374,12 @@ def begun(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
     share = 1.0
     while True:
         vector = started(item, fit.vector, share)
-        cost = _cost(problem, vector)
+        cost = cost_of(problem, vector)
         if cost <= fit.cost or share < _SMALLEST:
             break
         share /= 3.0
     probed = item.start.apply(fit.vector)
-    return probed if _cost(problem, probed) < cost else vector
-
-
-def _cost(problem: Problem, vector: FloatArray) -> float:
-    soft, _ = soften(problem.residual(vector), problem.soft)
-    return float(soft @ soft)
+    return probed if cost_of(problem, probed) < cost else vector
 
 
 def started(item: Screened, vector: FloatArray, share: float = 1.0) -> FloatArray:
