@@ -1,7 +1,8 @@
 """`python -m benchmarks [--quick] [--only NAME ...]`: every benchmark, and one table at the end.
 
 Figures are ratios measured side by side in one run wherever a machine's speed would matter; a
-benchmark that cannot run makes the command fail, one that misses its target does not.
+benchmark that cannot run makes the command fail, one that misses its target does not. With
+`--at-once 2` they disturb each other: that shows that all of them run, sooner.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from benchmarks.table import Row, rows_of
@@ -48,11 +50,20 @@ RAN = (0, 1)
 """Exit statuses of a benchmark that ran: 1 where a target was missed."""
 
 
-def run(name: str, arguments: list[str], folder: Path) -> list[Row] | None:
-    """Run a benchmark with its own output; return its rows, None if it could not run."""
+def run(name: str, arguments: list[str], folder: Path, *, alone: bool) -> list[Row] | None:
+    """Run a benchmark; return its rows, None if it could not run.
+
+    What it says is shown as it comes where it runs alone, else when it has ended.
+    """
     file = folder / f"{name}.json"
     command = [sys.executable, "-m", f"benchmarks.{name}", *arguments, "--json", str(file)]
-    done = subprocess.run(command, check=False)
+    if alone:
+        print(f"== {name} ==", flush=True)
+    begun = time.perf_counter()
+    said = None if alone else subprocess.PIPE
+    done = subprocess.run(command, check=False, stdout=said, stderr=subprocess.STDOUT, text=True)
+    took = f"-- {name}: {time.perf_counter() - begun:.0f} s --"
+    print(took if alone else f"== {name} ==\n{done.stdout}{took}", flush=True)
     if done.returncode not in RAN or not file.exists():
         print(f"benchmarks.{name} could not run (status {done.returncode})", flush=True)
         return None
@@ -64,15 +75,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small versions, minutes in all")
     parser.add_argument("--only", nargs="+", choices=FULL, default=list(FULL))
+    parser.add_argument("--at-once", type=int, default=1, help="so many side by side")
     given = parser.parse_args()
     chosen = QUICK if given.quick else FULL
-    found: dict[str, list[Row] | None] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for name in given.only:
-            print(f"== {name} ==", flush=True)
-            begun = time.perf_counter()
-            found[name] = run(name, chosen[name], Path(folder))
-            print(f"-- {name}: {time.perf_counter() - begun:.0f} s --", flush=True)
+    alone = given.at_once == 1
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(given.at_once) as pool:
+        running = {
+            name: pool.submit(run, name, chosen[name], Path(folder), alone=alone)
+            for name in given.only
+        }
+        found = {name: future.result() for name, future in running.items()}
     print("\n== all figures and targets ==")
     for name, rows in found.items():
         print(name if rows is not None else f"{name}: COULD NOT RUN")
