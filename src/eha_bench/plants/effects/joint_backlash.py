@@ -30,6 +30,7 @@ operator: Krasnosel'skii, Pokrovskii, Systems with Hysteresis, Springer 1989.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect, Equation
@@ -42,6 +43,25 @@ _AT_REST = 5e-3
 _RESOLVED = 0.12
 
 
+class Joint(NamedTuple):
+    """The joint through which rod and load touch."""
+
+    gap: float
+    joint_stiffness: float
+    joint_damping: float
+    rod_mass: float
+
+
+class Load(NamedTuple):
+    """The load beyond the play, and what pulls at it."""
+
+    load_x: float
+    load_v: float
+    load_mass: float
+    external_force: float
+    measured_force: float
+
+
 @njit()
 def _share(speed: float) -> float:
     """Return the end of the gap that drives: -1 ... 1."""
@@ -49,20 +69,13 @@ def _share(speed: float) -> float:
 
 
 @njit()
-def _contact(
-    d: float,
-    closing: float,
-    gap: float,
-    joint_stiffness: float,
-    joint_damping: float,
-    rod_mass: float,
-) -> float:
+def _contact(d: float, closing: float, joint: Joint) -> float:
     """Return the force from the rod on the load, N; `d` = x - x_load, `closing` = its rate."""
-    damping = 2.0 * joint_damping * math.sqrt(joint_stiffness * rod_mass)
-    if d > 0.5 * gap:
-        return max(0.0, joint_stiffness * (d - 0.5 * gap) + damping * closing)
-    if d < -0.5 * gap:
-        return min(0.0, joint_stiffness * (d + 0.5 * gap) + damping * closing)
+    damping = 2.0 * joint.joint_damping * math.sqrt(joint.joint_stiffness * joint.rod_mass)
+    if d > 0.5 * joint.gap:
+        return max(0.0, joint.joint_stiffness * (d - 0.5 * joint.gap) + damping * closing)
+    if d < -0.5 * joint.gap:
+        return min(0.0, joint.joint_stiffness * (d + 0.5 * joint.gap) + damping * closing)
     return 0.0
 
 
@@ -94,21 +107,12 @@ def read_at_first(x: float, v: float, gap: float) -> float:
 
 
 def engaged_load(
-    load: float,
-    x: float,
-    v: float,
-    load_x: float,
-    load_v: float,
-    gap: float,
-    side: float,
-    joint_stiffness: float,
-    joint_damping: float,
-    rod_mass: float,
+    load: float, x: float, v: float, load_x: float, load_v: float, side: float, joint: Joint
 ) -> float:
     """Return the load's force on the rod (positive against extension), N."""
     if side != _LOAD:
         return load
-    return _contact(x - load_x, v - load_v, gap, joint_stiffness, joint_damping, rod_mass)
+    return _contact(x - load_x, v - load_v, joint)
 
 
 def lone_mass(mass: float, side: float, rod_mass: float) -> float:
@@ -117,39 +121,13 @@ def lone_mass(mass: float, side: float, rod_mass: float) -> float:
 
 
 @njit()
-def _pulled(
-    x: float,
-    v: float,
-    load_x: float,
-    load_v: float,
-    load_mass: float,
-    force: float,
-    gap: float,
-    joint_stiffness: float,
-    joint_damping: float,
-    rod_mass: float,
-) -> float:
-    """Return the load's acceleration against a force, m/s^2."""
-    return (
-        _contact(x - load_x, v - load_v, gap, joint_stiffness, joint_damping, rod_mass) - force
-    ) / load_mass
+def _pulled(d: float, closing: float, beyond: Load, joint: Joint) -> float:
+    """Return the load's acceleration with the rod `d` from it, closing at a rate, m/s^2."""
+    force = beyond.external_force + beyond.measured_force
+    return (_contact(d, closing, joint) - force) / beyond.load_mass
 
 
-def move_by(
-    load_x: float,
-    load_v: float,
-    seen: float,
-    x: float,
-    v: float,
-    h: float,
-    load_mass: float,
-    external_force: float,
-    measured_force: float,
-    gap: float,
-    joint_stiffness: float,
-    joint_damping: float,
-    rod_mass: float,
-) -> float:
+def move_by(beyond: Load, joint: Joint, seen: float, x: float, v: float, h: float) -> float:
     """Return the load's way in a time h, m.
 
     A step of the rod lies between two halves of one of the load. In the first the contact pushes
@@ -157,12 +135,9 @@ def move_by(
     with the rod half a step behind, or ahead, the contact would be a damper of a kN*s/m.
     """
     if x != seen:
-        return h * load_v
-    force = external_force + measured_force
-    pulled = _pulled(
-        x, v, load_x, load_v, load_mass, force, gap, joint_stiffness, joint_damping, rod_mass
-    )
-    return h * (load_v + h * pulled)
+        return h * beyond.load_v
+    pulled = _pulled(x - beyond.load_x, v - beyond.load_v, beyond, joint)
+    return h * (beyond.load_v + h * pulled)
 
 
 def move_load(load_x: float, way: float) -> float:
@@ -171,28 +146,11 @@ def move_load(load_x: float, way: float) -> float:
 
 
 def push_load(
-    load_x: float,
-    load_v: float,
-    way: float,
-    seen: float,
-    x: float,
-    v: float,
-    h: float,
-    load_mass: float,
-    external_force: float,
-    measured_force: float,
-    gap: float,
-    joint_stiffness: float,
-    joint_damping: float,
-    rod_mass: float,
+    beyond: Load, joint: Joint, way: float, seen: float, x: float, v: float, h: float
 ) -> float:
     """Return the load's velocity after a time h, m/s, pushed where the rod was looked at."""
-    there = load_x - way if x == seen else load_x
-    force = external_force + measured_force
-    pulled = _pulled(
-        x, v, there, load_v, load_mass, force, gap, joint_stiffness, joint_damping, rod_mass
-    )
-    return load_v + h * pulled
+    there = beyond.load_x - way if x == seen else beyond.load_x
+    return beyond.load_v + h * _pulled(x - there, v - beyond.load_v, beyond, joint)
 
 
 def look(x: float) -> float:
