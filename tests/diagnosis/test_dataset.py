@@ -18,7 +18,9 @@ from eha_bench.diagnosis.fit.baseline import gather
 
 def write(folder: Path, runs: str) -> Path:
     (folder / "model.yaml").write_text("model: eha_knee\ncalibrate: [leakage]\n")
-    (folder / "a.mcap").write_bytes(b"not a recording")
+    (folder / "b").mkdir(exist_ok=True)
+    for name in ("a.mcap", "b/a.mcap"):
+        (folder / name).write_bytes(b"not a recording")
     path = folder / "dataset.yaml"
     path.write_text(f"model: model.yaml\ninputs: [current_command]\nruns:\n{runs}")
     return path
@@ -29,12 +31,29 @@ def test_runs_are_not_read_on_loading(tmp_path):
         write(
             tmp_path,
             "  - {log: a.mcap, piston: locked, use: train}\n"
-            "  - {log: a.mcap, bypass: open, use: holdout}\n",
+            "  - {log: b/a.mcap, bypass: open, use: holdout}\n",
         )
     )
     assert [run.name for run in dataset.runs] == ["a", "a-2"]
     assert dataset.training[0].locked
     assert dataset.holdout[0].bypass_open
+
+
+def test_every_run_has_a_name_of_its_own(tmp_path):
+    """What is predicted of a run is a file of its name: no run may write over another's."""
+    path = write(tmp_path, "  - {log: a.mcap}\n  - {log: b/a.mcap}\n  - {log: a-2.csv}\n")
+    (tmp_path / "a-2.csv").touch()
+    (tmp_path / "A.csv").touch()
+    path.write_text(path.read_text() + "  - {log: A.csv}\n")
+    names = [run.name for run in load_dataset(path).runs]
+    assert names == ["a", "a-2", "a-2-2", "A-3"]
+
+
+def test_a_log_that_is_fitted_cannot_be_held_out(tmp_path):
+    with pytest.raises(InputError, match=r"dataset\.yaml:5.*runs\.1\.log.*both.*held out"):
+        load_dataset(
+            write(tmp_path, "  - {log: a.mcap}\n  - {log: ./b/../a.mcap, use: holdout}\n")
+        )
 
 
 def test_a_missing_log_is_named_with_its_line(tmp_path):

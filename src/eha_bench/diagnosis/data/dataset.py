@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -145,16 +145,21 @@ def load_dataset(path: Path) -> Dataset:
     model = load_model(existing(file.model, "model"))
     shared = existing(file.channels, "channels") if file.channels else None
     runs: list[Run] = []
-    seen: dict[str, int] = {}
+    uses: dict[tuple[Path, Path | None], Use] = {}
     for number, entry in enumerate(file.runs):
         log = existing(entry.log, "runs", number, "log")
         own = entry.channels
         channels = existing(own, "runs", number, "channels") if own else shared
-        stem = log.stem or log.name
-        seen[stem] = seen.get(stem, 0) + 1
+        read_as = log.resolve(), channels.resolve() if channels else None
+        if uses.setdefault(read_as, entry.use) is not entry.use:
+            raise InputError(
+                f"'{entry.log}' is both for training and held out",
+                where=place("runs", number, "log"),
+                hint="hold out a run that is not fitted: what was fitted tells nothing of the rest",
+            )
         runs.append(
             Run(
-                stem if seen[stem] == 1 else f"{stem}-{seen[stem]}",
+                _free_name(log.stem or log.name, [run.name for run in runs]),
                 log,
                 channels,
                 entry.piston is Piston.LOCKED,
@@ -168,6 +173,19 @@ def load_dataset(path: Path) -> Dataset:
             "no run is for training", where=place("runs"), hint="give at least one `use: train`"
         )
     return Dataset(model, tuple(file.inputs), tuple(runs), str(path))
+
+
+def _free_name(name: str, taken: Sequence[str]) -> str:
+    """Return a name that no other run has, also where small letters are as good as capital ones.
+
+    What is written of a run is a file of this name.
+    """
+    folded = {other.casefold() for other in taken}
+    free, number = name, 1
+    while free.casefold() in folded:
+        number += 1
+        free = f"{name}-{number}"
+    return free
 
 
 def _reader(log: Path, channels: Path | None, fewest: int) -> Callable[[], Recording]:
