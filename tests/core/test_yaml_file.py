@@ -11,7 +11,7 @@ from pydantic import Field
 from eha_bench.core import yaml_file
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.units import Unit
-from eha_bench.core.yaml_file import StrictModel
+from eha_bench.core.yaml_file import NUMBER, Real, StrictModel, parse, validate
 
 
 class Pump(StrictModel):
@@ -148,3 +148,32 @@ def test_any_content_is_a_model_or_an_input_error(content: object) -> None:
     except InputError as error:
         outcome = error.where.file
     assert outcome == "rig.yaml" or (isinstance(content, dict) and outcome == content["name"])
+
+
+class Numbers(StrictModel):
+    """Numbers of a file."""
+
+    ratio: Real = 1.0
+    count: Annotated[int, Field(ge=1), NUMBER] = 1
+    size: Real | str = 1.0
+    names: Annotated[list[str], Field(min_length=1)] = Field(default_factory=lambda: ["a"])
+    by_name: dict[str, Real] = Field(default_factory=dict)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("ratio: true", r"key 'ratio': 'true' is not a number$"),
+        ("count: true", r"key 'count': 'true' is not a number$"),
+        ("size: false", r"key 'size': 'false' is not a number$"),
+        ("by_name: {x: true}", r"key 'by_name.x': 'true' is not a number$"),
+        ("ratio: .nan", r"key 'ratio': 'nan' is not a finite number$"),
+        ("ratio: -.inf", r"key 'ratio': '-inf' is not a finite number$"),
+        ("names: []", r"key 'names': 'names' is empty: it needs at least 1$"),
+        ("names: a", r"key 'names': expected a list, as in \[a, b\]$"),
+        ("by_name: [1]", r"key 'by_name': expected keys and values$"),
+    ],
+)
+def test_what_is_no_number_or_no_list_is_said_in_words_of_a_file(text, said):
+    with pytest.raises(InputError, match=said):
+        validate(Numbers, parse(text, "f.yaml"), "f.yaml")

@@ -51,9 +51,7 @@ def test_every_run_has_a_name_of_its_own(tmp_path):
 
 def test_a_log_that_is_fitted_cannot_be_held_out(tmp_path):
     with pytest.raises(InputError, match=r"dataset\.yaml:5.*runs\.1\.log.*both.*held out"):
-        load_dataset(
-            write(tmp_path, "  - {log: a.mcap}\n  - {log: ./b/../a.mcap, use: holdout}\n")
-        )
+        load_dataset(write(tmp_path, "  - {log: a.mcap}\n  - {log: ./b/../a.mcap, use: holdout}\n"))
 
 
 def test_a_missing_log_is_named_with_its_line(tmp_path):

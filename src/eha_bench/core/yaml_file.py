@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from io import StringIO
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, get_args, get_origin
+from typing import Annotated, Any, TypeAlias, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.near_miss import suggest
@@ -17,8 +18,28 @@ class StrictModel(BaseModel):
     """Base of all file formats: unknown keys are errors, instances are immutable."""
 
     # built when first used: most are parts of others, which build them again
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        populate_by_name=True,
+        defer_build=True,
+        allow_inf_nan=False,
+    )
 
+
+def _number(value: Any) -> Any:
+    if isinstance(value, bool):  # which is a number to Python, and a slip of the pen in a file
+        raise ValueError(f"'{str(value).lower()}' is not a number")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"'{value}' is not a finite number")
+    return value
+
+
+NUMBER = BeforeValidator(_number)
+"""Marks a field as a number, which `true` and `.nan` are none."""
+
+Real: TypeAlias = Annotated[float, NUMBER]
+"""A number of a file."""
 
 DEEPEST = 40
 MOST_VALUES = 1_000_000
@@ -174,8 +195,10 @@ def validate(
     except ValidationError as error:
         details = error.errors(include_url=False, include_context=False, include_input=False)
         first = min(details, key=_rank)
+        # a value that may be written in several ways is wrong in each of them, and still one
+        wrong = {tuple(_key_path(content, detail["loc"])) for detail in details}
         raise InputError(
-            _sentence(first["type"], first["msg"], first["loc"]) + _others(len(details) - 1),
+            _sentence(first["type"], first["msg"], first["loc"]) + _others(len(wrong) - 1),
             where=place(first["loc"]),
             hint=_way_out(model, first["type"], first["loc"]),
         ) from error
@@ -210,12 +233,26 @@ def _is_index(content: Any, key: int | str) -> bool:
     return isinstance(content, list) and isinstance(key, int) and key < len(content)
 
 
+_PLAINER = {
+    "dict_type": "expected keys and values",
+    "model_type": "expected keys and values",
+    "list_type": "expected a list, as in [a, b]",
+    "tuple_type": "expected a list, as in [a, b]",
+    "string_type": "expected text",
+}
+"""What pydantic says in Python's words, in those of a file."""
+
+
 def _sentence(kind: str, message: str, location: Sequence[int | str]) -> str:
     last = location[-1] if location else ""
     if kind == "extra_forbidden":
         return f"unknown key '{last}'"
     if kind == "missing":
         return f"key '{last}' is missing"
+    if kind == "too_short" and message.endswith("not 0"):
+        return f"'{last}' is empty: it needs at least 1"
+    if kind in _PLAINER:
+        return _PLAINER[kind]
     text = message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
     return text[:1].lower() + text[1:] if text.startswith("Input should") else text
 

@@ -21,7 +21,7 @@ from eha_bench.core import units, yaml_file
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.yaml_file import StrictModel
+from eha_bench.core.yaml_file import Real, StrictModel
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.plant import Plant, get_plant
@@ -34,14 +34,14 @@ class ModelFile(StrictModel):
     """model.yaml: a plant, what differs from its defaults, and its declared effects."""
 
     model: Annotated[str, Field(description="plant: eha_knee, linear_drive, or a plug-in's")]
-    parameters: dict[str, float | str] = Field(
+    parameters: dict[str, Real | str] = Field(
         default_factory=dict,
         description="what differs from the plant's defaults, SI or with a unit",
     )
     calibrate: list[str] = Field(
         default_factory=list, description="parameters that calibration may estimate"
     )
-    effects: list[dict[str, float | str | list[float]]] = Field(
+    effects: list[dict[str, Real | str | list[Real]]] = Field(
         default_factory=list, description="declared effects, in the order they were added"
     )
 

@@ -8,13 +8,13 @@ from pydantic import Field, model_validator
 
 from eha_bench.core.trial import Bypass, ControlMode, Piston
 from eha_bench.core.units import Unit
-from eha_bench.core.yaml_file import StrictModel
+from eha_bench.core.yaml_file import NUMBER, StrictModel
 from eha_bench.suites.acceptance.limits import BoundsFile, LimitFile, ScoreFile
 from eha_bench.suites.identifiers import PATTERN
 from eha_bench.suites.signals.signal_model import Hertz, Moment, Seconds
 
-Count = Annotated[int, Field(ge=1, le=10_000)]
-Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Count = Annotated[int, Field(ge=1, le=10_000), NUMBER]
+Seed = Annotated[int, Field(ge=0, lt=2**63), NUMBER]
 
 
 class InitialFile(StrictModel):

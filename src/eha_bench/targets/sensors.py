@@ -11,7 +11,7 @@ from pydantic import Field
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import UnitError
 from eha_bench.core.units import parse
-from eha_bench.core.yaml_file import StrictModel
+from eha_bench.core.yaml_file import Real, StrictModel
 
 FloatArray = NDArray[np.float64]
 
@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 class Sensor(StrictModel):
     """Noise (standard deviation, white, Gaussian) and resolution of one channel."""
 
-    noise: Annotated[float | str, Field(description="standard deviation")] = 0.0
-    resolution: Annotated[float | str, Field(description="size of one count; 0 for none")] = 0.0
+    noise: Annotated[Real | str, Field(description="standard deviation")] = 0.0
+    resolution: Annotated[Real | str, Field(description="size of one count; 0 for none")] = 0.0
 
     def in_si(self, channel: str) -> tuple[float, float]:
         """Return noise and resolution in the channel's SI unit.

@@ -13,12 +13,12 @@ from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
 from eha_bench.core.metric import metric_spec
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.trial import ControlMode
-from eha_bench.core.yaml_file import StrictModel, validate
+from eha_bench.core.yaml_file import Real, StrictModel, validate
 from eha_bench.suites.acceptance.baseline import Baseline, scaled
 from eha_bench.suites.acceptance.grammar import Words, examples, parse_bounds, split_words
 from eha_bench.suites.located import Located
 
-Quantity: TypeAlias = float | str
+Quantity: TypeAlias = Real | str
 
 
 class BoundsFile(StrictModel):
@@ -114,7 +114,8 @@ def _acceptance(
 ) -> tuple[tuple[str, str], AcceptanceLimit | None]:
     """Return the (metric, channel) of an entry, and its limit if it has one."""
     spec = metric_spec(metric, where=entry.place())
-    form = LimitFile() if entry.value is None else _form(LimitFile, entry)
+    shown = mode.unit if spec.unit is None else spec.unit
+    form = LimitFile() if entry.value is None else _form(LimitFile, entry, shown)
     channel = spec.channel_for(mode.channel) if form.channel is None else form.channel
     own = _unit_of(channel, form.unit, mode, entry.place(("channel",))) if channel else ""
     unit = own if spec.unit is None else spec.unit
@@ -176,13 +177,13 @@ def _scores(scores: Located, mode: ControlMode) -> list[tuple[str, str]]:
     return pairs
 
 
-def _form(model: type[BoundsFile], entry: Located) -> Any:
-    """Return an entry, be it text or keys, as `model`."""
+def _form(model: type[BoundsFile], entry: Located, unit: str = "") -> Any:
+    """Return an entry, be it text or keys, as `model`; `unit` is for examples in a message."""
     if isinstance(entry.value, dict):
         return validate(model, entry.value, "", places=entry.place)
     if isinstance(entry.value, str):
         return model(limit=entry.value)
-    raise entry.error(f"'{entry.value}' is not a limit", hint=examples("MPa"))
+    raise entry.error(f"'{entry.value}' is not a limit", hint=examples(unit))
 
 
 def _bounds(form: BoundsFile, unit: str, entry: Located) -> tuple[Bounds, str]:

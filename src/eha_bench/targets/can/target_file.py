@@ -9,7 +9,7 @@ from pydantic import Field
 
 from eha_bench.core.trial import Bypass, ControlMode, Piston
 from eha_bench.core.units import Unit
-from eha_bench.core.yaml_file import StrictModel
+from eha_bench.core.yaml_file import Real, StrictModel
 
 Seconds = Annotated[float, Unit("s")]
 Quantity = float | str
@@ -46,8 +46,8 @@ class SignalFile(StrictModel):
     message: str
     signal: str
     unit: Annotated[str, Field(description="unit that scale and offset lead to")] = ""
-    scale: float = 1.0
-    offset: float = 0.0
+    scale: Real = 1.0
+    offset: Real = 0.0
 
 
 class CommandFile(SignalFile):
@@ -134,8 +134,8 @@ class PositionFile(StrictModel):
 
     signal: str
     unit: str
-    scale: float = 1.0
-    offset: float = 0.0
+    scale: Real = 1.0
+    offset: Real = 0.0
 
 
 class FixtureFile(StrictModel):
