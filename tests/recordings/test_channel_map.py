@@ -137,3 +137,9 @@ def test_misspelt_keys_and_channels_are_guessed() -> None:
     assert mapping.strangers() == [
         "channel 'presure_a' is not one that eha-bench knows; did you mean 'pressure_a'?"
     ]
+
+
+@pytest.mark.parametrize("rate", ["3 GHz", "0 Hz", "-1 kHz"])
+def test_a_sample_rate_that_cannot_be_is_refused(rate):
+    with pytest.raises(InputError, match="must be positive, and at most 1 GHz"):
+        load_channel_map({"sample_rate": rate, "channels": {"current": {"column": "i"}}})

@@ -340,3 +340,11 @@ def test_mat_arrays_are_those_of_scipy(tmp_path: Path) -> None:
         assert found.numbers.keys() == content.keys()
         for name, array in found.numbers.items():
             assert np.array_equal(array, theirs[name]), name
+
+
+def test_a_table_of_more_than_a_century_is_a_slip_in_the_rate(tmp_path):
+    path = tmp_path / "slow.csv"
+    path.write_text("a,i\n" + "0,1\n" * 20)
+    channels = {"sample_rate": "1e-9 Hz", "channels": {"current": {"column": "i"}}}
+    with pytest.raises(RecordingError, match="20 samples at 1e-09 Hz are longer than"):
+        recordings.read(path, channels=channels)

@@ -13,7 +13,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import UnitError
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.units import Unit, base_unit, factor_and_offset
-from eha_bench.core.yaml_file import StrictModel, load_model
+from eha_bench.core.yaml_file import Real, StrictModel, load_model
 from eha_bench.recordings.encodings.field_path import FieldPath
 
 
@@ -83,8 +83,8 @@ class ChannelEntry(StrictModel):
         default=None, min_length=1, description="column of a CSV, Parquet or MAT file"
     )
     unit: str | None = Field(default=None, description="unit of raw * scale + offset; default SI")
-    scale: float = Field(default=1.0, allow_inf_nan=False)
-    offset: float = Field(default=0.0, allow_inf_nan=False)
+    scale: Real = 1.0
+    offset: Real = 0.0
     clock: Clock | None = Field(default=None, description="another clock for this channel's topic")
     method: Method | None = Field(
         default=None, description="how it is carried onto the common clock"
@@ -139,8 +139,11 @@ class ChannelMapFile(StrictModel):
     @field_validator("sample_rate")
     @classmethod
     def _positive(cls, rate: float | None) -> float | None:
-        if rate is not None and rate <= 0:
-            raise ValueError("the sample rate must be positive")
+        if rate is not None and not 0 < rate <= 1e9:
+            raise ValueError(
+                f"the sample rate must be positive, and at most 1 GHz: {rate:g} Hz is not "
+                "(stamps are whole nanoseconds)"
+            )
         return rate
 
     @field_validator("channels")

@@ -115,9 +115,14 @@ class TableSource(Source):
             stamps = self._stamps(mapping.time)
             sizes[mapping.time.column] = stamps.size
         else:
-            stamps = np.rint(np.arange(count) * (1e9 / (mapping.sample_rate or 1.0))).astype(
-                np.int64
-            )
+            rate = mapping.sample_rate or 1.0
+            if count / rate >= 2**62 / 1e9:
+                raise RecordingError(
+                    f"{count} samples at {rate:g} Hz are longer than a recording can be",
+                    where=Place(file=self.path, key="sample_rate"),
+                    hint="give the sample rate in its unit, e.g. 1 kHz",
+                )
+            stamps = np.rint(np.arange(count) * (1e9 / rate)).astype(np.int64)
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{name}: {size}" for name, size in sizes.items())
             raise RecordingError(
