@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from eha_bench.core.atomic_file import replacing
+from eha_bench.core.atomic_file import replacing, write_text
 
 
 @pytest.mark.parametrize("durable", [False, True])
@@ -59,3 +59,17 @@ def test_a_name_of_the_longest_length(tmp_path: Path) -> None:
     with replacing(target) as part:
         part.write_text("x")
     assert target.read_text() == "x"
+
+
+def test_an_error_names_the_file_and_not_the_one_beside_it(tmp_path):
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(OSError, match="taken") as error:
+        write_text(tmp_path / "taken", "text")
+    assert ".part" not in str(error.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+def test_a_long_name_of_wide_letters_can_be_written(tmp_path):
+    name = "\N{SNOWMAN}" * 80  # 240 bytes: a name may have 255
+    write_text(tmp_path / name, "text")
+    assert (tmp_path / name).read_text() == "text"

@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from drive_data import write_drive
 
+from eha_bench.cli.main import main
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.diagnosis.run import diagnose
@@ -127,3 +128,20 @@ def test_the_errors_are_those_of_predict(dataset, diagnosed) -> None:
     assert (
         found.holdout["piston_position"].after < 1.3 * found.holdout["piston_position"].noise_floor
     )
+
+
+@pytest.mark.parametrize("command", ["diagnose", "calibrate", "predict"])
+def test_where_results_cannot_go_is_said_before_the_work(
+    command, tmp_path, monkeypatch, capsys
+) -> None:
+    """A diagnosis of minutes is not lost to a slip in --out."""
+    path = write_drive(tmp_path, seconds=0.2)
+    (tmp_path / "train.csv").write_text("not looked at yet")
+    (tmp_path / "file").touch()
+    more = ["--model", str(tmp_path / "model.yaml")] if command == "predict" else []
+    given = ["eha-bench", command, str(path), "--out", str(tmp_path / "file"), *more]
+    monkeypatch.setattr("sys.argv", given)
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    assert "file: is a file; name a folder with --out" in capsys.readouterr().err

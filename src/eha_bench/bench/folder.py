@@ -54,7 +54,9 @@ class ResultFolder:
             self.recordings.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(
-                f"cannot be written ({error.strerror})", where=Place(file=str(self.path))
+                f"cannot be written ({error.strerror})",
+                where=Place(file=str(self.path)),
+                hint="name another folder with --out",
             ) from error
 
     def _ours(self) -> bool:

@@ -14,6 +14,7 @@ from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Comparison
 from eha_bench.comparison.side import Side, load_side
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.output_folder import writable
 from eha_bench.core.result import Result, Status, TrialResult
 
 
@@ -34,9 +35,16 @@ def accept(file: Path, results: Sequence[Path], *, failed: bool = False) -> Acce
         failed: whether results are taken that missed limits.
 
     Raises:
-        InputError: a result is not there, came to no end or missed limits, or the results are of
-            different suites or targets.
+        InputError: a result is not there, came to no end or missed limits, the results are of
+            different suites or targets, or the file cannot be written.
     """
+    if file.is_dir():
+        raise InputError(
+            "a baseline is a file, and this is a folder",
+            where=Place(file=str(file)),
+            hint="name a file, e.g. baselines/knee.json, and the results after it",
+        )
+    writable(file.parent)
     sides = [load_side(path) for path in results]
     loaded = tuple(entry for side in sides for entry in side.results)
     if not loaded:

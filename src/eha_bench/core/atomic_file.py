@@ -22,7 +22,8 @@ def replacing(target: Path, *, durable: bool = False) -> Iterator[Path]:
     Raises:
         OSError: the file cannot be written or renamed.
     """
-    part = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.part")
+    # 40 letters of four bytes each leave room for the rest in what file systems allow
+    part = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.part")
     try:
         yield part
         if durable:
@@ -30,6 +31,11 @@ def replacing(target: Path, *, durable: bool = False) -> Iterator[Path]:
         part.replace(target)
         if durable and os.name == "posix":  # elsewhere folders cannot be opened
             _to_disk(target.parent)
+    except OSError as error:
+        if str(error.filename) != str(part):
+            raise
+        # nobody knows the file beside by its name
+        raise OSError(error.errno, error.strerror, str(target)) from error
     finally:
         part.unlink(missing_ok=True)
 

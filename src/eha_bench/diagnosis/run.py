@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption, checkpoints
+from eha_bench.core.output_folder import writable
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.fit.baseline import (
@@ -113,9 +114,11 @@ def calibrate(
         progress: called with the stage and the fraction of it done.
 
     Raises:
-        InputError: a file is wrong or missing, or nothing can be compared.
+        InputError: a file is wrong or missing, nothing can be compared, or `out` cannot be used.
     """
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    if out is not None:
+        writable(Path(out))
     if isinstance(loaded.model.plant, StaticPlant):
         raise InputError(
             f"calibrate fits recordings over time; {loaded.model.plant_id} has operating points",
@@ -168,11 +171,13 @@ def diagnose(
         workers: do the fits that are independent; this process does so on threads.
 
     Raises:
-        InputError: a file is wrong or missing, or nothing can be compared.
+        InputError: a file is wrong or missing, nothing can be compared, or `out` cannot be used.
         WorkError: a worker could not do what it was given.
     """
     started = time.perf_counter()
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    if out is not None:
+        writable(Path(out))
     if isinstance(loaded.model.plant, StaticPlant):
         found = replace(diagnose_points(loaded, progress), seconds=time.perf_counter() - started)
         if out is not None:

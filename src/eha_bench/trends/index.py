@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from eha_bench.core.errors import EhaBenchError, InputError, Place
+from eha_bench.core.output_folder import writable
 from eha_bench.core.result import Result, Status
 
 VERSION: Final = 1
@@ -89,10 +90,13 @@ def update(file: Path, folder: Path, *, rebuild: bool = False) -> Index:
         rebuild: make it anew from what is there.
 
     Raises:
-        InputError: the folder is not there, or the file is not an index.
+        InputError: the folder is not there, the file is not an index, or cannot be written.
     """
     if not folder.is_dir():
         raise InputError("no such folder", where=Place(file=str(folder)))
+    writable(file.parent)
+    if not file.exists() and next(folder.rglob(RESULT_NAME), None) is None:
+        return Index((), (), ())  # and no empty index is left behind
     if rebuild:
         file.unlink(missing_ok=True)
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -101,6 +105,12 @@ def update(file: Path, folder: Path, *, rebuild: bool = False) -> Index:
             _prepare(database, file)
             problems = _append(database, folder)
             return Index(tuple(_nights(database)), tuple(_entries(database)), tuple(problems))
+    except sqlite3.OperationalError as error:
+        raise InputError(
+            f"the index cannot be used ({error})",
+            where=Place(file=str(file)),
+            hint="end what else uses it, or name another folder with --out",
+        ) from error
     except sqlite3.DatabaseError as error:
         raise InputError(
             f"not an index of a history ({error})",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from eha_bench.core.atomic_file import replacing
 from eha_bench.core.channels import unit_of
+from eha_bench.core.output_folder import writable
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, noise_of
 from eha_bench.diagnosis.fit.problem import start_of
@@ -139,7 +140,7 @@ def predict(
         progress: called with the run's name and the fraction done.
 
     Raises:
-        InputError: a file is wrong or missing.
+        InputError: a file is wrong or missing, or `out` cannot be used.
         MissingChannelError: an input is not in a recording.
     """
     if not isinstance(dataset, Dataset):
@@ -148,6 +149,8 @@ def predict(
         model = dataset.model
     elif not isinstance(model, Model):
         model = load_model(Path(model))
+    if out is not None:
+        writable(Path(out))
     plant = model.plant
     determined = plant.determined(dataset.inputs)
     found = []
