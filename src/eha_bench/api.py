@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
-from eha_bench.bench.scoring import score_recordings
+from eha_bench.bench.scoring import RECORDINGS, score_recordings
 from eha_bench.core.atomic_file import write_text
-from eha_bench.core.errors import InputError, Place, TargetFault
+from eha_bench.core.errors import EhaBenchError, InputError, Place, TargetFault
+from eha_bench.core.output_folder import writable
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.trial import Trial
@@ -26,6 +30,8 @@ from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
 
 Loader = Callable[[], Recording]
+
+_LOG = logging.getLogger("eha_bench")
 
 
 def run(
@@ -120,21 +126,51 @@ def score_files(
 ) -> Result:
     """Score recordings made earlier or elsewhere; write result.json and the reports into `out`.
 
+    In a result that is written, recordings are named relative to its folder, as those of a run are.
+
     Raises:
-        EhaBenchError: a recording cannot be read, or belongs to no trial.
+        EhaBenchError: a recording cannot be read, or belongs to no trial; `out` cannot be used.
     """
+    folder = None if out is None else _for_scores(Path(out))
     loaded = load_suite(Path(suite)) if suite else None
     map_file = Path(channels) if channels else None
     paths = [Path(item) for item in recordings]
     result, trials = score_recordings(
         paths, suite=loaded, channels=map_file, trial=trial, progress=progress
     )
-    if out is not None:
-        folder = Path(out)
+    if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
+        result = replace(
+            result, trials=tuple(replace(t, recording=_from(folder, t)) for t in result.trials)
+        )
         result.write(folder / "result.json")
-        write_reports(folder, result, trials, Path(), channels=map_file)
+        write_reports(folder, result, trials, folder, channels=map_file)
     return result
+
+
+def _for_scores(folder: Path) -> Path:
+    """Return a folder that scores may be written into: not where a run keeps its own result."""
+    file = writable(folder) / "result.json"
+    try:
+        ran = file.is_file() and Result.read(file).target != RECORDINGS
+    except EhaBenchError:
+        ran = False  # nothing that anybody could read is lost
+    if ran:
+        raise InputError(
+            "holds the result of a run, which scores would take the place of",
+            where=Place(file=str(folder)),
+            hint="name another folder with --out",
+        )
+    return folder
+
+
+def _from(folder: Path, item: TrialResult) -> str:
+    """Return where a scored recording is, seen from the folder of the result."""
+    path = Path(item.recording).resolve()
+    try:
+        return Path(os.path.relpath(path, folder.resolve())).as_posix()
+    except ValueError:  # another drive of Windows
+        return str(path)
 
 
 def write_reports(
@@ -154,9 +190,18 @@ def write_reports(
     write_junit(folder / "junit.xml", result)
     summary = markdown_summary(result)
     write_text(folder / "summary.md", summary)
-    append_step_summary(summary)
     by_id = {trial_id: trial for (trial_id, _), trial in trials.items()}
-    return write_report(folder, result, loaders, by_id)
+    report = write_report(folder, result, loaders, by_id)
+    tell_step_summary(summary)
+    return report
+
+
+def tell_step_summary(summary: str) -> None:
+    """Append to GitHub's step summary; where that cannot be done, that is said and no verdict."""
+    try:
+        append_step_summary(summary)
+    except InputError as error:
+        _LOG.warning("note: %s", error)
 
 
 def _loader(base: Path, item: TrialResult, channels: Path | None) -> Loader:

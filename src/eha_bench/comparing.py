@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from eha_bench.api import write_reports
+from eha_bench.api import tell_step_summary, write_reports
 from eha_bench.bench.interleaved import Interleaved, Plan, run_interleaved
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
@@ -18,9 +18,9 @@ from eha_bench.comparison.side import Side, load_side
 from eha_bench.comparison.verdict import Verdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError
+from eha_bench.core.output_folder import writable
 from eha_bench.core.result import Result, Status
 from eha_bench.core.workers import workers_from
-from eha_bench.report import append_step_summary
 from eha_bench.report.comparison_markdown import comparison_markdown
 from eha_bench.report.comparison_report import write_comparison
 from eha_bench.report.trend_site import write_site
@@ -50,7 +50,10 @@ def compare(
     Raises:
         InputError: there is no result, or the two come from different rigs.
     """
-    found = compare_sides(load_side(baseline), load_side(candidate), across_targets=across_targets)
+    sides = load_side(baseline), load_side(candidate)
+    if out is not None:
+        writable(Path(out))
+    found = compare_sides(*sides, across_targets=across_targets)
     if out is not None:
         write_comparison_files(Path(out), found)
     return found
@@ -62,8 +65,9 @@ def write_comparison_files(folder: Path, comparison: Comparison) -> Path:
     comparison.write(folder / "comparison.json")
     summary = comparison_markdown(comparison)
     write_text(folder / "comparison.md", summary)
-    append_step_summary(summary)
-    return write_comparison(folder, comparison)
+    page = write_comparison(folder, comparison)
+    tell_step_summary(summary)
+    return page
 
 
 def opened(suite: Suite, target: str | Path | None) -> Target:
@@ -111,7 +115,7 @@ def history(
         workers: number of processes, dask://host:port or ray://host:port, that judge the metrics.
 
     Raises:
-        InputError: there is no result.
+        InputError: there is no result, or the site cannot be written.
     """
     watched = Path(folder)
     site = Path(out) if out is not None else watched / "history"
@@ -163,6 +167,8 @@ def ab(
     """
     if repeats < 1:
         raise InputError(f"{repeats} repeats are too few", hint="give 1 or more; 10 tell a lot")
+    if seed < 0:
+        raise InputError(f"a seed of {seed} is negative", hint="give 0 or more")
     loaded = load_suite(Path(suite))
     folder = Path(out) if out else Path("reports") / f"{loaded.name}-ab"
     openers = {"a": partial(opened, loaded, a), "b": partial(opened, loaded, b)}

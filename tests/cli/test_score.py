@@ -217,3 +217,26 @@ def test_a_log_that_belongs_to_no_trial_says_so(cli: Cli, tmp_path: Path, suite:
     (tmp_path / "channels.yaml").write_text(CSV_MAP, encoding="utf-8")
     done = cli("score", "log.csv", "--suite", suite, "--channels", "channels.yaml", check=2)
     assert "--trial" in done.stderr
+
+
+def test_scores_name_recordings_from_their_own_folder(
+    cli: Cli, suite: Path, tmp_path: Path
+) -> None:
+    """As a run does: whoever reads result.json finds the recording, wherever they stand."""
+    cli("run", suite, "--out", "ran", check=0)
+    done = cli("score", "ran/recordings/hold-0.mcap", "--out", "some/where", "--json", check=0)
+    (trial,) = json.loads(done.stdout)["trials"]
+    assert trial["recording"] == "../../ran/recordings/hold-0.mcap"
+    assert json.loads((tmp_path / "some/where/result.json").read_text()) == json.loads(done.stdout)
+    assert (tmp_path / "some/where" / trial["recording"]).is_file()
+    assert "No plot" not in (tmp_path / "some/where/report.html").read_text()
+
+
+def test_scores_do_not_take_the_place_of_a_run(cli: Cli, suite: Path) -> None:
+    cli("run", suite, "--out", "ran", check=0)
+    before = Path("ran/result.json").read_bytes()
+    done = cli("score", "ran/recordings/hold-0.mcap", "--out", "ran", check=2)
+    assert "ran: holds the result of a run" in done.stderr
+    assert Path("ran/result.json").read_bytes() == before
+    for _ in range(2):  # scores may be made again
+        cli("score", "ran/recordings/hold-0.mcap", "--out", "scored", check=0)

@@ -22,6 +22,9 @@ from eha_bench.recordings import read
 from eha_bench.suites import Suite, trial_from_source
 from eha_bench.suites.trial_source import definition_of
 
+RECORDINGS = "recordings"
+"""Target of a result whose recordings were made earlier or elsewhere."""
+
 __all__ = ["judge", "judge_together", "score", "score_recordings"]
 
 
@@ -141,7 +144,7 @@ def score_recordings(
         provenance["suite_sha256"] = suite.sha256
     result = Result(
         suite=suite.name if suite else "recordings",
-        target="recordings",
+        target=RECORDINGS,
         status=Result.overall(trials, complete=True),
         trials=trials,
         provenance=provenance,
