@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from eha_bench.comparing import ab
+from eha_bench.core.errors import InputError
+
 from .conftest import SUITE, Cli
 
 
@@ -155,3 +158,34 @@ def test_pytest_runs_a_suite_limit_by_limit(suite: Path, tmp_path: Path) -> None
     assert "Traceback" not in failed.stdout
     suite.write_text("name: [", encoding="utf-8")
     assert "not valid YAML" in tests().stdout
+
+
+def test_a_seed_is_not_negative(cli: Cli, suite: Path) -> None:
+    done = cli("ab", suite, "--a", "simulator", "--b", "simulator", "--seed", "-1", check=2)
+    assert "--seed" in done.stderr
+    with pytest.raises(InputError, match="seed of -1 is negative"):
+        ab(suite, "simulator", "simulator", seed=-1)
+
+
+def test_a_baseline_is_no_folder(cli: Cli, suite: Path) -> None:
+    cli("run", suite, "--out", "ran", check=0)
+    done = cli("baseline", "ran", "ran", check=2)
+    assert "ran: a baseline is a file, and this is a folder" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["compare", "history", "score"])
+def test_what_cannot_be_written_into_is_said_first(cli: Cli, suite: Path, command: str) -> None:
+    cli("run", suite, "--out", "ran", check=0)
+    Path("file").touch()
+    given = {
+        "compare": ["ran", "ran"], "history": ["ran"], "score": ["ran/recordings/hold-0.mcap"],
+    }[command]  # fmt: skip
+    done = cli(command, *given, "--out", "file/below", check=2)
+    assert "file/below: cannot be made: 'file' is a file" in done.stderr
+
+
+def test_a_history_of_nothing_leaves_nothing_behind(cli: Cli) -> None:
+    Path("empty").mkdir()
+    done = cli("history", "empty", check=2)
+    assert "holds no result" in done.stderr
+    assert list(Path("empty").iterdir()) == []

@@ -183,3 +183,32 @@ def test_a_model_file_is_a_target(cli: Cli, suite: Path, tmp_path: Path) -> None
     cli("run", suite, "--out", "b", check=0)
     digests = [result_of(tmp_path / name)["provenance"]["model_sha256"] for name in "ab"]
     assert digests[0] != digests[1]
+
+
+@pytest.mark.parametrize("limit", ["0 s", "-5 s"])
+def test_a_time_limit_is_more_than_nothing(cli: Cli, suite: Path, limit: str) -> None:
+    done = cli("run", suite, "--time-limit", limit, "--out", "out", check=2)
+    assert f"--time-limit '{limit}' is not positive" in done.stderr
+    assert not Path("out").exists()
+
+
+def test_a_dry_run_is_json_where_that_is_asked_for(cli: Cli, suite: Path) -> None:
+    done = cli("run", suite, "--dry-run", "--json", check=0)
+    assert list(json.loads(done.stdout)["trials"]) == ["hold", "sine"]
+    assert not done.stderr
+
+
+def test_a_step_summary_that_cannot_be_written_is_no_verdict(
+    cli: Cli, suite: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", "/nowhere/summary.md")
+    done = cli("run", suite, "--out", "out", check=0)
+    assert "/nowhere/summary.md: cannot append the step summary" in done.stderr
+    assert Path("out/report.html").is_file()
+
+
+def test_a_channel_that_is_not_measured_cannot_be_safe(cli: Cli, suite: Path) -> None:
+    text = suite.read_text().replace("    duration", "    safety: {force: <= 3 N}\n    duration")
+    suite.write_text(text)
+    done = cli("run", suite, "--out", "out", check=3)
+    assert "safety limit force <= 3 N: the target does not measure it" in done.stderr

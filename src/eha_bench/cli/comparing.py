@@ -64,9 +64,9 @@ def ab(  # noqa: PLR0913, PLR0917 - the options of a command
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder (default: reports/<suite>-ab).")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the order of A and B.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the order of A and B.")] = 0,
     warm_up: Annotated[
-        int, typer.Option("--warm-up", help="Passes through the suite that are not scored.")
+        int, typer.Option("--warm-up", min=0, help="Passes through the suite, not scored.")
     ] = 1,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with an interrupted run.")

@@ -43,7 +43,7 @@ def rig(
     log: Annotated[
         Path | None, typer.Option("--log", help="The drive's own log (JSON lines).")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of noise and lost frames.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of noise and lost frames.")] = 0,
     priority: Annotated[
         int,
         typer.Option(
@@ -55,7 +55,7 @@ def rig(
     """Play a drive and its actuator behind a CAN adapter, in real time, on this machine only."""
     from eha_bench.core.interruption import Interruption
     from eha_bench.core.shipped import shipped_rig
-    from eha_bench.core.units import parse
+    from eha_bench.core.units import positive
     from eha_bench.rig.drive import DriveLimits
     from eha_bench.rig.faults import parse_fault
     from eha_bench.rig.process import Rig, RigOptions
@@ -65,13 +65,13 @@ def rig(
         listen=listen,
         model=model,
         controller=controller,
-        limits=DriveLimits(watchdog=parse(watchdog, "s")),
+        limits=DriveLimits(watchdog=positive("--watchdog", watchdog, "s")),
         faults=tuple(parse_fault(text) for text in fault or ()),
         seed=seed,
         log=log,
         priority=priority,
     )
-    length = parse(duration, "s") if duration else float("inf")
+    length = positive("--for", duration, "s") if duration else float("inf")
     with Interruption() as stopping:
         playing = Rig(chosen, options)
         try:

@@ -53,13 +53,12 @@ def run(
     """Run a suite against a target: recordings, result.json, report.html, junit.xml."""
     from eha_bench.api import preview
     from eha_bench.api import run as run_suite
-    from eha_bench.core.units import parse
+    from eha_bench.core.units import positive
     from eha_bench.suites import load_suite
 
-    limit = parse(time_limit, "s") if time_limit else float("inf")
+    limit = positive("--time-limit", time_limit, "s") if time_limit else float("inf")
     if dry_run:
-        for trial, lines in preview(suite, target).items():
-            typer.echo("\n  ".join((trial, *lines)))
+        _show(preview(suite, target), json=json)
         return
     folder = out or Path("reports") / load_suite(suite).name
     with TerminalProgress() as progress:
@@ -94,6 +93,18 @@ def score(
     _finish(result, out, json=json)
 
 
+def _show(trials: dict[str, tuple[str, ...]], *, json: bool) -> None:
+    """Print what a run would do to its target, by trial."""
+    if json:
+        import json as encoder
+
+        content = {"schema_version": 1, "trials": trials}
+        typer.echo(encoder.dumps(content, indent=1, ensure_ascii=False))
+        return
+    for trial, lines in trials.items():
+        typer.echo("\n  ".join((trial, *lines)))
+
+
 def _finish(result: Result, folder: Path, *, json: bool, interruptible: bool = False) -> None:
     """Print the outcome and the report's path, and leave with the result's exit status."""
     from eha_bench.core.result import Status
@@ -112,7 +123,8 @@ def _finish(result: Result, folder: Path, *, json: bool, interruptible: bool = F
     for trial, item in rejected:
         value = f"{item.value:.6g} {item.unit}".strip()
         why = item.measure.reason if item.status.value == "not_scored" else value
-        say(f"{trial.id} [{trial.repeat}]: {item.metric} {item.status.value}: {why} "
+        word = item.status.value.replace("_", " ")
+        say(f"{trial.id} [{trial.repeat}]: {item.metric} {word}: {why} "
             f"(limit {item.limit})")  # fmt: skip
     limits = sum(bool(item.limit) for trial in result.trials for item in trial.scores)
     say(f"{result.suite}: {result.status.value}, {limits - len(rejected)} of {limits} limits kept")

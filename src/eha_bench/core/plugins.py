@@ -43,7 +43,8 @@ def load(group: str, name: str, *, where: Place | None = None) -> Any:
     point = _group(group).get(name)
     if point is None:
         hint = suggest(name, names(group))
-        raise PluginError(f"unknown {group[:-1]} '{name}'", where=where, hint=hint)
+        what = group[:-1].replace("_", " ")
+        raise PluginError(f"unknown {what} '{name}'", where=where, hint=hint)
     try:
         return point.load()
     except Exception as error:

@@ -145,6 +145,18 @@ def parse(text: str | float, si_unit: str) -> float:
     return value
 
 
+def positive(name: str, text: str | float, si_unit: str) -> float:
+    """Convert a quantity that has to be more than nothing; `name` stands in messages.
+
+    Raises:
+        UnitError: as `parse`, or it is zero or negative.
+    """
+    value = parse(text, si_unit)
+    if not value > 0.0:
+        raise UnitError(f"{name} '{text}' is not positive", hint=f"give more than 0 {si_unit}")
+    return value
+
+
 def parse_difference(text: str | float, si_unit: str) -> float:
     """Convert a difference of two quantities: as `parse`, but 5 degC are then 5 K.
 

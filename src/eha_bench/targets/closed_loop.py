@@ -114,5 +114,6 @@ def _violation(limits: tuple[SafetyLimit, ...], reading: Mapping[str, float]) ->
     for limit in limits:
         value = reading.get(limit.channel, math.nan)
         if not limit.bounds.holds(value):
-            return f"safety limit {limit.channel} {limit.text}: {value:.6g}"
+            found = f"{value:.6g}" if limit.channel in reading else "the target does not measure it"
+            return f"safety limit {limit.channel} {limit.text}: {found}"
     return ""
