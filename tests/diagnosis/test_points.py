@@ -137,3 +137,52 @@ def test_points_of_no_certainty_are_refused(tmp_path) -> None:
 def test_calibrate_says_what_operating_points_are_for(example) -> None:
     with pytest.raises(EhaBenchError, match="operating points"):
         calibrate(load_dataset(example))
+
+
+def test_what_the_points_do_not_determine_keeps_its_value_and_has_no_interval(tmp_path) -> None:
+    """K_T I = D_p dp + T_h: all three by one factor, and the points are the same."""
+    model = "model: pump_hold\ncalibrate: [torque_constant, static_torque, pump_displacement]\n"
+    path = _dataset(tmp_path, lambda p: (T_SF + D_P * p) / 0.15, model=model)
+    found = diagnose(path)
+    assert found.verdict is Verdict.NONE
+    assert found.undetermined == (
+        "torque_constant, static_torque and pump_displacement only in combination",
+    )
+    values = {key: item.value for key, item in found.calibrated.items()}
+    assert values["static_torque"] / values["torque_constant"] == pytest.approx(T_SF / 0.15, 1e-3)
+    assert 0.5 * K_T < values["torque_constant"] < 2.0 * K_T
+    assert all(np.isinf(item.high) for item in found.calibrated.values())
+    assert found.to_dict()["calibrated"]["torque_constant"]["high"] is None
+
+
+def test_one_point_does_not_determine_two_parameters(tmp_path) -> None:
+    model = "model: pump_hold\ncalibrate: [static_torque, pump_displacement]\n"
+    path = _dataset(tmp_path, lambda p: (T_SF + D_P * p) / K_T, model=model)
+    rows = (tmp_path / "train.csv").read_text().splitlines()[:2]
+    (tmp_path / "train.csv").write_text("\n".join(rows) + "\n")
+    found = diagnose(path)
+    assert found.undetermined == ("static_torque and pump_displacement only in combination",)
+    assert found.calibrated["pump_displacement"].value == pytest.approx(D_P, rel=1e-3)
+
+
+def test_a_point_without_its_input_is_refused(tmp_path) -> None:
+    path = _dataset(tmp_path, lambda p: (T_SF + D_P * p) / K_T)
+    text = (tmp_path / "train.csv").read_text().replace("0,8.0,", "0,,")
+    (tmp_path / "train.csv").write_text(text)
+    with pytest.raises(InputError, match="a point is not finite"):
+        diagnose(path)
+
+
+def test_inputs_that_the_balance_does_not_take_are_refused(tmp_path) -> None:
+    path = _dataset(tmp_path, lambda p: (T_SF + D_P * p) / K_T)
+    path.write_text(path.read_text().replace("[pressure_difference]", "[current]"))
+    with pytest.raises(InputError, match="takes the inputs pressure_difference, not current"):
+        diagnose(path)
+
+
+def test_a_point_beyond_all_numbers_is_refused(tmp_path) -> None:
+    path = _dataset(tmp_path, lambda p: (T_SF + D_P * p) / K_T)
+    text = (tmp_path / "train.csv").read_text().replace("0,8.0,", "0,8e200,")
+    (tmp_path / "train.csv").write_text(text)
+    with pytest.raises(InputError, match="beyond what can be computed; check unit"):
+        diagnose(path)

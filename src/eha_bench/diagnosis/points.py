@@ -46,6 +46,11 @@ _OFF = 0.05
 _BELIEVED = 0.01
 _FIVE_SIGMA = 5.7e-7
 _TIED = 0.01
+_FAINT = 1e-3
+"""Pull of a calibrated parameter to where it began, for its own size: it holds what no point tells,
+and shows in nothing that any point does."""
+_LOOSE = 30.0
+"""Standard deviation, in sizes of the parameter, from which nothing but the pull holds it."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ class Tried:
         start: where it began; None for the plant's own parameters alone.
         vector: parameters. left: chi-square of what remains. stretch: chi-square of its size.
         chance: probability that the points' uncertainty alone leaves as much.
-        spread: key -> standard deviation of what was fitted, SI.
+        spread: key -> standard deviation of what was fitted, SI (inf: the points do not tell).
     """
 
     start: Start | None
@@ -81,16 +86,26 @@ def diagnose_points(dataset: Dataset, progress: Progress) -> Diagnosis:
     """Return the diagnosis of a static plant.
 
     Raises:
-        InputError: a run without points, without an input, or without its uncertainty.
+        InputError: a run without points, without an input, or without its uncertainty; other inputs
+            than the plant's.
     """
     plant = dataset.model.plant
     if not isinstance(plant, StaticPlant):
         raise InputError(f"{plant.id} has states: it needs recordings over time")
+    plant.check_inputs(dataset.inputs)
     progress("read", 0.0)
     training = [_points(run, plant) for run in dataset.training]
     layout = plant.layout
     declared = dataset.model.vector()
     own = [layout.index[key] for key in dict.fromkeys(dataset.model.calibrate)]
+    with np.errstate(over="ignore"):
+        beyond = not np.isfinite(np.sum(_weighted(plant, training, declared) ** 2))
+    if beyond:
+        raise InputError(
+            "the points are beyond what can be computed",
+            where=Place(file=dataset.source),
+            hint="check unit, scale and offset in channels.yaml",
+        )
     base = _fitted(plant, training, declared, None, own)
     named = [item.id for item in dataset.model.effects]
     starts = [*all_starts(layout, base.vector, named, dataset.model.calibrate),
@@ -124,7 +139,8 @@ def _points(run: Run, plant: StaticPlant) -> Points:
     inputs = {name: np.array(recording[name]) for name in plant.inputs}
     measured = np.column_stack([recording[name] for name in plant.outputs])
     sigma = np.column_stack(sigmas)
-    if not (np.isfinite(measured).all() and (sigma > 0.0).all()):
+    finite = all(np.isfinite(values).all() for values in (measured, sigma, *inputs.values()))
+    if not (finite and (sigma > 0.0).all()):
         raise InputError(
             "a point is not finite, or its uncertainty is not positive",
             where=where,
@@ -181,10 +197,6 @@ def _fitted(
     def stretched(full: FloatArray) -> float:
         return (full[start.strength_at] - start.neutral) / typical if start else 0.0
 
-    def residual(values: FloatArray) -> FloatArray:
-        full = filled(values)
-        return np.append(_weighted(plant, runs, full), stretched(full))
-
     done, spread = begin, {}
     if free:
         bounds = [_bounds(layout.by_key[keys[at]], start, at) for at in free]
@@ -192,13 +204,27 @@ def _fitted(
         first = np.clip(begin[free], low + 1e-9 * (high - low), high - 1e-9 * (high - low)) \
             if np.isfinite(high - low).all() else np.clip(begin[free], low, high)  # fmt: skip
         scale = np.maximum(np.abs(first), 1e-3 * np.where(np.isfinite(high), np.abs(high), 1.0))
+        held = slice(len(own))
+        size = np.where(first != 0.0, np.abs(first), scale)
+        scale[held] = size[held]
+
+        def residual(values: FloatArray) -> FloatArray:
+            full = filled(values)
+            pulled = _FAINT * (values[held] - first[held]) / size[held]
+            return np.concatenate((_weighted(plant, runs, full), pulled, [stretched(full)]))
+
         fit = least_squares(residual, first, bounds=(low, high), x_scale=np.maximum(scale, 1e-30))
         # the solver stays inside its bounds by the last digits
         ends = np.where(np.abs(fit.x - low) < 1e-6 * scale, low, fit.x)
         done = filled(np.where(np.abs(high - ends) < 1e-6 * scale, high, ends))
-        jacobian = np.asarray(fit.jac, dtype=np.float64)
-        inverse = np.linalg.pinv(jacobian.T @ jacobian)
-        spread = {keys[at]: float(np.sqrt(inverse[k, k])) for k, at in enumerate(free)}
+        # by their sizes: beside N*m/A a column of m^3/rad is all there is
+        jacobian = np.asarray(fit.jac, dtype=np.float64) * size
+        inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True)
+        deviation = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+        dead = ~jacobian.any(axis=0)
+        dead[held] |= deviation[held] > _LOOSE
+        deviation = np.where(dead, np.inf, deviation * size)
+        spread = {keys[at]: float(deviation[k]) for k, at in enumerate(free)}
     rest = _weighted(plant, runs, done)
     left = float(rest @ rest)
     freedom = rest.size - len(free)
@@ -280,7 +306,7 @@ def _told(
         replay_errors(replays[: len(training)], floors),
         replay_errors(replays[len(training) :], floors),
         {key: _estimate(plant, key, final) for key in keys if key in final.spread},
-        (),
+        _undetermined(own, final),
         tuple(notes),
         replays,
     )
@@ -322,6 +348,16 @@ def _estimate(plant: StaticPlant, key: str, item: Tried) -> Estimate:
     spread = 1.96 * item.spread.get(key, np.inf)
     low, high = max(parameter.low, value - spread), min(parameter.high, value + spread)
     return Estimate(value, low, high, parameter.unit)
+
+
+def _undetermined(own: Sequence[str], item: Tried) -> tuple[str, ...]:
+    """Return, in words, which calibrated parameters the points do not determine."""
+    loose = [key for key in own if np.isinf(item.spread.get(key, 0.0))]
+    if not loose:
+        return ()
+    if len(loose) == 1:
+        return (f"{loose[0]} is not determined by these points",)
+    return (f"{', '.join(loose[:-1])} and {loose[-1]} only in combination",)
 
 
 def _stretch(plant: StaticPlant, item: Tried) -> str:

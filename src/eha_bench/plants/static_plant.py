@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import inspect
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -47,13 +47,21 @@ class StaticPlant(Plant):
             InputError: an input that this plant does not have, or one that is missing.
         """
         del step
-        if set(drive.inputs) != set(self.inputs):
+        self.check_inputs(drive.inputs)
+        return self.respond(vector, drive.inputs)
+
+    def check_inputs(self, inputs: Collection[str]) -> None:
+        """Refuse other inputs than those that the balance is solved with.
+
+        Raises:
+            InputError: an input that this plant does not have, or one that is missing.
+        """
+        if set(inputs) != set(self.inputs):
             raise InputError(
                 f"{self.id} takes the inputs {', '.join(self.inputs)}, "
-                f"not {', '.join(sorted(drive.inputs)) or 'none'}",
+                f"not {', '.join(sorted(inputs)) or 'none'}",
                 hint="name them under inputs in dataset.yaml",
             )
-        return self.respond(vector, drive.inputs)
 
     def chained(self, hook: str, vector: FloatArray, first: str, scope: dict[str, Any]) -> None:
         """Let every effect that is on change `scope[first]` at a hook.
