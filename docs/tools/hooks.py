@@ -62,7 +62,7 @@ def _decisions(docs: Path) -> str:
 def _commands() -> str:
     import typer
 
-    from eha_bench.cli.main import app
+    from eha_bench.cli.app import app
 
     group = typer.main.get_command(app)
     parts = []

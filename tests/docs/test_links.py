@@ -41,7 +41,7 @@ def test_yaml_that_is_shown_is_yaml(page: Path) -> None:
 def test_every_command_of_the_readme_is_there() -> None:
     import typer
 
-    from eha_bench.cli.main import app
+    from eha_bench.cli.app import app
 
     commands = set(getattr(typer.main.get_command(app), "commands", {}))
     named = set(re.findall(r"`eha-bench ([a-z-]+)", (ROOT / "README.md").read_text()))

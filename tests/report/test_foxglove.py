@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from eha_bench.cli.main import app
+from eha_bench.cli.app import app
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.recording import Recording
