@@ -51,3 +51,15 @@ def test_every_wrong_file_is_named(cli: Cli, tmp_path: Path) -> None:
 
 def test_an_unknown_kind_is_bad_input(cli: Cli) -> None:
     assert "suite" in cli("schema", "sweet", check=2).stderr
+
+
+def test_a_dataset_is_only_as_valid_as_its_channels(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "model.yaml").write_text("model: linear_drive\n")
+    (tmp_path / "log.csv").touch()
+    (tmp_path / "channels.yaml").write_text("channels: {voltage: {column: u, unit: bar}}\n")
+    (tmp_path / "dataset.yaml").write_text(
+        "model: model.yaml\nchannels: channels.yaml\ninputs: [voltage]\nruns: [{log: log.csv}]\n"
+    )
+    done = cli("validate", tmp_path / "dataset.yaml", check=2)
+    assert "channels.yaml:1" in done.stderr
+    assert "unit 'bar' has the wrong dimension" in done.stderr

@@ -10,8 +10,12 @@ from eha_bench.core.file_kind import FileKind
 
 def _check(path: Path) -> object:
     from eha_bench.diagnosis.data.dataset import load_dataset
+    from eha_bench.recordings.channel_map import load_channel_map
 
-    return load_dataset(path)
+    dataset = load_dataset(path)
+    for channels in dict.fromkeys(run.channels for run in dataset.runs if run.channels):
+        load_channel_map(channels)
+    return dataset
 
 
 def _schema() -> dict[str, Any]:
