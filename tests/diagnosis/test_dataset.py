@@ -83,3 +83,12 @@ def test_where_no_log_can_be_read_that_is_an_error(tmp_path):
     (tmp_path / "train.csv").write_bytes(b"\0" * 400)
     with pytest.raises(RecordingError, match=r"train\.csv"):
         gather(load_dataset(path))
+
+
+def test_a_log_of_more_than_a_day_has_another_unit_of_time(tmp_path):
+    """Simulated in steps of a tenth of a millisecond it would take days, without a word."""
+    path = write_drive(tmp_path, seconds=0.5)
+    channels = tmp_path / "channels.yaml"
+    channels.write_text(channels.read_text().replace("column: t, unit: s", "column: t, unit: week"))
+    with pytest.raises(RecordingError, match=r"train\.csv: .* more than a day; check the unit"):
+        gather(load_dataset(path))

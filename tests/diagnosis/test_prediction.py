@@ -89,3 +89,11 @@ def test_what_nothing_drives_is_left_out_and_the_rest_predicted():
     assert "piston_position" in noises
     assert "motor_speed" not in noises
     assert any("'motor_speed' is not compared" in note for note in notes)
+
+
+def test_what_was_bridged_in_an_input_is_said():
+    recording = simulated()
+    command = np.array(recording["current_command"])
+    command[50:80] = np.nan
+    (found,) = predict(dataset(recording.with_values({"current_command": command})))
+    assert any("input 'current_command' has 30 gaps, bridged" in note for note in found.notes)

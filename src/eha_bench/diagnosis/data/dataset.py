@@ -19,6 +19,8 @@ from eha_bench.plants.model import Model, load_model
 from eha_bench.plants.static_plant import StaticPlant
 
 _FEWEST = 10
+_LONGEST = 86_400.0
+"""A day, s: what is longer was logged in another unit, and would be simulated for hours."""
 
 
 class Use(StrEnum):
@@ -82,7 +84,7 @@ class Run:
         """Read the recording.
 
         Raises:
-            RecordingError: it cannot be read, or has fewer than ten samples.
+            RecordingError: it cannot be read, has fewer than ten samples, or is longer than a day.
         """
         return self.reader()
 
@@ -198,6 +200,13 @@ def _reader(log: Path, channels: Path | None, fewest: int) -> Callable[[], Recor
             raise RecordingError(
                 f"only {len(recording)} samples, too few to hold a model against",
                 where=Place(file=str(log)),
+            )
+        length = float(recording.time[-1] - recording.time[0])
+        if fewest > 1 and length > _LONGEST:
+            raise RecordingError(
+                f"{len(recording)} samples over {length:.3g} s are more than a day",
+                where=Place(file=str(log)),
+                hint="check the unit of its time in channels.yaml, or cut it",
             )
         return recording
 

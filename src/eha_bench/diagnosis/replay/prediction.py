@@ -34,11 +34,13 @@ class Prediction:
 
     Attributes:
         run: its name. time: (n,) s, as in the log. values: channel -> (n,) SI.
+        notes: what was found in the log (gaps of an input that were bridged), one sentence each.
     """
 
     run: str
     time: FloatArray
     values: Mapping[str, FloatArray]
+    notes: tuple[str, ...] = ()
 
     def write(self, path: Path) -> None:
         """Write Parquet: `time` in s, then one column a channel in SI; whole or not at all."""
@@ -167,7 +169,7 @@ def predict(
         }
         if "pressure_a" in columns and "pressure_b" in columns:
             columns["pressure_difference"] = columns["pressure_a"] - columns["pressure_b"]
-        prediction = Prediction(run.name, np.array(recording.time), columns)
+        prediction = Prediction(run.name, np.array(recording.time), columns, measured.notes)
         if out is not None:
             folder = Path(out)
             folder.mkdir(parents=True, exist_ok=True)
