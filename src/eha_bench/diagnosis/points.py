@@ -221,7 +221,7 @@ def _fitted(
         jacobian = np.asarray(fit.jac, dtype=np.float64) * size
         inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True)
         deviation = np.sqrt(np.maximum(np.diag(inverse), 0.0))
-        dead = ~jacobian.any(axis=0)
+        dead = np.linalg.norm(jacobian, axis=0) == 0.0
         dead[held] |= deviation[held] > _LOOSE
         deviation = np.where(dead, np.inf, deviation * size)
         spread = {keys[at]: float(deviation[k]) for k, at in enumerate(free)}
