@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import os
 import sys
 from pathlib import Path
 
@@ -240,3 +241,16 @@ def test_scores_do_not_take_the_place_of_a_run(cli: Cli, suite: Path) -> None:
     assert Path("ran/result.json").read_bytes() == before
     for _ in range(2):  # scores may be made again
         cli("score", "ran/recordings/hold-0.mcap", "--out", "scored", check=0)
+
+
+def test_a_file_name_that_is_no_text_is_one_sentence(cli: Cli, suite: Path) -> None:
+    cli("run", suite, "--out", "ran", check=0)
+    odd = os.fsdecode(b"b\xffd.mcap")
+    try:
+        Path(odd).write_bytes(Path("ran/recordings/hold-0.mcap").read_bytes())
+    except OSError:
+        pytest.skip("this file system takes no such name")
+    done = cli("score", odd, "--out", "scored", check=2)
+    assert "a file name is not UTF-8" in done.stderr
+    assert "b\\udcffd.mcap" in done.stderr
+    assert not list(Path("scored").iterdir())

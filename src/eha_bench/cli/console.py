@@ -12,6 +12,9 @@ from eha_bench.core.errors import EhaBenchError
 
 INTERRUPTED = 130
 
+_NEAR = 20
+"""Letters on either side of one that cannot be written which tell where it is."""
+
 
 def say(text: str) -> None:
     """Print a line for people."""
@@ -54,6 +57,14 @@ def errors_as_sentences() -> Iterator[None]:
         # the reader of our output went away: not our fault, and nothing left to say
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(0) from error
+    except UnicodeEncodeError as error:
+        near = error.object[max(0, error.start - _NEAR) : error.end + _NEAR]
+        if not any("\ud800" <= letter <= "\udfff" for letter in near):
+            raise
+        # so Python holds the bytes of a file name that are no letters: no JSON can
+        shown = " ".join(near.encode("utf-8", "backslashreplace").decode().split())
+        say(f"eha-bench: a file name is not UTF-8 ('{shown}') and cannot be written; rename it")
+        raise SystemExit(2) from error
     except OSError as error:
         name = f"{error.filename}: " if error.filename else ""
         say(f"eha-bench: {name}{error.strerror or error}")
