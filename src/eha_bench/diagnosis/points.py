@@ -205,7 +205,10 @@ def _fitted(
             if np.isfinite(high - low).all() else np.clip(begin[free], low, high)  # fmt: skip
         scale = np.maximum(np.abs(first), 1e-3 * np.where(np.isfinite(high), np.abs(high), 1.0))
         held = slice(len(own))
-        size = np.where(first != 0.0, np.abs(first), scale)
+        # as in a fit over time: what a fit brought to nearly nothing is not held there
+        usual = np.array([0.1 * abs(layout.by_key[keys[at]].default) for at in free])
+        size = np.maximum(np.abs(begin[free]), usual)
+        size = np.where(size > 0.0, size, scale)
         scale[held] = size[held]
 
         def residual(values: FloatArray) -> FloatArray:
