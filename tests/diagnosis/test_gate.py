@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from eha_bench.core.errors import InputError, MissingChannelError
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run, Use
-from eha_bench.diagnosis.data.gate import admit, grouped, noise_of, pooled_noise, quantum_of
+from eha_bench.diagnosis.data.gate import admit, grouped, pooled_noise
+from eha_bench.diagnosis.data.noise import noise_of, quantum_of
 from eha_bench.diagnosis.data.windows import window_at
 
 OUTPUTS = ("current", "motor_speed", "pressure_a", "pressure_b", "piston_position")

@@ -1,13 +1,7 @@
 """The data gate: what of a recording may be believed, and how noisy each channel is.
 
-Noise is estimated from the recording itself, never assumed: the mean square of third differences (a
-signal that is smooth over four samples vanishes in them) in blocks of a hundred samples, of which
-the median is taken, so that fast events do not count; never below what the channel's own
-quantisation makes, sqrt(1/12) of its step. Channels that do not move, stretches that
-stand still or are clipped, and gaps are said and left out.
-
-Source of the difference estimator: Von Neumann, Kent, Bellinson, Hart, The mean square successive
-difference, Ann. Math. Stat. 12 (1941) 153, doi:10.1214/aoms/1177731746.
+Noise is estimated from the recording itself (`noise`), never assumed. Channels that do not move,
+stretches that stand still or are clipped, and gaps are said and left out.
 """
 
 from __future__ import annotations
@@ -24,6 +18,7 @@ from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.dataset import Run
+from eha_bench.diagnosis.data.noise import noise_of, noise_of_input, quantum_of
 from eha_bench.diagnosis.data.stuck import stuck
 from eha_bench.plants.plant import Drive
 
@@ -43,12 +38,6 @@ _SAME = 1e-3
 """What an input may move and still rest, as a share of its range."""
 # a number on its own, not one in a name
 _NUMBER = re.compile(r"(?<![\w.#])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
-# sum of the squares of (1, -3, 3, -1)
-_THIRD = 20.0
-_BLOCK = 100
-# median over mean of a block's mean square: chi2 with 100 / 2.31 degrees of freedom, the 2.31 from
-# the correlation of third differences of white noise (-0.75, 0.3, -0.05)
-_MEDIAN = 0.9846
 
 
 @dataclass(frozen=True)
@@ -65,6 +54,8 @@ class Measured:
         breaks: ticks before which inputs were not logged long enough to matter.
         notes: what was found, one sentence each.
         held: channel -> value that the setup holds (a locked piston's position), SI.
+        input_noise: channel -> standard deviation of the noise of an input that was measured, SI;
+            what was asked for is exact, and not in here.
     """
 
     run: Run
@@ -76,6 +67,7 @@ class Measured:
     breaks: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
+    input_noise: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def jumps(self) -> NDArray[np.intp]:
@@ -156,37 +148,6 @@ def _range_of(numbers: Sequence[str]) -> str:
     return low if float(low) == float(high) else f"{low} to {high}"
 
 
-def noise_of(values: FloatArray) -> float:
-    """Return the standard deviation of a channel's noise, in its unit (NaN if it has no samples).
-
-    Args:
-        values: (n,), NaN where nothing was measured.
-    """
-    good = np.isfinite(values)
-    third = np.diff(values, 3)
-    third = third[np.isfinite(third)]
-    if third.size < 8:
-        return float("nan")
-    if third.size < 5 * _BLOCK:
-        spread = float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(_THIRD))
-    else:
-        whole = third[: third.size // _BLOCK * _BLOCK].reshape(-1, _BLOCK)
-        middle = float(np.median(np.mean(whole**2, axis=1)))
-        spread = float(np.sqrt(middle / _MEDIAN / _THIRD))
-    step = quantum_of(values[good])
-    return max(spread, step / float(np.sqrt(12.0)))
-
-
-def quantum_of(values: FloatArray) -> float:
-    """Return the step in which a channel is quantised (0 where no step shows)."""
-    levels = np.unique(values)
-    if levels.size < 3 or levels.size > values.size / 2:
-        return 0.0
-    steps = np.diff(levels)
-    least = 1e-12 * max(1e-300, float(np.abs(levels).max()))
-    return float(np.median(steps[steps > least]))
-
-
 def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[str, float]:
     """Return each channel's noise over all runs: the median of the runs' own estimates."""
     noise: dict[str, float] = {}
@@ -195,14 +156,18 @@ def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[s
         for item in measured:
             column = item.column(name)
             if column is not None:
-                # what a signal does in a gap of the clock is no noise
-                steps = np.diff(item.time)
-                gaps = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
-                found.append(noise_of(np.insert(column, gaps, np.nan)))
+                found.append(noise_of(_parted(item.time, column)))
         usable = [value for value in found if np.isfinite(value) and value > 0]
         if usable:
             noise[name] = float(np.median(usable))
     return noise
+
+
+def _parted(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Return a channel with NaN in gaps of the clock: what its signal does there is no noise."""
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
+    return np.insert(values, gaps, np.nan)
 
 
 def admit(
@@ -236,6 +201,7 @@ def admit(
         )
         time = regular
     driven: dict[str, FloatArray] = {}
+    noise: dict[str, float] = {}
     missing = np.zeros(time.size, dtype=np.bool_)
     for name in inputs:
         if name not in recording and name in _ON_TOP:
@@ -248,6 +214,8 @@ def admit(
             notes.append(f"{run.name}: input '{name}' has {int(bad.sum())} gaps, bridged")
             missing |= bad
         driven[name] = _filled(time, raw, held=name in _HELD)
+        if name not in _HELD and (level := noise_of_input(_parted(time, raw))) > 0.0:
+            noise[name] = level
     names, columns, masks = [], [], []
     held: dict[str, float] = {}
     for name in outputs:
@@ -293,6 +261,7 @@ def admit(
         breaks,
         tuple(notes),
         held,
+        noise,
     )
 
 

@@ -5,6 +5,9 @@ from their start. A free rod integrates every error, so those runs are cut into 
 0.4 s (Bock's multiple shooting with the start states taken from the measurement; Ljung, System
 Identification, 2nd ed. 1999, section 5.3). A window never starts at a jump of the command, nor
 within 1.5 mm of a stop or reversal, where bristles and backlash have a state nobody measured.
+
+Where an input is a measured state its noise drives every simulation, and what that adds up to grows
+with the length of a window, so then locked and bypassed runs are cut as well.
 """
 
 from __future__ import annotations
@@ -55,11 +58,11 @@ def cut(
     Args:
         measured: the run.
         noise: channel -> standard deviation of its noise.
-        length: shortest window of a free run, s.
+        length: shortest window of a run that is cut, s.
     """
     n = measured.time.size
     starts = [0]
-    whole = measured.run.locked or measured.run.bypass_open
+    whole = (measured.run.locked or measured.run.bypass_open) and not measured.input_noise
     allowed = None if whole else _allowed(measured, noise)
     forced = set(measured.breaks)
     for k in range(1, n):
@@ -188,11 +191,12 @@ def _start(
             spread.pop(name, None)
     if measured.shaft_angle is not None:
         state["shaft_angle"] = float(measured.shaft_angle[first])
-        if "motor_speed" in noise and "motor_speed" not in measured.inputs:
+        own = measured.input_noise if "motor_speed" in measured.inputs else noise
+        if "motor_speed" in own:
             # what the noise of the speed adds up to
             period = float(measured.time[-1]) / (measured.time.size - 1)
             walked = np.sqrt(float(measured.time[first]) * period)
-            spread["shaft_angle"] = noise["motor_speed"] * walked
+            spread["shaft_angle"] = own["motor_speed"] * walked
     spread.pop("current", None)
     return state, spread
 
@@ -242,8 +246,8 @@ def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:
     """Samples from the start until something moves, an input or an output: 1 to 200."""
     longest = min(200, measured.time.size)
     end = longest
-    for values in measured.inputs.values():
-        little = 1e-3 * (np.ptp(values) or 1.0)
+    for name, values in measured.inputs.items():
+        little = max(1e-3 * (np.ptp(values) or 1.0), 6.0 * measured.input_noise.get(name, 0.0))
         moved = np.flatnonzero(np.abs(values[:longest] - values[0]) > little)
         if moved.size:
             end = min(end, int(moved[0]) + 1)

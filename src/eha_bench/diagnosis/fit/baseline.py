@@ -189,7 +189,7 @@ def _calibrated(
     best.append(fit.vector)
     progress("calibrate", 0.6)
     noise = refined_noise(rough, fit.residual, noise)
-    problem = Problem(plant, windows, noise, STEP)
+    problem = rough.with_noise(noise).at_step(STEP)
     problem.prepare(fit.vector)
     problem.scale_to(problem.residual(fit.vector))
     nuisance = tuple(key for key in FRICTION_AT_REST if key in layout.index and key not in keys)
@@ -277,7 +277,7 @@ def at_rest(problem: Problem, fit: Fit) -> Fit:
         for size in dict.fromkeys((float(vector[at]), *sizes)):
             trial = vector.copy()
             trial[at] = size
-            part.prepare(trial)
+            part.prepare_starts(trial)
             costs[size] = cost_of(part, trial)
         size = min(costs, key=lambda size: costs[size])
         if costs[size] < costs[float(vector[at])] - _TELLING:

@@ -13,14 +13,14 @@ Statist. 17 (1989) 1217, doi:10.1214/aos/1176347265).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from eha_bench.diagnosis.data.gate import noise_of
+from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem, soften
 
@@ -37,6 +37,7 @@ _CONCERNED = 0.03
 REST_RELATIVE = 0.03
 """A rest below this share of the noise's cost is not worth a new cause."""
 REST_SIGNIFICANCE = 8.0
+_GAP = np.array([np.nan])
 SOFT_MEAN = _soft_mean()
 """Mean soft-L1 cost of one residual that is standard normal noise."""
 
@@ -50,13 +51,11 @@ def refined_noise(
     """
     names = problem.plant.outputs
     found: dict[int, list[tuple[float, int]]] = {}
-    for piece in problem.pieces:
-        rows = residual[piece.rows]
-        for channel in np.unique(piece.channels):
-            part = rows[piece.channels == channel]
-            level = noise_of(part)
-            if np.isfinite(level) and part.size > 60:
-                found.setdefault(int(channel), []).append((level, part.size))
+    for channel, part in _stretches(problem, residual):
+        level = noise_of(part)
+        size = int(np.isfinite(part).sum())
+        if np.isfinite(level) and size > 60:
+            found.setdefault(channel, []).append((level, size))
     out = dict(noise)
     for channel, items in found.items():
         levels = np.array([item[0] for item in items])
@@ -67,6 +66,25 @@ def refined_noise(
         # below half or above twice the first estimate something else than noise is at work
         out[names[channel]] = noise[names[channel]] * float(np.clip(middle, 0.5, 2.0))
     return out
+
+
+def _stretches(problem: Problem, residual: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+    """Yield channels with their residual in each window, or in each run that is cut into many.
+
+    Between the windows of a run stands NaN: they hang together no more than across a gap.
+    """
+    cut: dict[tuple[str, int], list[FloatArray]] = {}
+    for piece in problem.pieces:
+        measured = problem.windows[piece.window].measured
+        rows = residual[piece.rows]
+        for channel in np.unique(piece.channels):
+            part = rows[piece.channels == channel]
+            if measured.input_noise:
+                cut.setdefault((measured.run.name, int(channel)), []).extend((part, _GAP))
+            else:
+                yield int(channel), part
+    for (_, channel), parts in cut.items():
+        yield channel, np.concatenate(parts)
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,12 @@
-"""The simulation error of a parameter vector over all windows, whitened for the start states.
+"""The simulation error of a parameter vector over all windows, whitened for what moves it by chance.
 
 The weighted residual of a window is r = (measured - simulated) / noise. Its start state comes from
 noisy measurements, so r carries the part U z, z ~ N(0, 1), with U the sensitivity to the start
 state times its spread; with C = I + U U' the whitened residual is C^(-1/2) r, and an error that a
 start state could have made no longer counts. U comes from a few perturbed simulations a window and
 is kept until `prepare` is called again (the approach of error-in-start-state multiple shooting; see
-Ljung 1999, section 5.3).
+Ljung 1999, section 5.3). Where inputs were measured, U holds what their noise does as well
+(`input_noise`).
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from eha_bench.diagnosis.data.unmeasured import carried, missing
 from eha_bench.diagnosis.data.windows import Window
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.effort import simulated
+from eha_bench.diagnosis.fit.input_noise import Shaken, shaken
 from eha_bench.plants.plant import Drive, Parametrised, Plant
 
 FloatArray = NDArray[np.float64]
@@ -51,6 +53,7 @@ class _Prepared:
     scale: FloatArray
     basis: FloatArray
     shrink: FloatArray
+    shaken: Shaken | None = None
 
     @property
     def length(self) -> float:
@@ -146,7 +149,11 @@ class Problem:
 
     def with_noise(self, noise: Mapping[str, float]) -> Problem:
         """Return the same windows weighted by another noise; it needs `prepare`."""
-        return Problem(self.plant, self.windows, noise, self.step)
+        other = Problem(self.plant, self.windows, noise, self.step)
+        for own, part in zip(self._parts, other._parts, strict=True):
+            if own.shaken is not None and own.pick.size == part.pick.size:
+                part.shaken = own.shaken.reweighted(own.scale / part.scale)
+        return other
 
     def scale_to(self, residual: FloatArray) -> None:
         """Set what counts as an outlier by a residual's usual size, never below the noise.
@@ -160,13 +167,20 @@ class Problem:
         return np.concatenate([np.arange(self._rows[k].start, self._rows[k].stop) for k in keep])
 
     def prepare(self, vector: FloatArray) -> None:
-        """Linearise the windows' start states about a parameter vector."""
+        """Linearise the windows' start states and their inputs' noise about a parameter vector."""
+        for part in self._parts:
+            if part.shaken is not None and not part.shaken.is_near(vector):
+                part.shaken = None
+        self.prepare_starts(vector)
+
+    def prepare_starts(self, vector: FloatArray) -> None:
+        """Linearise the windows' start states; what noise of inputs does stays where it is known."""
         rough = self.at_step(max(self.step, SLOPES))
         self._carry(vector, rough.step)
 
         at = self.plant.at(vector)
 
-        def one(part: _Prepared) -> None:
+        def one(part: _Prepared) -> float:
             base = rough._weighted(part, at, {})
             columns = []
             for name, spread in part.window.spread.items():
@@ -175,16 +189,29 @@ class Problem:
                 # a fifth of a spread: a compromise between noise of stick events and curvature
                 moved = rough._weighted(part, at, {name: 0.2 * spread})
                 columns.append((moved - base) / 0.2)
-            if not columns:
+            further = 0.0
+            if noise := part.window.measured.input_noise:
+                if part.shaken is None:
+                    part.shaken = shaken(
+                        part.drive,
+                        noise,
+                        vector,
+                        lambda drive: rough._weighted(replace(part, drive=drive), at, {}),
+                    )
+                    further = part.shaken.simulations * part.length
+                columns += [*part.shaken.columns.T]
+            if columns:
+                q, s, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
+                part.basis = q
+                part.shrink = 1.0 - 1.0 / np.sqrt(1.0 + s * s)
+            else:
                 part.basis = np.zeros((base.size, 0))
                 part.shrink = np.zeros(0)
-                return
-            q, s, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
-            part.basis = q
-            part.shrink = 1.0 - 1.0 / np.sqrt(1.0 + s * s)
+            return further
 
-        shaken = sum((1 + len(part.window.spread)) * part.length for part in self._parts)
-        self._each(one, shaken)
+        seconds = sum((1 + len(part.window.spread)) * part.length for part in self._parts)
+        if further := sum(self._each(one, seconds)):
+            simulated(further)
 
     def _carry(self, vector: FloatArray, step: float) -> None:
         """Give windows what no sensor says of their start."""

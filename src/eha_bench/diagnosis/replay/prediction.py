@@ -15,7 +15,8 @@ from eha_bench.core.atomic_file import replacing
 from eha_bench.core.channels import unit_of
 from eha_bench.core.output_folder import writable
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
-from eha_bench.diagnosis.data.gate import Measured, admit, noise_of
+from eha_bench.diagnosis.data.gate import Measured, admit
+from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.diagnosis.fit.problem import start_of
 from eha_bench.plants.model import Model, load_model
 

@@ -1,0 +1,110 @@
+"""What the noise of a measured input makes a simulation do.
+
+A measured state among the inputs drives the model with its sensor's noise, and a balance adds that
+up: of a current's white noise a shaft makes a walk. White noise of standard deviation s on n ticks
+is a sum of cosines with independent normal amplitudes, each of standard deviation s (the discrete
+cosine transform is orthogonal: Ahmed, Natarajan, Rao, IEEE Trans. Comput. C-23 (1974) 90,
+doi:10.1109/T-C.1974.223784). So the response to each of them is one more direction in which a
+residual may be off by one standard deviation, as the start state's are. Whatever adds up answers
+to slow cosines most; how many matter is asked of the model itself: cosines are added until one draw
+of all the faster ones moves the residual by next to nothing beside its own noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import idct
+
+from eha_bench.plants.plant import Drive
+
+FloatArray = NDArray[np.float64]
+
+_FIRST = 8
+_FURTHER = 1.5
+"""Factor by which the number of cosines grows while the faster ones still show."""
+_SHOWS = 0.02
+"""Square of what faster cosines may move a residual by, as a share of one channel's noise."""
+_NEAR = 0.03
+"""Change of a parameter up to which the responses are kept: they are off by as little."""
+_REACH = 2.0
+"""Amplitude at which a cosine is simulated: a compromise as that of a start state's spread."""
+
+
+@dataclass(frozen=True)
+class Shaken:
+    """What the noise of a window's inputs does to its residual.
+
+    Attributes:
+        columns: (N, k) change by each cosine, its amplitude one standard deviation.
+        vector: parameters at which that was simulated.
+        simulations: how many it took.
+    """
+
+    columns: FloatArray
+    vector: FloatArray
+    simulations: int
+
+    def is_near(self, vector: FloatArray) -> bool:
+        """Whether responses at other parameters are the same but for some percent."""
+        most = _NEAR * np.maximum(np.abs(vector), np.abs(self.vector))
+        return bool((np.abs(vector - self.vector) <= most).all())
+
+    def reweighted(self, ratio: FloatArray) -> Shaken:
+        """Return the same for a residual that is multiplied row by row, (N,)."""
+        return replace(self, columns=self.columns * ratio[:, None])
+
+
+def shaken(
+    drive: Drive,
+    noise: Mapping[str, float],
+    vector: FloatArray,
+    residual: Callable[[Drive], FloatArray],
+) -> Shaken:
+    """Return what the noise of all measured inputs does to a window's residual.
+
+    Args:
+        drive: of the window. noise: input -> standard deviation, SI. vector: of the plant.
+        residual: (N,) weighted by its own noise, of the window under a drive.
+    """
+    base = residual(drive)
+    columns: list[FloatArray] = []
+    simulations = 1
+    for name, sigma in noise.items():
+        own, count = _responses(drive, name, sigma, lambda other: residual(other) - base)
+        columns += own
+        simulations += count
+    return Shaken(np.array(columns).reshape(-1, base.size).T, vector, simulations)
+
+
+def _responses(
+    drive: Drive, name: str, sigma: float, change: Callable[[Drive], FloatArray]
+) -> tuple[list[FloatArray], int]:
+    """Return the changes by the cosines of one input that show, and how many were simulated."""
+    ticks = drive.time.size - drive.first
+    draw = np.random.default_rng(0).standard_normal(ticks)
+
+    def by(amplitudes: FloatArray) -> FloatArray:
+        values = drive.inputs[name].copy()
+        values[drive.first :] += sigma * idct(amplitudes, norm="ortho")
+        return change(replace(drive, inputs={**drive.inputs, name: values}))
+
+    columns: list[FloatArray] = []
+    draws = 0
+    count = min(_FIRST, ticks)
+    while True:
+        for k in range(len(columns), count):
+            only = np.zeros(ticks)
+            only[k] = _REACH
+            columns.append(by(only) / _REACH)
+        if count == ticks:
+            break
+        faster = by(np.where(np.arange(ticks) < count, 0.0, draw))
+        draws += 1
+        if float(faster @ faster) < _SHOWS * ticks:
+            break
+        count = min(int(count * _FURTHER), ticks)
+    return columns, len(columns) + draws
