@@ -214,8 +214,7 @@ def admit(
             notes.append(f"{run.name}: input '{name}' has {int(bad.sum())} gaps, bridged")
             missing |= bad
         driven[name] = _filled(time, raw, held=name in _HELD)
-        if name not in _HELD and (level := noise_of_input(_parted(time, raw))) > 0.0:
-            noise[name] = level
+        noise |= _input_noise(name, time, raw)
     names, columns, masks = [], [], []
     held: dict[str, float] = {}
     for name in outputs:
@@ -278,6 +277,12 @@ def _input(name: str, recording: Recording, where: Place) -> FloatArray:
     if not np.isfinite(raw).any():
         raise RecordingError(f"input '{name}' holds no finite value", where=where)
     return raw
+
+
+def _input_noise(name: str, time: FloatArray, raw: FloatArray) -> dict[str, float]:
+    """Return an input's noise by its name; what was asked for, or never changes, has none."""
+    level = 0.0 if name in _HELD else noise_of_input(_parted(time, raw))
+    return {name: level} if level > 0.0 else {}
 
 
 def _clock(

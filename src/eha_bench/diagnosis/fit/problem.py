@@ -1,4 +1,4 @@
-"""The simulation error of a parameter vector over all windows, whitened for what moves it by chance.
+"""The simulation error of a parameter vector over all windows, whitened for what shakes it.
 
 The weighted residual of a window is r = (measured - simulated) / noise. Its start state comes from
 noisy measurements, so r carries the part U z, z ~ N(0, 1), with U the sensitivity to the start
@@ -174,7 +174,7 @@ class Problem:
         self.prepare_starts(vector)
 
     def prepare_starts(self, vector: FloatArray) -> None:
-        """Linearise the windows' start states; what noise of inputs does stays where it is known."""
+        """Linearise the windows' start states; what is known of their inputs' noise stays."""
         rough = self.at_step(max(self.step, SLOPES))
         self._carry(vector, rough.step)
 
