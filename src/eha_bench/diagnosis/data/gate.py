@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import regular_clock
+from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.noise import noise_of, noise_of_input, quantum_of
 from eha_bench.diagnosis.data.stuck import stuck
@@ -30,11 +31,11 @@ _HELD = ("current_command", "reference", "voltage", "pulses")
 _ON_TOP = ("pulses",)
 _LIMITED = ("current", "voltage")
 _LOCKED_STILL = ("piston_position", "piston_velocity", "joint_angle")
-_GAP = 1.5
+GAP = 1.5
 """A step of the clock by more than this many usual ones leaves samples out."""
 _RESTS = 3
 """Samples on either side of a gap that show whether an input rests there."""
-_SAME = 1e-3
+SAME = 1e-3
 """What an input may move and still rest, as a share of its range."""
 # a number on its own, not one in a name
 _NUMBER = re.compile(r"(?<![\w.#])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
@@ -54,8 +55,10 @@ class Measured:
         breaks: ticks before which inputs were not logged long enough to matter.
         notes: what was found, one sentence each.
         held: channel -> value that the setup holds (a locked piston's position), SI.
+        still: channel -> (n,) readings of what the setup holds: its sensor's noise, SI.
         input_noise: channel -> standard deviation of the noise of an input that was measured, SI;
             what was asked for is exact, and not in here.
+        colours: channel -> colour of its noise, where that is not white.
     """
 
     run: Run
@@ -67,7 +70,9 @@ class Measured:
     breaks: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
+    still: Mapping[str, FloatArray] = field(default_factory=dict)
     input_noise: Mapping[str, float] = field(default_factory=dict)
+    colours: Mapping[str, Colour] = field(default_factory=dict)
 
     @cached_property
     def jumps(self) -> NDArray[np.intp]:
@@ -156,17 +161,24 @@ def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[s
         for item in measured:
             column = item.column(name)
             if column is not None:
-                found.append(noise_of(_parted(item.time, column)))
+                found.append(_noise_of_column(item, name, column))
         usable = [value for value in found if np.isfinite(value) and value > 0]
         if usable:
             noise[name] = float(np.median(usable))
     return noise
 
 
+def _noise_of_column(measured: Measured, name: str, column: FloatArray) -> float:
+    """Return a channel's noise in one run; where it has a colour, that of all of it."""
+    parted = _parted(measured.time, column)
+    colour = measured.colours.get(name)
+    return noise_of(colour.whitened(parted) if colour else parted)
+
+
 def _parted(time: FloatArray, values: FloatArray) -> FloatArray:
     """Return a channel with NaN in gaps of the clock: what its signal does there is no noise."""
     steps = np.diff(time)
-    gaps = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
+    gaps = np.flatnonzero(steps > GAP * np.median(steps)) + 1
     return np.insert(values, gaps, np.nan)
 
 
@@ -217,6 +229,7 @@ def admit(
         noise |= _input_noise(name, time, raw)
     names, columns, masks = [], [], []
     held: dict[str, float] = {}
+    unmoved: dict[str, FloatArray] = {}
     for name in outputs:
         if name in inputs or name not in recording:
             continue
@@ -232,6 +245,7 @@ def admit(
                 notes.append(f"{run.name}: '{name}' never changes (dead sensor?) and is left out")
             continue
         if run.locked and name in _LOCKED_STILL:
+            unmoved[name] = raw
             continue
         still = _stuck(name, raw, quantum_of(raw[good]))
         if still.any():
@@ -260,6 +274,7 @@ def admit(
         breaks,
         tuple(notes),
         held,
+        unmoved,
         noise,
     )
 
@@ -317,7 +332,7 @@ def _held_across(inputs: Mapping[str, FloatArray], k: int) -> bool:
     What moves on either side took a way through the gap that nobody knows.
     """
     return all(
-        np.ptp(values[max(0, k - _RESTS) : k + _RESTS]) <= _SAME * np.ptp(values)
+        np.ptp(values[max(0, k - _RESTS) : k + _RESTS]) <= SAME * np.ptp(values)
         for values in inputs.values()
     )
 

@@ -12,6 +12,7 @@ from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, grouped, pooled_noise
+from eha_bench.diagnosis.data.quiet import coloured
 from eha_bench.diagnosis.data.windows import Window, cut, split
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -103,6 +104,7 @@ def gather(
             unread.append(error)
     if unread and not measured:
         raise unread[0]
+    measured = [*coloured(measured)]
     noise = pooled_noise(measured, compared)
     if not noise:
         raise InputError(

@@ -20,6 +20,8 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import spsolve
 
 from eha_bench.core.interruption import checkpoint
 from eha_bench.diagnosis.data.unmeasured import carried, missing
@@ -27,6 +29,7 @@ from eha_bench.diagnosis.data.windows import Window
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.effort import simulated
 from eha_bench.diagnosis.fit.input_noise import Shaken, shaken
+from eha_bench.diagnosis.fit.whitening import whitening
 from eha_bench.plants.plant import Drive, Parametrised, Plant
 
 FloatArray = NDArray[np.float64]
@@ -54,6 +57,7 @@ class _Prepared:
     basis: FloatArray
     shrink: FloatArray
     shaken: Shaken | None = None
+    whitening: csr_array | None = None
 
     @property
     def length(self) -> float:
@@ -244,9 +248,9 @@ class Problem:
         return found if self._defect is None else found + self._defect
 
     def with_best_start(self, vector: FloatArray) -> FloatArray:
-        """Return the weighted residual with each window's start state at its best, (size,).
+        """Return what is left of each reading, in its noise, from a window's best start, (size,).
 
-        Needs `prepare` at this vector.
+        The noise of measured inputs is at its best too. Needs `prepare` at this vector.
         """
         at = self.plant.at(vector)
 
@@ -258,7 +262,11 @@ class Problem:
             share = 1.0 - (1.0 - part.shrink) ** 2
             return residual - part.basis @ (share * (part.basis.T @ residual))
 
-        return np.concatenate(self._each(one))
+        def plain(part: _Prepared) -> FloatArray:
+            residual = one(part)
+            return residual if part.whitening is None else spsolve(part.whitening, residual)
+
+        return np.concatenate(self._each(plain))
 
     def fitted(self, vector: FloatArray) -> list[FloatArray]:
         """Return each window's simulated outputs with the start state's best correction, SI.
@@ -305,6 +313,7 @@ class Problem:
         pick = np.flatnonzero(valid.ravel())
         columns = np.array([self._outputs[measured.outputs[at]] for at in use], dtype=np.intp)
         ticks, channels = np.divmod(pick, columns.size)
+        colours = [measured.colours.get(measured.outputs[at]) for at in use]
         return _Prepared(
             window,
             drive,
@@ -315,6 +324,7 @@ class Problem:
             scale[channels],
             np.zeros((pick.size, 0)),
             np.zeros(0),
+            whitening=whitening(measured.time[span], valid, colours),
         )
 
     def _simulated(
@@ -334,7 +344,7 @@ class Problem:
         if not np.abs(difference).max(initial=0.0) <= _BAD:
             difference = np.nan_to_num(difference, nan=_BAD, posinf=_BAD, neginf=-_BAD)
             difference = np.clip(difference, -_BAD, _BAD)
-        return difference
+        return difference if part.whitening is None else part.whitening @ difference
 
 
 @cache

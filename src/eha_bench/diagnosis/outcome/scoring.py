@@ -47,6 +47,7 @@ def scored(
     """
     noise = base.problem.noise
     held_out, notes = _read(dataset)
+    held_out = [replace(item, colours=base.measured[0].colours) for item in held_out]
     models = (dataset.model, found.recalibrated, found.revised)
     runs = (*base.measured, *held_out)
     replays = replay(runs, models, noise, lambda done: progress("replay", done))

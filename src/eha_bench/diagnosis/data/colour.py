@@ -1,0 +1,181 @@
+"""The colour of a sensor's noise: what it remembers from sample to sample.
+
+Behind a sensor's own low-pass filter neighbouring samples err alike. Differences of neighbours then
+tell too little of the noise (`noise`), and all of it that is slow would pass for something missing.
+
+Whiteness is tested by the correlation of neighbours; its standard error of n^(-1/2) holds for any
+distribution, so also for readings with a coarse step (Bartlett, J. R. Stat. Soc. Suppl. 8 (1946)
+27, doi:10.2307/2983611). Noise that passes is left as it is, and so is noise of which too little
+is there, or that only flickers between two steps. Only neighbours that err alike matter: where they
+err apart, differences tell too much of the noise, and nothing passes for missing.
+
+What is not white is taken as autoregressive, by restricted maximum likelihood with the parabolas as
+what is not of interest (Cooper, Thompson, Biometrika 64 (1977) 625, doi:10.1093/biomet/64.3.625),
+of the order that Akaike's criterion asks for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.optimize import minimize
+
+from eha_bench.diagnosis.data.noise import quantum_of
+
+FloatArray = NDArray[np.float64]
+
+_DEGREE = 2
+_FLICKERS = 0.5
+"""Least noise in steps of the resolution."""
+_FEWEST = 256
+"""Least number of quiet samples of a channel: a correlation of 0.3 is then seen."""
+_NOT_BY_CHANCE = 4.26
+"""In standard errors: one white channel in a hundred thousand is taken for coloured."""
+_ORDERS = 4
+_SLOWEST = 0.99
+
+
+@dataclass(frozen=True)
+class Colour:
+    """Noise that remembers: an autoregressive process of some order.
+
+    Attributes:
+        partial: partial autocorrelations, one for each order.
+    """
+
+    partial: tuple[float, ...]
+
+    @cached_property
+    def predictors(self) -> tuple[tuple[FloatArray, float], ...]:
+        """What no, one, two, ... samples before say of one (Levinson's recursion).
+
+        Each is factors (of the last sample, the one before, ...) and what stays unknown, in
+        standard deviations of the noise.
+        """
+        factors, left = np.zeros(0), 1.0
+        found = [(factors, left)]
+        for value in self.partial:
+            factors = np.append(factors - value * factors[::-1], value)
+            left *= float(np.sqrt(1.0 - value**2))
+            found.append((factors, left))
+        return tuple(found)
+
+    def correlations(self, count: int) -> FloatArray:
+        """Return the correlation of samples 0, 1, ..., count - 1 apart."""
+        found = np.zeros(max(count, len(self.partial) + 1))
+        found[0] = 1.0
+        order = len(self.partial)
+        for lag in range(1, found.size):
+            if lag <= order:
+                # the partial correlation is what the shorter ones do not say
+                known, left = self.predictors[lag - 1]
+                found[lag] = self.partial[lag - 1] * left**2 + known @ found[lag - 1 : 0 : -1]
+            else:
+                found[lag] = self.predictors[order][0] @ found[lag - 1 : lag - order - 1 : -1]
+        return found[:count]
+
+    def whitened(self, values: FloatArray) -> FloatArray:
+        """Return what is new in every sample, (n,), its noise white and of the same size.
+
+        NaN where a sample, or one of those before that it remembers, is.
+        """
+        factors, left = self.predictors[-1]
+        out = values.copy()
+        for lag, factor in enumerate(factors, start=1):
+            out[lag:] -= factor * values[:-lag]
+        out[: factors.size] = np.nan
+        return out / left
+
+
+def colour_of(stretches: Sequence[FloatArray]) -> Colour | None:
+    """Return the colour of noise, or None where it may be white or too little of it is there.
+
+    Args:
+        stretches: each (n,), of nothing but noise, a constant and a parabola.
+    """
+    if sum(values.size for values in stretches) < _FEWEST:
+        return None
+    if _standard_errors(stretches) < _NOT_BY_CHANCE:
+        return None
+    return _fitted(stretches)
+
+
+def beside_parabola(values: FloatArray) -> FloatArray:
+    """Return what of a stretch no parabola says, (n,)."""
+    basis = _parabolas(values.size)
+    return np.asarray(values - basis @ (basis.T @ values), dtype=np.float64)
+
+
+def _parabolas(count: int) -> FloatArray:
+    """Return an orthonormal basis of the parabolas, (count, 3)."""
+    return np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, count), _DEGREE + 1))[0]
+
+
+def _standard_errors(stretches: Sequence[FloatArray]) -> float:
+    """Return how far neighbours' correlation is above that of white noise, in standard errors."""
+    product, expected, square = 0.0, 0.0, 0.0
+    levels = quantum_of(np.concatenate(stretches))
+    count = 0
+    for values in stretches:
+        beside = beside_parabola(values)
+        basis = _parabolas(values.size)
+        freedom = values.size - basis.shape[1]
+        product += float(beside[1:] @ beside[:-1])
+        # parabolas that are taken out leave white noise a little correlated
+        taken = -float(np.sum(basis[1:] * basis[:-1]))
+        expected += taken / freedom * float(beside @ beside)
+        square += float(beside @ beside)
+        count += freedom
+    if np.sqrt(square / count) <= _FLICKERS * levels:
+        return 0.0
+    return (product - expected) / square * float(np.sqrt(count))
+
+
+def _fitted(stretches: Sequence[FloatArray]) -> Colour:
+    """Return the colour by restricted maximum likelihood, of the order that is worth it."""
+    by_size: dict[int, list[FloatArray]] = {}
+    for values in stretches:
+        by_size.setdefault(values.size, []).append(values)
+    tables = [np.column_stack(own) for own in by_size.values()]
+
+    def cost_of(free: FloatArray) -> float:
+        return _minus_twice_log(_colour(free), tables)
+
+    best: tuple[float, Colour] | None = None
+    start = np.zeros(0)
+    for order in range(1, _ORDERS + 1):
+        start = np.append(start, 0.5 if order == 1 else 0.0)
+        done = minimize(cost_of, start, method="BFGS", options={"gtol": 1e-2})
+        start = np.asarray(done.x, dtype=np.float64)
+        cost = float(done.fun) + 2.0 * order
+        if best is None or cost < best[0]:
+            best = cost, _colour(start)
+    assert best is not None
+    return best[1]
+
+
+def _colour(free: FloatArray) -> Colour:
+    """Return the process of unbounded numbers: any of them is a stationary one."""
+    return Colour(tuple(float(value) for value in _SLOWEST * np.tanh(free)))
+
+
+def _minus_twice_log(colour: Colour, tables: Sequence[FloatArray]) -> float:
+    """Return minus twice the restricted log likelihood, the noise's size at its best."""
+    volume, square, count = 0.0, 0.0, 0
+    for table in tables:
+        size, columns = table.shape
+        factor = cho_factor(toeplitz(colour.correlations(size)), lower=True)
+        basis = _parabolas(size)
+        inner = cho_factor(basis.T @ cho_solve(factor, basis), lower=True)
+        solved = cho_solve(factor, table)
+        along = basis.T @ solved
+        square += float(np.sum(table * solved) - np.sum(along * cho_solve(inner, along)))
+        logs = np.log(np.diag(factor[0])).sum() + np.log(np.diag(inner[0])).sum()
+        volume += 2.0 * columns * float(logs)
+        count += columns * (size - basis.shape[1])
+    return volume + count * float(np.log(square / count))

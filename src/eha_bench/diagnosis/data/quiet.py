@@ -1,0 +1,78 @@
+"""Stretches in which nothing moves, and what they tell of the sensors' noise.
+
+What was asked for stands still there for an eighth of a second, and so do all readings, but for
+what a parabola says of a pressure that leaks away. Every reading is then a constant and its noise,
+whatever the model: none is used, so none of its errors can be taken for noise. Logs with too few of
+such stretches leave the noise as white as it was taken to be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.data.colour import beside_parabola, colour_of
+from eha_bench.diagnosis.data.gate import GAP, SAME, Measured
+from eha_bench.diagnosis.data.noise import quantum_of
+
+FloatArray = NDArray[np.float64]
+
+_STRETCH = 0.128
+"""Length of a quiet stretch, s."""
+_SHORTEST = 32
+"""And least number of its samples."""
+_MOVES = 2.0
+"""What a reading may move by in a stretch, in standard deviations of what is beside its parabola:
+noise with a memory of a tenth of the stretch moves as much."""
+
+
+def coloured(measured: Sequence[Measured]) -> tuple[Measured, ...]:
+    """Return runs with the colour of their channels' noise, where it is not white."""
+    stretches: dict[str, list[FloatArray]] = {}
+    for item in measured:
+        for stretch in quiet_stretches(item):
+            for name, values in stretch.items():
+                stretches.setdefault(name, []).append(values)
+    found = {name: colour for name, own in stretches.items() if (colour := colour_of(own))}
+    return tuple(replace(item, colours=found) for item in measured) if found else tuple(measured)
+
+
+def quiet_stretches(measured: Measured) -> Iterator[dict[str, FloatArray]]:
+    """Yield the readings of every stretch of a run in which nothing moves."""
+    time = measured.time
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    ticks = max(_SHORTEST, round(_STRETCH / usual))
+    still = np.asarray(steps < GAP * usual)
+    for name, values in measured.inputs.items():
+        if name not in measured.input_noise:
+            still &= np.abs(np.diff(values)) <= SAME * np.ptp(values)
+    edges = np.flatnonzero(~still) + 1
+    for start, stop in zip([0, *edges], [*edges, time.size], strict=True):
+        for first in range(int(start), int(stop) - ticks + 1, ticks):
+            span = slice(first, first + ticks)
+            valid = measured.valid[span].all(axis=0)
+            readings = {
+                name: measured.values[span, at]
+                for at, name in enumerate(measured.outputs)
+                if valid[at]
+            }
+            readings |= {
+                name: values[span]
+                for name, values in measured.still.items()
+                if np.isfinite(values[span]).all()
+            }
+            driving = [measured.inputs[name][span] for name in measured.input_noise]
+            if all(_stands(values) for values in (*readings.values(), *driving)):
+                yield readings
+
+
+def _stands(values: FloatArray) -> bool:
+    """Whether a reading moves by no more than noise does."""
+    beside = beside_parabola(values)
+    slow = values - beside
+    least = max(float(np.std(beside)), quantum_of(values))
+    return bool(np.ptp(slow) <= _MOVES * least)

@@ -1,0 +1,66 @@
+"""What is new in each reading of a window, where noise remembers from sample to sample.
+
+A reading less what those before it say of its noise is independent of them, and as large as the
+noise when divided by what stays unknown: the innovations form of a Gaussian likelihood (Brockwell,
+Davis, Time Series: Theory and Methods, 2nd ed. 1991, section 8.6). It is linear in the readings, so
+residuals, their slopes and their sensitivities all go through it alike. After a gap, and where a
+window begins, less is known of what was before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from eha_bench.diagnosis.data.colour import Colour
+from eha_bench.diagnosis.data.gate import GAP
+
+FloatArray = NDArray[np.float64]
+
+
+def whitening(
+    time: FloatArray, valid: NDArray[np.bool_], colours: Sequence[Colour | None]
+) -> csr_array | None:
+    """Return the matrix that makes a window's noise white, None where it is white already.
+
+    Args:
+        time: (n,) s. valid: (n, m) which readings are there: the rows, tick by tick.
+        colours: of the m channels.
+    """
+    if not any(colours):
+        return None
+    number = np.full(valid.shape, -1)
+    number[valid] = np.arange(np.count_nonzero(valid))
+    steps = np.diff(time)
+    follows = np.concatenate([[False], steps < GAP * np.median(steps)])
+    rows, columns, values = [], [], []
+    for channel, colour in enumerate(colours):
+        own = number[:, channel]
+        predictors = colour.predictors if colour else ((np.zeros(0), 1.0),)
+        known = _known_before(own >= 0, follows, len(predictors) - 1)
+        for count, (factors, left) in enumerate(predictors):
+            ticks = np.flatnonzero((known == count) & (own >= 0))
+            for lag, factor in enumerate((-1.0, *factors)):
+                rows.append(own[ticks])
+                columns.append(own[ticks - lag])
+                values.append(np.full(ticks.size, -factor / left))
+    size = int(np.count_nonzero(valid))
+    places = (np.concatenate(rows), np.concatenate(columns))
+    return csr_array((np.concatenate(values), places), shape=(size, size))
+
+
+def _known_before(
+    there: NDArray[np.bool_], follows: NDArray[np.bool_], most: int
+) -> NDArray[np.intp]:
+    """Return how many samples in a row stand before each, (n,), at most so many."""
+    known = np.zeros(there.size, dtype=np.intp)
+    for lag in range(1, most + 1):
+        # one more than before, where the sample that far back hangs together with this one
+        unbroken = known == lag - 1
+        unbroken[:lag] = False
+        at = np.flatnonzero(unbroken)
+        known[at[there[at - lag] & follows[at - lag + 1]]] = lag
+    return known
