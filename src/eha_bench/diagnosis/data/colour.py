@@ -25,8 +25,6 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.optimize import minimize
 
-from eha_bench.diagnosis.data.noise import quantum_of
-
 FloatArray = NDArray[np.float64]
 
 _DEGREE = 2
@@ -119,7 +117,6 @@ def _parabolas(count: int) -> FloatArray:
 def _standard_errors(stretches: Sequence[FloatArray]) -> float:
     """Return how far neighbours' correlation is above that of white noise, in standard errors."""
     product, expected, square = 0.0, 0.0, 0.0
-    levels = quantum_of(np.concatenate(stretches))
     count = 0
     for values in stretches:
         beside = beside_parabola(values)
@@ -131,9 +128,18 @@ def _standard_errors(stretches: Sequence[FloatArray]) -> float:
         expected += taken / freedom * float(beside @ beside)
         square += float(beside @ beside)
         count += freedom
-    if np.sqrt(square / count) <= _FLICKERS * levels:
+    if np.sqrt(square / count) <= _FLICKERS * _step_of(np.concatenate(stretches)):
         return 0.0
     return (product - expected) / square * float(np.sqrt(count))
+
+
+def _step_of(values: FloatArray) -> float:
+    """Return the step between levels, two of them included (0: none; inf: nothing but one)."""
+    levels = np.unique(values)
+    if levels.size > values.size / 2:
+        return 0.0
+    steps = np.diff(levels)
+    return float(np.median(steps[steps > 1e-9 * np.ptp(levels)])) if steps.size else np.inf
 
 
 def _fitted(stretches: Sequence[FloatArray]) -> Colour:

@@ -47,14 +47,16 @@ def quiet_stretches(measured: Measured) -> Iterator[dict[str, FloatArray]]:
     usual = float(np.median(steps))
     ticks = max(_SHORTEST, round(_STRETCH / usual))
     still = np.asarray(steps < GAP * usual)
-    for name, values in measured.inputs.items():
-        if name not in measured.input_noise:
-            still &= np.abs(np.diff(values)) <= SAME * np.ptp(values)
+    asked = [values for name, values in measured.inputs.items() if name not in measured.input_noise]
+    for values in asked:
+        still &= np.abs(np.diff(values)) <= SAME * np.ptp(values)
     edges = np.flatnonzero(~still) + 1
     for start, stop in zip([0, *edges], [*edges, time.size], strict=True):
         for first in range(int(start), int(stop) - ticks + 1, ticks):
             span = slice(first, first + ticks)
-            valid = measured.valid[span].all(axis=0)
+            if any(np.ptp(values[span]) > SAME * np.ptp(values) for values in asked):
+                continue
+            valid = np.asarray(measured.valid[span].all(axis=0))
             readings = {
                 name: measured.values[span, at]
                 for at, name in enumerate(measured.outputs)

@@ -35,7 +35,7 @@ def odd_runs(problem: Problem, residuals: Sequence[FloatArray]) -> dict[str, str
             explains most of it: a fit that is caught somewhere makes no run odd.
     """
     runs = {window.measured.run.name: window.measured for window in problem.windows}
-    tried = [_shares(problem, residual) for residual in residuals]
+    tried = [_shares(problem, problem.in_readings(residual)) for residual in residuals]
     worst = {
         name: min((max(own[name].items(), key=lambda item: item[1]) for own in tried),
                   key=lambda item: item[1])

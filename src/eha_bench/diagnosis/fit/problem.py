@@ -262,11 +262,15 @@ class Problem:
             share = 1.0 - (1.0 - part.shrink) ** 2
             return residual - part.basis @ (share * (part.basis.T @ residual))
 
-        def plain(part: _Prepared) -> FloatArray:
-            residual = one(part)
-            return residual if part.whitening is None else spsolve(part.whitening, residual)
+        return self.in_readings(np.concatenate(self._each(one)))
 
-        return np.concatenate(self._each(plain))
+    def in_readings(self, residual: FloatArray) -> FloatArray:
+        """Return what a residual is of each reading, in its noise: the same where that is white."""
+        out = residual.copy()
+        for part, rows in zip(self._parts, self._rows, strict=True):
+            if part.whitening is not None:
+                out[rows] = spsolve(part.whitening, residual[rows])
+        return out
 
     def fitted(self, vector: FloatArray) -> list[FloatArray]:
         """Return each window's simulated outputs with the start state's best correction, SI.

@@ -1,0 +1,129 @@
+"""Measured inputs: their noise drives a simulation, and is not taken for something missing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.core.shipped import shipped
+from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.noise import noise_of_input
+from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.fit.input_noise import shaken
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.plants.model import load_model
+from eha_bench.plants.plant import Drive
+
+SIGMA = {"current": 0.05, "motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
+STEP = 2e-4
+LOUD = 3.0
+"""An input's noise over that of the same sensor where it is compared."""
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.02])
+def test_the_cosines_make_what_white_noise_makes_of_an_integrator(memory) -> None:
+    n, gain, sigma = 400, 0.3, 0.25
+    index = np.arange(n)
+    # what one sample's noise makes of all later ones
+    response = gain * np.where(index[:, None] >= index, 1.0, 0.0)
+    if memory:
+        response *= np.exp(-np.abs(index[:, None] - index) * 1e-3 / memory)
+    drive = Drive(index * 1e-3, {"current": np.zeros(n)})
+    found = shaken(drive, {"current": sigma}, np.ones(1), lambda d: response @ d.inputs["current"])
+    exact = sigma**2 * response @ response.T
+    made = found.columns @ found.columns.T
+    # directions in which noise adds up are all there; what is missing is little beside 1
+    assert np.linalg.norm(exact, 2) > 2.0
+    assert np.linalg.norm(exact - made, 2) < 0.6
+    assert np.trace(exact - made) < 0.05 * n
+    assert found.simulations < 0.3 * n
+
+
+def test_responses_hold_for_parameters_nearby() -> None:
+    drive = Drive(np.arange(40) * 1e-3, {"current": np.zeros(40)})
+    found = shaken(drive, {"current": 1.0}, np.array([2.0, 0.0]), lambda d: d.inputs["current"])
+    assert found.is_near(np.array([2.05, 0.0]))
+    assert not found.is_near(np.array([2.1, 0.0]))
+    assert not found.is_near(np.array([2.0, 1e-6]))
+
+
+def test_an_input_that_jumps_all_the_time_is_no_noisier() -> None:
+    generator = np.random.default_rng(1)
+    values = np.repeat(generator.choice([2.0, 14.0], 80), 50) + 0.05 * generator.normal(size=4000)
+    assert noise_of_input(values) == pytest.approx(0.05, rel=0.12)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_model(shipped("models/physical.yaml"))
+
+
+def _measured(model, driven_by: str, seed: int, *, locked: bool):
+    """A run of which only the measured current, or the measured speed, drives the model."""
+    time = np.arange(2000) * 1e-3
+    command = 10.0 + 6.0 * np.sin(2 * np.pi * 3.0 * time)
+    start = {"pressure_a": 6e5, "pressure_b": 6e5}
+    out = model.plant.simulate(
+        model.vector(), Drive(time, {"current_command": command}, start, locked=locked), STEP
+    )
+    generator = np.random.default_rng(seed)
+    values = {
+        name: out[:, at]
+        + sigma * (LOUD if name == driven_by else 1.0) * generator.standard_normal(time.size)
+        for at, (name, sigma) in enumerate(SIGMA.items())
+    }
+    reading = Recording(time, values)
+    run = Run("log", Path("log.mcap"), None, locked, False, Use.TRAIN, lambda: reading)
+    return admit(run, reading, [driven_by], model.plant.determined([driven_by]))
+
+
+@pytest.mark.parametrize("driven_by", ["current", "motor_speed"])
+def test_the_right_model_leaves_noise_though_its_input_is_noisy(model, driven_by) -> None:
+    noise = {name: sigma for name, sigma in SIGMA.items() if name != driven_by}
+    squares = []
+    for seed in range(2):
+        measured = _measured(model, driven_by, seed, locked=True)
+        assert measured.input_noise[driven_by] == pytest.approx(LOUD * SIGMA[driven_by], rel=0.1)
+        windows = cut(measured, noise)
+        assert len(windows) > 2
+        problem = Problem(model.plant, windows, noise, STEP)
+        problem.prepare(model.vector())
+        squares.append(np.mean(problem.residual(model.vector()) ** 2))
+        # and without knowing of it
+        exact = replace(measured, input_noise={})
+        unaware = [replace(window, measured=exact) for window in windows]
+        blind = Problem(model.plant, unaware, noise, STEP)
+        blind.prepare(model.vector())
+        assert np.mean(blind.residual(model.vector()) ** 2) > 1.08
+    # of 4000 readings or more a mean square is known to 0.02
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.03)
+
+
+def test_what_was_asked_for_is_exact(model) -> None:
+    time = np.arange(500) * 1e-3
+    values = {"current_command": np.random.default_rng(0).normal(size=500)}
+    values["motor_speed"] = np.sin(time)
+    reading = Recording(time, values)
+    run = Run("log", Path("log.mcap"), None, True, False, Use.TRAIN, lambda: reading)
+    measured = admit(run, reading, ["current_command"], model.plant.outputs)
+    assert not measured.input_noise
+    assert len(cut(measured, {"motor_speed": 0.1})) == 1
+
+
+def test_other_noise_only_weighs_the_responses_anew(model) -> None:
+    measured = _measured(model, "current", 0, locked=True)
+    noise = {name: sigma for name, sigma in SIGMA.items() if name != "current"}
+    problem = Problem(model.plant, cut(measured, noise), noise, STEP)
+    problem.prepare(model.vector())
+    other = {name: 1.7 * sigma for name, sigma in noise.items()}
+    kept = problem.with_noise(other)
+    kept.prepare(model.vector())
+    afresh = Problem(model.plant, problem.windows, other, STEP)
+    afresh.prepare(model.vector())
+    one, two = kept.residual(model.vector()), afresh.residual(model.vector())
+    assert np.sum((one - two) ** 2) < 0.01 * one.size
