@@ -13,7 +13,7 @@ from fixtures.rig.listed import LISTED
 from fixtures.rig.mcap_log import write_log
 from fixtures.rig.plans import by_id, make_plans
 from fixtures.rig.plant import Plant
-from fixtures.rig.sensors import COLUMNS, FLOOR, Bench
+from fixtures.rig.sensors import COLUMNS, FLOOR, SIGMA, Bench, measured
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -218,3 +218,15 @@ def test_the_ids_are_those_of_the_contract() -> None:
     assert not {e.id for e in FOREIGN} & {e.id for e in LISTED}
     equations = {"torque", "flow", "force", "measurement", "actuation"}
     assert {e.equation for e in FOREIGN} == equations
+
+
+def test_noise_behind_a_filter_is_as_large_and_remembers() -> None:
+    count = 20000
+    still = np.zeros((count, 6))
+    white = measured(still, Bench(), np.random.default_rng(0))
+    slow = measured(still, Bench(memory=0.003), np.random.default_rng(0))
+    for column, floor in enumerate(FLOOR):
+        assert np.std(slow[:, column]) == pytest.approx(floor, rel=0.05)
+        r = np.corrcoef(slow[1:, column], slow[:-1, column])[0, 1]
+        assert r == pytest.approx(np.exp(-1.0 / 3.0) * (SIGMA[column] / floor) ** 2, abs=0.02)
+        assert abs(np.corrcoef(white[1:, column], white[:-1, column])[0, 1]) < 0.03
