@@ -37,6 +37,13 @@ def test_of_a_second_order_process_they_are_yule_and_walkers() -> None:
     assert colour.correlations(4) == pytest.approx(expected)
 
 
+def test_cosines_share_the_variance_as_the_spectrum_says() -> None:
+    sizes = Colour((0.7, -0.2)).amplitudes(4000)
+    assert np.mean(sizes**2) == pytest.approx(1.0, rel=1e-3)
+    # of a first-order filter the density at no frequency is (1 + a) / (1 - a)
+    assert Colour((0.7,)).amplitudes(10)[0] == pytest.approx(np.sqrt(1.7 / 0.3))
+
+
 @settings(deadline=None, max_examples=30)
 @given(partials, st.sets(st.integers(0, 29), max_size=8))
 def test_a_window_is_white_afterwards_whatever_is_missing(partial, missing) -> None:

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped
+from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.noise import noise_of_input
@@ -34,7 +36,9 @@ def test_the_cosines_make_what_white_noise_makes_of_an_integrator(memory) -> Non
     if memory:
         response *= np.exp(-np.abs(index[:, None] - index) * 1e-3 / memory)
     drive = Drive(index * 1e-3, {"current": np.zeros(n)})
-    found = shaken(drive, {"current": sigma}, np.ones(1), lambda d: response @ d.inputs["current"])
+    found = shaken(
+        drive, {"current": sigma}, {}, np.ones(1), lambda d: response @ d.inputs["current"]
+    )
     exact = sigma**2 * response @ response.T
     made = found.columns @ found.columns.T
     # directions in which noise adds up are all there; what is missing is little beside 1
@@ -44,9 +48,26 @@ def test_the_cosines_make_what_white_noise_makes_of_an_integrator(memory) -> Non
     assert found.simulations < 0.3 * n
 
 
+def test_noise_that_remembers_is_made_as_it_is() -> None:
+    n, a = 200, 0.7
+    index = np.arange(n)
+    response = 0.1 * np.where(index[:, None] >= index, 1.0, 0.0)
+    drive = Drive(index * 1e-3, {"current": np.zeros(n)})
+    found = shaken(
+        drive,
+        {"current": 1.0},
+        {"current": Colour((a,))},
+        np.ones(1),
+        lambda d: response @ d.inputs["current"],
+    )
+    exact = response @ toeplitz(a**index) @ response.T
+    made = found.columns @ found.columns.T
+    assert np.linalg.norm(exact - made, 2) < 0.05 * np.linalg.norm(exact, 2)
+
+
 def test_responses_hold_for_parameters_nearby() -> None:
     drive = Drive(np.arange(40) * 1e-3, {"current": np.zeros(40)})
-    found = shaken(drive, {"current": 1.0}, np.array([2.0, 0.0]), lambda d: d.inputs["current"])
+    found = shaken(drive, {"current": 1.0}, {}, np.array([2.0, 0.0]), lambda d: d.inputs["current"])
     assert found.is_near(np.array([2.05, 0.0]))
     assert not found.is_near(np.array([2.1, 0.0]))
     assert not found.is_near(np.array([2.0, 1e-6]))

@@ -77,6 +77,17 @@ class Colour:
                 found[lag] = self.predictors[order][0] @ found[lag - 1 : lag - order - 1 : -1]
         return found[:count]
 
+    def amplitudes(self, count: int) -> FloatArray:
+        """Return the size of the first cosines over so many samples, (count,): 1 for white noise.
+
+        Cosine k makes k / 2 turns in all of them; its size is the root of the spectral density.
+        """
+        factors, left = self.predictors[-1]
+        angles = np.pi * np.arange(count) / count
+        lags = np.arange(1, factors.size + 1)
+        response = 1.0 - np.exp(-1j * np.outer(angles, lags)) @ factors
+        return np.asarray(left / np.abs(response), dtype=np.float64)
+
     def whitened(self, values: FloatArray) -> FloatArray:
         """Return what is new in every sample, (n,), its noise white and of the same size.
 

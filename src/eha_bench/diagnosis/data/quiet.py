@@ -8,15 +8,15 @@ such stretches leave the noise as white as it was taken to be.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.diagnosis.data.colour import beside_parabola, colour_of
+from eha_bench.diagnosis.data.colour import Colour, beside_parabola, colour_of
 from eha_bench.diagnosis.data.gate import GAP, SAME, Measured
-from eha_bench.diagnosis.data.noise import quantum_of
+from eha_bench.diagnosis.data.noise import noise_of_input, quantum_of
 
 FloatArray = NDArray[np.float64]
 
@@ -30,18 +30,32 @@ noise with a memory of a tenth of the stretch moves as much."""
 
 
 def coloured(measured: Sequence[Measured]) -> tuple[Measured, ...]:
-    """Return runs with the colour of their channels' noise, where it is not white."""
+    """Return runs with the colour of their channels' noise, where it is not white.
+
+    A measured input that remembers is as noisy as all of its noise, not as what is new in it.
+    """
     stretches: dict[str, list[FloatArray]] = {}
     for item in measured:
         for stretch in quiet_stretches(item):
             for name, values in stretch.items():
                 stretches.setdefault(name, []).append(values)
     found = {name: colour for name, own in stretches.items() if (colour := colour_of(own))}
-    return tuple(replace(item, colours=found) for item in measured) if found else tuple(measured)
+    return tuple(with_colours(item, found) for item in measured) if found else tuple(measured)
+
+
+def with_colours(measured: Measured, colours: Mapping[str, Colour]) -> Measured:
+    """Return a run with what is known of the colour of its channels' noise."""
+    noise = {
+        name: noise_of_input(colours[name].whitened(measured.inputs[name]))
+        if name in colours
+        else level
+        for name, level in measured.input_noise.items()
+    }
+    return replace(measured, colours=colours, input_noise=noise)
 
 
 def quiet_stretches(measured: Measured) -> Iterator[dict[str, FloatArray]]:
-    """Yield the readings of every stretch of a run in which nothing moves."""
+    """Yield the readings of every stretch of a run in which nothing moves, by channel."""
     time = measured.time
     steps = np.diff(time)
     usual = float(np.median(steps))
@@ -67,8 +81,8 @@ def quiet_stretches(measured: Measured) -> Iterator[dict[str, FloatArray]]:
                 for name, values in measured.still.items()
                 if np.isfinite(values[span]).all()
             }
-            driving = [measured.inputs[name][span] for name in measured.input_noise]
-            if all(_stands(values) for values in (*readings.values(), *driving)):
+            readings |= {name: measured.inputs[name][span] for name in measured.input_noise}
+            if all(_stands(values) for values in readings.values()):
                 yield readings
 
 

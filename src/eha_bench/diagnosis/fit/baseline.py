@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
 from eha_bench.diagnosis.data.dataset import Dataset
@@ -120,7 +121,7 @@ def gather(
         for name in plant.outputs
         if name not in compared and name not in dataset.inputs
     ]
-    return tuple(measured), windows, noise, (*notes, *_notes(measured))
+    return tuple(measured), windows, noise, (*notes, *_noise_notes(measured), *_notes(measured))
 
 
 def thinned(windows: list[Window], budget: float = BUDGET) -> list[Window]:
@@ -225,6 +226,21 @@ def _roughly(
     fit = levenberg_marquardt(rough, vector, free, iterations=6, refresh=1, watch=best.append)
     rough.scale_to(fit.residual)
     return first, rough, fit
+
+
+def _noise_notes(measured: Sequence[Measured]) -> Iterator[str]:
+    """Say what is known of noise that is not white, or that drives the simulations."""
+    for name in measured[0].input_noise:
+        level = float(np.median([item.input_noise.get(name, 0.0) for item in measured]))
+        yield (
+            f"input '{name}' was measured, with a noise of {level:.2g} {unit_of(name)}: what that "
+            "makes a simulation do counts as noise"
+        )
+    for name, colour in sorted(measured[0].colours.items()):
+        yield (
+            f"the noise of '{name}' is not white: where nothing moves, neighbouring samples "
+            f"correlate by {colour.correlations(2)[1]:.2f}; it is weighed so"
+        )
 
 
 def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:

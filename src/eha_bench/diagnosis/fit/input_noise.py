@@ -7,7 +7,8 @@ cosine transform is orthogonal: Ahmed, Natarajan, Rao, IEEE Trans. Comput. C-23 
 doi:10.1109/T-C.1974.223784). So the response to each of them is one more direction in which a
 residual may be off by one standard deviation, as the start state's are. Whatever adds up answers
 to slow cosines most; how many matter is asked of the model itself: cosines are added until one draw
-of all the faster ones moves the residual by next to nothing beside its own noise.
+of all the faster ones moves the residual by next to nothing beside its own noise. Where noise
+remembers (`colour`), its cosines are as large as its spectral density says.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import idct
 
+from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.plants.plant import Drive
 
 FloatArray = NDArray[np.float64]
@@ -61,35 +63,40 @@ class Shaken:
 def shaken(
     drive: Drive,
     noise: Mapping[str, float],
+    colours: Mapping[str, Colour],
     vector: FloatArray,
     residual: Callable[[Drive], FloatArray],
 ) -> Shaken:
     """Return what the noise of all measured inputs does to a window's residual.
 
     Args:
-        drive: of the window. noise: input -> standard deviation, SI. vector: of the plant.
+        drive: of the window. noise: input -> standard deviation, SI.
+        colours: input -> colour of its noise, where it is not white. vector: of the plant.
         residual: (N,) weighted by its own noise, of the window under a drive.
     """
     base = residual(drive)
     columns: list[FloatArray] = []
     simulations = 1
+    ticks = drive.time.size - drive.first
     for name, sigma in noise.items():
-        own, count = _responses(drive, name, sigma, lambda other: residual(other) - base)
+        colour = colours.get(name)
+        sizes = sigma * (colour.amplitudes(ticks) if colour else np.ones(ticks))
+        own, count = _responses(drive, name, sizes, lambda other: residual(other) - base)
         columns += own
         simulations += count
     return Shaken(np.array(columns).reshape(-1, base.size).T, vector, simulations)
 
 
 def _responses(
-    drive: Drive, name: str, sigma: float, change: Callable[[Drive], FloatArray]
+    drive: Drive, name: str, sizes: FloatArray, change: Callable[[Drive], FloatArray]
 ) -> tuple[list[FloatArray], int]:
     """Return the changes by the cosines of one input that show, and how many were simulated."""
-    ticks = drive.time.size - drive.first
+    ticks = sizes.size
     draw = np.random.default_rng(0).standard_normal(ticks)
 
     def by(amplitudes: FloatArray) -> FloatArray:
         values = drive.inputs[name].copy()
-        values[drive.first :] += sigma * idct(amplitudes, norm="ortho")
+        values[drive.first :] += idct(sizes * amplitudes, norm="ortho")
         return change(replace(drive, inputs={**drive.inputs, name: values}))
 
     columns: list[FloatArray] = []

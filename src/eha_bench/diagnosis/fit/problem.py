@@ -199,6 +199,7 @@ class Problem:
                     part.shaken = shaken(
                         part.drive,
                         noise,
+                        part.window.measured.colours,
                         vector,
                         lambda drive: rough._weighted(replace(part, drive=drive), at, {}),
                     )

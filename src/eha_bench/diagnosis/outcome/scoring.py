@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.diagnosis.data.dataset import Dataset, Use
 from eha_bench.diagnosis.data.gate import Measured, admit
+from eha_bench.diagnosis.data.quiet import with_colours
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.baseline import STEP, Baseline, thinned
 from eha_bench.diagnosis.fit.problem import Problem
@@ -47,7 +48,7 @@ def scored(
     """
     noise = base.problem.noise
     held_out, notes = _read(dataset)
-    held_out = [replace(item, colours=base.measured[0].colours) for item in held_out]
+    held_out = [with_colours(item, base.measured[0].colours) for item in held_out]
     models = (dataset.model, found.recalibrated, found.revised)
     runs = (*base.measured, *held_out)
     replays = replay(runs, models, noise, lambda done: progress("replay", done))
