@@ -16,6 +16,7 @@ from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.noise import noise_of_input
 from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.input_noise import shaken
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
@@ -114,7 +115,11 @@ def test_the_right_model_leaves_noise_though_its_input_is_noisy(model, driven_by
         assert len(windows) > 2
         problem = Problem(model.plant, windows, noise, STEP)
         problem.prepare(model.vector())
-        squares.append(np.mean(problem.residual(model.vector()) ** 2))
+        residual = problem.residual(model.vector())
+        squares.append(np.mean(residual**2))
+        # short windows of one run say together how noisy a channel is
+        for name, level in refined_noise(problem, residual, noise).items():
+            assert level == pytest.approx(noise[name], rel=0.06)
         # and without knowing of it
         exact = replace(measured, input_noise={})
         unaware = [replace(window, measured=exact) for window in windows]

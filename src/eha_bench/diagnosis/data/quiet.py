@@ -1,9 +1,9 @@
 """Stretches in which nothing moves, and what they tell of the sensors' noise.
 
-What was asked for stands still there for an eighth of a second, and so do all readings, but for
-what a parabola says of a pressure that leaks away. Every reading is then a constant and its noise,
-whatever the model: none is used, so none of its errors can be taken for noise. Logs with too few of
-such stretches leave the noise as white as it was taken to be.
+What was asked for stands still there for an eighth of a second (or 32 samples), and so do all
+readings, but for what a parabola says of a pressure that leaks away. Every reading is then a
+constant and its noise, whatever the model: none is used, so none of its errors can be taken for
+noise. Logs with too few of such stretches leave the noise as white as it was taken to be.
 """
 
 from __future__ import annotations
