@@ -177,6 +177,8 @@ def _noise_of_column(measured: Measured, name: str, column: FloatArray) -> float
 
 def _parted(time: FloatArray, values: FloatArray) -> FloatArray:
     """Return a channel with NaN in gaps of the clock: what its signal does there is no noise."""
+    if time.size < 2:
+        return values
     steps = np.diff(time)
     gaps = np.flatnonzero(steps > GAP * np.median(steps)) + 1
     return np.insert(values, gaps, np.nan)
