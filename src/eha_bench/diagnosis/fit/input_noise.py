@@ -30,6 +30,9 @@ _FURTHER = 1.5
 """Factor by which the number of cosines grows while the faster ones still show."""
 _SHOWS = 0.02
 """Square of what faster cosines may move a residual by, as a share of one channel's noise."""
+_FASTEST = 125.0
+"""Frequency of the fastest cosine, Hz: masses on oil swing more slowly, and each takes a simulation.
+What shows beyond it is not foreseen."""
 _NEAR = 0.03
 """Change of a parameter up to which the responses are kept: they are off by as little."""
 _REACH = 2.0
@@ -92,6 +95,8 @@ def _responses(
 ) -> tuple[list[FloatArray], int]:
     """Return the changes by the cosines of one input that show, and how many were simulated."""
     ticks = sizes.size
+    seconds = float(drive.time[-1] - drive.time[drive.first])
+    most = min(max(_FIRST, round(2.0 * _FASTEST * seconds)), ticks)
     draw = np.random.default_rng(0).standard_normal(ticks)
 
     def by(amplitudes: FloatArray) -> FloatArray:
@@ -101,17 +106,17 @@ def _responses(
 
     columns: list[FloatArray] = []
     draws = 0
-    count = min(_FIRST, ticks)
+    count = min(_FIRST, most)
     while True:
         for k in range(len(columns), count):
             only = np.zeros(ticks)
             only[k] = _REACH
             columns.append(by(only) / _REACH)
-        if count == ticks:
+        if count == most:
             break
         faster = by(np.where(np.arange(ticks) < count, 0.0, draw))
         draws += 1
         if float(faster @ faster) < _SHOWS * ticks:
             break
-        count = min(int(count * _FURTHER), ticks)
+        count = min(int(count * _FURTHER), most)
     return columns, len(columns) + draws
