@@ -31,7 +31,7 @@ _FURTHER = 1.5
 _SHOWS = 0.02
 """Square of what faster cosines may move a residual by, as a share of one channel's noise."""
 _FASTEST = 125.0
-"""Frequency of the fastest cosine, Hz: masses on oil swing more slowly, and each takes a simulation.
+"""Frequency of the fastest cosine, Hz: masses on oil swing slower, and each takes a simulation.
 What shows beyond it is not foreseen."""
 _NEAR = 0.03
 """Change of a parameter up to which the responses are kept: they are off by as little."""
