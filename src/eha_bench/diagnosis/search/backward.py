@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.evidence import compare, excess
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.profile import cost_with
 from eha_bench.diagnosis.fit.uncertainty import spreads
-from eha_bench.diagnosis.search.refit import polish, sticks
+from eha_bench.diagnosis.search.refit import BENT, polish, sticks
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
 _SURE = 5.0
@@ -23,15 +23,20 @@ _SURE = 5.0
 def is_idle(search: Search, limits: Thresholds) -> bool:
     """Whether what was added last does nothing: its refit only led the others to a better place.
 
-    What little of it is left may only balance the others, so these follow.
+    What little of it is left may only balance the others, so these follow: as their slopes tell,
+    and in a fit without it where it explains no more than a calibration that was caught leaves.
     """
-    fit, start = search.fit, search.accepted[-1].start
+    fit, item = search.fit, search.accepted[-1]
+    start = item.start
     vector = fit.vector.copy()
     vector[start.strength_at] = start.neutral
     least = cost_of(search.problem, vector)
-    for item in fit.free:
-        if item.at == start.strength_at:
-            least = min(least, cost_with(search.problem, fit, item.key, start.neutral))
+    for free in fit.free:
+        if free.at == start.strength_at:
+            least = min(least, cost_with(search.problem, fit, free.key, start.neutral))
+    little = item.comparison.gain < BENT * SOFT_MEAN * search.problem.size
+    if little and least - fit.cost >= limits.gain:
+        least = min(least, without(search, item, search.accepted[:-1]).cost)
     return least - fit.cost < limits.gain
 
 
@@ -41,6 +46,8 @@ def drop_last(search: Search) -> None:
     search.fit = without(search, item, kept)
     search.accepted = kept
     search.excess_left = excess(search.problem, search.fit)
+    if not kept:
+        search.base, search.excess_base = search.fit, search.excess_left
 
 
 def review(search: Search, limits: Thresholds) -> None:
@@ -90,6 +97,10 @@ def without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
     rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
     before, search.accepted = search.accepted, list(kept)
     try:
-        return polish(search, rough, [])
+        fit = polish(search, rough, [])
     finally:
         search.accepted = before
+    if fit.cost > cost_of(search.problem, vector):
+        # a coarse step led to a worse place than that of what hardly did anything
+        fit = levenberg_marquardt(search.problem, vector, free, iterations=4, refresh=0)
+    return fit

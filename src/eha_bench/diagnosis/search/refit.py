@@ -34,7 +34,8 @@ _KEEP = 3
 _ALIKE = 0.999
 """Cosine from which two starts are one."""
 _HOPEFUL = 0.3
-_BENT = 0.3
+BENT = 0.3
+"""Excess, as a share of the noise's cost, from which calibrated parameters imitate it."""
 _BEGAN_WRONGLY = 1.5
 _STRETCH = 0.5
 """Length of the windows over which what turns is fitted before whole runs, s."""
@@ -46,7 +47,7 @@ _WORTH = 0.1
 
 def is_bent(left: Excess) -> bool:
     """Whether so much is missing that calibrated parameters are bent to imitate it."""
-    return left.relative > _BENT
+    return left.relative > BENT
 
 
 def free_of(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
