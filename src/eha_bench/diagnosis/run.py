@@ -30,6 +30,7 @@ from eha_bench.diagnosis.fit.effort import counted
 from eha_bench.diagnosis.fit.evidence import groups_of
 from eha_bench.diagnosis.fit.finish import finished
 from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
+from eha_bench.diagnosis.fit.start_angles import starts_of
 from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates, undetermined
 from eha_bench.diagnosis.outcome.decide import Decision, decide
 from eha_bench.diagnosis.outcome.diagnosis import (
@@ -187,6 +188,7 @@ def diagnose(
         with fits_by(workers):
             base, search, decision, complete = _searched(loaded, asked, progress)
         found = assemble(loaded, base, search, decision)
+        base = base.begun(starts_of(search.problem))
         vectors = (search.base.vector, found.revised.vector())
         try:
             found = scored(found, loaded, base, vectors, progress)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.noise import noise_of, noise_of_input, quantum_of
+from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
 from eha_bench.diagnosis.data.stuck import stuck
 from eha_bench.plants.plant import Drive
 
@@ -59,6 +60,7 @@ class Measured:
         input_noise: channel -> standard deviation of the noise of an input that was measured, SI;
             what was asked for is exact, and not in here.
         colours: channel -> colour of its noise, where that is not white.
+        start: angle of the shaft at the first sample.
     """
 
     run: Run
@@ -73,6 +75,11 @@ class Measured:
     still: Mapping[str, FloatArray] = field(default_factory=dict)
     input_noise: Mapping[str, float] = field(default_factory=dict)
     colours: Mapping[str, Colour] = field(default_factory=dict)
+    start: StartAngle = KNOWN
+
+    def begun(self, starts: Mapping[str, StartAngle]) -> Measured:
+        """Return the same run with the shaft at another angle at its start, given by run's name."""
+        return replace(self, start=starts.get(self.run.name, self.start))
 
     @cached_property
     def jumps(self) -> NDArray[np.intp]:
@@ -86,7 +93,7 @@ class Measured:
 
     @cached_property
     def shaft_angle(self) -> FloatArray | None:
-        """The shaft's angle from the integrated measured speed, (n,) rad, or None."""
+        """The shaft's angle from its start by the integrated measured speed, (n,) rad, or None."""
         speed = self.inputs.get("motor_speed")
         if speed is None:
             speed = self.column("motor_speed")
@@ -95,7 +102,7 @@ class Measured:
         good = np.isfinite(speed)
         filled = np.interp(self.time, self.time[good], speed[good])
         steps = 0.5 * (filled[1:] + filled[:-1]) * np.diff(self.time)
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return self.start.value + np.concatenate([[0.0], np.cumsum(steps)])
 
     def drive(
         self, first: int, last: int, initial: Mapping[str, float] | None = None, history: int = 0

@@ -94,6 +94,13 @@ def window_at(measured: Measured, first: int, last: int, noise: Mapping[str, flo
     return Window(measured, first, last, state, spread, noise)
 
 
+def begun(window: Window, measured: Measured) -> Window:
+    """Return a window of the same run, of which only the shaft's angle at the start is another."""
+    state, spread = dict(window.initial), dict(window.spread)
+    _turn(measured, window.first, window.noise, state, spread)
+    return replace(window, measured=measured, initial=state, spread=spread)
+
+
 def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_]:
     """Where a window may start: command without jumps, rod and shaft well under way."""
     time = measured.time
@@ -189,16 +196,31 @@ def _start(
         for name in ("piston_velocity",):
             state.pop(name, None)
             spread.pop(name, None)
-    if measured.shaft_angle is not None:
-        state["shaft_angle"] = float(measured.shaft_angle[first])
-        own = measured.input_noise if "motor_speed" in measured.inputs else noise
-        if "motor_speed" in own:
-            # what the noise of the speed adds up to
-            period = float(measured.time[-1]) / (measured.time.size - 1)
-            walked = np.sqrt(float(measured.time[first]) * period)
-            spread["shaft_angle"] = own["motor_speed"] * walked
+    _turn(measured, first, noise, state, spread)
     spread.pop("current", None)
     return state, spread
+
+
+def _turn(
+    measured: Measured,
+    first: int,
+    noise: Mapping[str, float],
+    state: dict[str, float],
+    spread: dict[str, float],
+) -> None:
+    """Set the angle of the shaft at a tick, and how far it may be off."""
+    if measured.shaft_angle is None:
+        return
+    state["shaft_angle"] = float(measured.shaft_angle[first])
+    walked = 0.0
+    own = measured.input_noise if "motor_speed" in measured.inputs else noise
+    if "motor_speed" in own:
+        # what the noise of the speed adds up to
+        period = float(measured.time[-1]) / (measured.time.size - 1)
+        walked = own["motor_speed"] * np.sqrt(float(measured.time[first]) * period)
+    elif not measured.start.is_estimated:
+        return
+    spread["shaft_angle"] = float(np.hypot(walked, measured.start.spread))
 
 
 def _start_current(measured: Measured, state: Mapping[str, float]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,11 +14,13 @@ from eha_bench.core.interruption import checkpoints
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, grouped, pooled_noise
 from eha_bench.diagnosis.data.quiet import coloured
-from eha_bench.diagnosis.data.windows import Window, cut, split
+from eha_bench.diagnosis.data.start_angle import StartAngle
+from eha_bench.diagnosis.data.windows import Window, begun, cut, split
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.odd_runs import notes_of, odd_runs
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
+from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -75,6 +77,11 @@ class Baseline:
     nuisance: tuple[str, ...]
     declared_cost: float
     notes: tuple[str, ...] = field(default=())
+
+    def begun(self, starts: Mapping[str, StartAngle]) -> Baseline:
+        """Return the same where runs begin at other angles of the shaft, by name."""
+        measured = tuple(item.begun(starts) for item in self.measured)
+        return replace(self, measured=measured, problem=self.problem.begun(starts))
 
 
 def no_progress(_stage: str, _fraction: float) -> None:
@@ -157,6 +164,7 @@ def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
     """
     progress("read", 0.0)
     measured, windows, noise, notes = gather(dataset)
+    measured, windows = _at_their_angles(dataset, measured, windows, noise)
     best = [dataset.model.vector()]
     try:
         found = _calibrated(dataset, measured, windows, noise, best, progress)
@@ -210,6 +218,18 @@ def _calibrated(
         float(np.sum(declared**2)),
         notes_of(odd),
     )
+
+
+def _at_their_angles(
+    dataset: Dataset, measured: tuple[Measured, ...], windows: list[Window], noise: dict[str, float]
+) -> tuple[tuple[Measured, ...], list[Window]]:
+    """Return runs and windows with the angles at which something declared that turns shows them."""
+    vector = dataset.model.vector()
+    if not counts_on(dataset.model.plant.layout, vector):
+        return measured, windows
+    starts = own_angles(Problem(dataset.model.plant, windows, noise, COARSE), vector)
+    turned = {item.run.name: item.begun(starts) for item in measured}
+    return tuple(turned.values()), [begun(item, turned[item.measured.run.name]) for item in windows]
 
 
 def _roughly(

@@ -24,8 +24,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 
 from eha_bench.core.interruption import checkpoint
+from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.unmeasured import carried, missing
-from eha_bench.diagnosis.data.windows import Window
+from eha_bench.diagnosis.data.windows import Window, begun
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.effort import simulated
 from eha_bench.diagnosis.fit.input_noise import Shaken, shaken
@@ -138,6 +139,21 @@ class Problem:
         """Return the same problem integrated at another step; start-state bases are shared."""
         other = self.subset(range(len(self.windows)))
         other.step = step
+        return other
+
+    def begun(self, starts: Mapping[str, StartAngle]) -> Problem:
+        """Return the same problem with the shaft at other angles where runs begin, by run's name.
+
+        Start-state bases are shared until it is prepared.
+        """
+        other = self.subset(range(len(self.windows)))
+        other._defect = self._defect
+        runs = {id(item.measured): item.measured.begun(starts) for item in self.windows}
+        other.windows = tuple(begun(item, runs[id(item.measured)]) for item in self.windows)
+        other._parts = [
+            replace(part, window=begun(part.window, runs[id(part.window.measured)]))
+            for part in self._parts
+        ]
         return other
 
     def coarser(self, step: float, vector: FloatArray, residual: FloatArray) -> Problem:

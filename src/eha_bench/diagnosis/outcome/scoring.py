@@ -18,6 +18,7 @@ from eha_bench.diagnosis.data.quiet import with_colours
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.baseline import STEP, Baseline, thinned
 from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.start_angles import counts_on, estimated, said, starts_of
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import (
     ChannelError,
@@ -49,6 +50,13 @@ def scored(
     noise = base.problem.noise
     held_out, notes = _read(dataset)
     held_out = [with_colours(item, base.measured[0].colours) for item in held_out]
+    begun = starts_of(base.problem)
+    if begun and counts_on(dataset.model.plant.layout, vectors[-1]):
+        windows = _windows_of(dataset, held_out, noise)
+        if windows is not None:
+            begun |= estimated(windows, vectors[-1])
+            held_out = [item.begun(begun) for item in held_out]
+        notes.append(said(begun))
     models = (dataset.model, found.recalibrated, found.revised)
     runs = (*base.measured, *held_out)
     replays = replay(runs, models, noise, lambda done: progress("replay", done))

@@ -15,9 +15,11 @@ from eha_bench.core.atomic_file import replacing
 from eha_bench.core.channels import unit_of
 from eha_bench.core.output_folder import writable
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
-from eha_bench.diagnosis.data.gate import Measured, admit
+from eha_bench.diagnosis.data.gate import Measured, admit, pooled_noise
 from eha_bench.diagnosis.data.noise import noise_of
-from eha_bench.diagnosis.fit.problem import start_of
+from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.fit.problem import Problem, start_of
+from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
 from eha_bench.plants.model import Model, load_model
 
 FloatArray = NDArray[np.float64]
@@ -95,6 +97,8 @@ def first_state(measured: Measured, model: Model) -> dict[str, float]:
         state["piston_position"] = measured.held.get("piston_position", 0.0)
     if measured.run.locked:
         state["piston_velocity"] = 0.0
+    if measured.start.is_estimated:
+        state["shaft_angle"] = measured.start.value
     return state
 
 
@@ -126,6 +130,16 @@ def simulate_from(
     return at.simulate(drive, start_of(at, drive, state), step)
 
 
+def _at_its_angle(measured: Measured, model: Model) -> Measured:
+    """Return a run whose shaft begins where what turns in the model shows it in the run."""
+    vector = model.vector()
+    noise = pooled_noise([measured], measured.outputs)
+    if not noise or not counts_on(model.plant.layout, vector):
+        return measured
+    problem = Problem(model.plant, cut(measured, noise), noise, STEP)
+    return measured.begun(own_angles(problem, vector))
+
+
 def predict(
     dataset: Dataset | str | Path,
     model: Model | str | Path | None = None,
@@ -134,7 +148,9 @@ def predict(
 ) -> tuple[Prediction, ...]:
     """Simulate every run of a dataset freely, from its inputs and its first sample.
 
-    Channels that nothing among the inputs drives are left out.
+    Channels that nothing among the inputs drives are left out. No first sample says at which angle
+    the shaft stands: where the model has something on that is periodic in it, and the run shows
+    clearly that it does not begin at zero, that one number is estimated from the run.
 
     Args:
         dataset: dataset.yaml, or as loaded.
@@ -162,7 +178,7 @@ def predict(
             progress(run.name, number / len(dataset.runs))
         recording = run.read()
         measured = admit(run, recording, dataset.inputs, determined, strict=False)
-        values = simulate_run(measured, model)
+        values = simulate_run(_at_its_angle(measured, model), model)
         columns = {
             name: np.ascontiguousarray(values[:, at])
             for at, name in enumerate(plant.outputs)

@@ -14,8 +14,8 @@ from dataclasses import replace
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Comparison, compare, excess
+from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import without
-from eha_bench.diagnosis.search.periodic import is_periodic
 from eha_bench.diagnosis.search.refit import Near, Nearby, polish
 from eha_bench.diagnosis.search.settle import rebase, settle
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds

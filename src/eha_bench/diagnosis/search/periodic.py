@@ -7,36 +7,118 @@ measured speed has come to. For a fixed count the effect is then nearly linear i
 cosine amplitudes: two simulations say what it would gain. Only the best counts are refitted, over
 short windows, then over longer ones, and last over whole runs, whose phase the model has to keep.
 
+Sine and cosine are kept run by run: where runs begin at angles of their own (`start_angles`), each
+has a phase of its own.
+
 A periodic effect is one with parameters `count` and `phase`; its strength is the amplitude.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from eha_bench.diagnosis.data.windows import split
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
-from eha_bench.plants.effect import Effect
+from eha_bench.diagnosis.fit.start_angles import rows_of_runs
 from eha_bench.plants.layout import Layout
 
 FloatArray = NDArray[np.float64]
 
 _COUNTS = (*range(1, 49), 54, 56, 60, 66, 72, 80, 84, 90, 96)
 _KEEP = 2
+_TOLD = 1e-10
 
 
-def is_periodic(effect: Effect) -> bool:
-    """Whether an effect is periodic in the shaft's angle."""
-    names = {parameter.name for parameter in effect.parameters}
-    return {"count", "phase"} <= names
+@dataclass(frozen=True)
+class Form:
+    """A periodic effect in one of its forms.
+
+    Attributes:
+        template: where its search begins. at_count, at_phase: places in the vector.
+    """
+
+    template: Start
+    at_count: int
+    at_phase: int
+
+    @property
+    def small(self) -> Start:
+        """At a size that stays where the change is proportional to it."""
+        return replace(self.template, strength=0.2 * self.template.strength)
+
+    def at(self, count: float, phase: float) -> Start:
+        """Return the small one with so many periods a revolution, at a phase in rad."""
+        return _at(self.small, self.at_count, self.at_phase, count, phase)
+
+    def best(
+        self, count: float, normal: FloatArray, right: FloatArray
+    ) -> tuple[float, Start] | None:
+        """Return the predicted gain of the best amplitude and phase, and where these are.
+
+        Args:
+            count: periods a revolution. normal: (2, 2) products of what phases of 0 and a quarter
+                turn do. right: (2,) their products with the residual.
+        """
+        if normal[0, 0] < 1e-6 or np.linalg.cond(normal) > 1e8:
+            return None
+        amplitude = -np.linalg.solve(normal, right)
+        gain = float(-right @ amplitude)
+        phase = math.atan2(float(amplitude[1]), float(amplitude[0]))
+        size = self.small.strength * float(np.hypot(*amplitude))
+        size = min(max(size, 1e-3 * self.template.strength), self.template.high)
+        # a shaft has a whole number of poles, slots or pistons: fixed, no phase runs away
+        keys = tuple(key for key in self.template.keys if not key.endswith(".count"))
+        return gain, replace(self.at(count, phase), strength=size, keys=keys)
+
+
+@dataclass(frozen=True, eq=False)
+class Wave:
+    """One count of one form, with what it would do in each run.
+
+    Attributes:
+        form: of the effect. count: periods a revolution.
+        gain: predicted at the best amplitude and phase. start: there.
+        runs: their names. normal: (2R, 2R) products of what phases of 0 and a quarter turn do in
+            each run, off the calibrated directions. right: (2R,) their products with the residual.
+    """
+
+    form: Form
+    count: float
+    gain: float
+    start: Start
+    runs: tuple[str, ...]
+    normal: FloatArray
+    right: FloatArray
+
+    def turns(self) -> dict[str, float]:
+        """Return by how much runs begin further on, rad, if each has a phase of its own.
+
+        The first one begins where it did.
+        """
+        pairs = -np.linalg.lstsq(self.normal, self.right, rcond=_TOLD)[0].reshape(-1, 2)
+        phases = np.arctan2(pairs[:, 1], pairs[:, 0])
+        return {
+            name: math.remainder(float(turn), 2.0 * math.pi) / self.count
+            for name, turn in zip(self.runs[1:], phases[1:] - phases[0], strict=True)
+        }
+
+    def begun(self, turns: Mapping[str, float]) -> Wave:
+        """Return the wave where runs begin further on than in the scan, by name, rad."""
+        angles = [self.count * turns.get(name, 0.0) for name in self.runs]
+        turned = np.vstack([[[np.cos(x), -np.sin(x)], [np.sin(x), np.cos(x)]] for x in angles])
+        best = self.form.best(
+            self.count, turned.T @ self.normal @ turned, turned.T @ self.right
+        ) or (0.0, self.start)
+        return replace(self, gain=best[0], start=best[1])
 
 
 def in_parts(problem: Problem, length: float) -> Problem:
@@ -47,8 +129,8 @@ def in_parts(problem: Problem, length: float) -> Problem:
     return other
 
 
-def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) -> list[Start]:
-    """Return the best counts of one periodic effect in each of its forms, the best first.
+def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) -> list[Wave]:
+    """Return what every count of one periodic effect would gain in each of its forms.
 
     Args:
         problem: over short windows. fit: without the effect, on these windows.
@@ -60,53 +142,53 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
     basis = np.linalg.qr(matrix[:, norms > 1e-6 * norms.max(initial=1e-300)])[0]
     target = soft - basis @ (basis.T @ soft)
     base = problem.residual(fit.vector)
+    rows = rows_of_runs(problem)
 
     def moved(trial: Start) -> FloatArray:
-        """Return what a trial does off the calibrated directions."""
+        """Return what a trial does."""
         change = (problem.residual(trial.apply(fit.vector)) - base) * weight
-        return np.asarray(change - basis @ (basis.T @ change), dtype=np.float64)
+        return np.asarray(change, dtype=np.float64)
 
-    found: list[tuple[float, Start]] = []
-    for template in _forms(layout, starts):
-        name = template.candidate
-        at_count, at_phase = layout.index[f"{name}.count"], layout.index[f"{name}.phase"]
-        counts = sorted({*_COUNTS, *(int(dict(s.settings)[at_count]) for s in starts)})
-        # a small size stays where the change is proportional to it
-        small = replace(template, strength=0.2 * template.strength)
-        waves = [(count, phase) for count in counts for phase in (0.0, 0.5 * math.pi)]
-        columns = side_by_side(
-            moved, [_at(small, at_count, at_phase, float(count), phase) for count, phase in waves]
-        )
-        gains = []
+    found: list[Wave] = []
+    for form in _forms(layout, starts):
+        counts = sorted({*_COUNTS, *(int(dict(s.settings)[form.at_count]) for s in starts)})
+        waves = [(float(count), phase) for count in counts for phase in (0.0, 0.5 * math.pi)]
+        columns = side_by_side(moved, [form.at(count, phase) for count, phase in waves])
         for count, sine, cosine in zip(counts, columns[::2], columns[1::2], strict=True):
-            pair = np.column_stack([sine, cosine])
-            normal = pair.T @ pair
-            if normal[0, 0] < 1e-6 or np.linalg.cond(normal) > 1e8:
-                continue
-            amplitude = -np.linalg.solve(normal, pair.T @ target)
-            gain = float(-(pair.T @ target) @ amplitude)
-            phase = math.atan2(float(amplitude[1]), float(amplitude[0]))
-            size = small.strength * float(np.hypot(*amplitude))
-            size = min(max(size, 1e-3 * template.strength), template.high)
-            best = _at(small, at_count, at_phase, float(count), phase)
-            # a shaft has a whole number of poles, slots or pistons: fixed, no phase runs away
-            keys = tuple(key for key in template.keys if key != f"{name}.count")
-            gains.append((gain, replace(best, strength=size, keys=keys)))
-        gains.sort(key=lambda item: -item[0])
-        found += gains[:_KEEP]
-    found.sort(key=lambda item: -item[0])
-    return [start for _, start in found]
+            # off the calibrated directions
+            pair = np.column_stack([c - basis @ (basis.T @ c) for c in (sine, cosine)])
+            best = form.best(float(count), pair.T @ pair, pair.T @ target)
+            if best is not None:
+                raw = [np.column_stack([sine[own], cosine[own]]) for own in rows.values()]
+                shared = np.hstack(
+                    [basis[own].T @ x for own, x in zip(rows.values(), raw, strict=True)]
+                )
+                right = [x.T @ target[own] for own, x in zip(rows.values(), raw, strict=True)]
+                normal = block_diag(*(x.T @ x for x in raw)) - shared.T @ shared
+                found.append(
+                    Wave(form, float(count), *best, tuple(rows), normal, np.concatenate(right))
+                )
+    return found
 
 
-def _forms(layout: Layout, starts: Sequence[Start]) -> list[Start]:
-    """Return one starting point for each combination of an effect's choices."""
-    forms: dict[tuple[float, ...], Start] = {}
+def best_counts(waves: Sequence[Wave]) -> list[Start]:
+    """Return the best counts of each effect in each of its forms, the best first."""
+    forms: dict[int, list[Wave]] = {}
+    for wave in waves:
+        forms.setdefault(id(wave.form), []).append(wave)
+    kept = [w for own in forms.values() for w in sorted(own, key=lambda w: -w.gain)[:_KEEP]]
+    return [wave.start for wave in sorted(kept, key=lambda wave: -wave.gain)]
+
+
+def _forms(layout: Layout, starts: Sequence[Start]) -> list[Form]:
+    """Return one form for each combination of an effect's choices."""
+    forms: dict[tuple[float, ...], Form] = {}
     for start in starts:
         settings = dict(start.settings)
         effect = layout.effect(start.candidate)
-        words = [p.name for p in effect.parameters if p.choices]
-        key = tuple(settings[layout.index[f"{effect.id}.{name}"]] for name in words)
-        forms.setdefault(key, start)
+        at = {p.name: layout.index[f"{effect.id}.{p.name}"] for p in effect.parameters}
+        key = tuple(settings[at[p.name]] for p in effect.parameters if p.choices)
+        forms.setdefault(key, Form(start, at["count"], at["phase"]))
     return list(forms.values())
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.fit.baseline import (
     COARSE,
     FRICTION_AT_REST,
@@ -18,11 +20,12 @@ from eha_bench.diagnosis.fit.baseline import (
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem, cost_of
+from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
-from eha_bench.diagnosis.search.periodic import in_parts, is_periodic, scan
-from eha_bench.diagnosis.search.screen import Screen, Screened
+from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic, starts_of
+from eha_bench.diagnosis.search.periodic import Wave, best_counts, in_parts, scan
+from eha_bench.diagnosis.search.screen import Screen, Screened, begun, unlike
 from eha_bench.diagnosis.search.state import Search, Trial, rival_share
 
 FloatArray = NDArray[np.float64]
@@ -31,16 +34,12 @@ _POOR = 1.02
 """A fit this much above the noise may be caught in another minimum."""
 _NOISE = 1.003
 _KEEP = 3
-_ALIKE = 0.999
-"""Cosine from which two starts are one."""
 _HOPEFUL = 0.3
 BENT = 0.3
 """Excess, as a share of the noise's cost, from which calibrated parameters imitate it."""
 _BEGAN_WRONGLY = 1.5
 _STRETCH = 0.5
 """Length of the windows over which what turns is fitted before whole runs, s."""
-_SMALLEST = 0.01
-"""Least share of a predicted size that a fit begins with."""
 _WORTH = 0.1
 """Least share of the short windows' excess that is worth a fit over long ones."""
 
@@ -151,6 +150,7 @@ class Near:
         self._asked: list[Start] = []
         self._screened: dict[str, list[Screened]] = {}
         self._fits: dict[int, list[Nearby]] = {}
+        self._waves: dict[str, tuple[list[Start], list[Wave]]] = {}
         self._turned: dict[str, tuple[list[Start], list[Nearby]]] = {}
 
     @classmethod
@@ -213,6 +213,14 @@ class Near:
         """What the short windows hold beyond noise, without what is looked for."""
         return self.fit.cost - SOFT_MEAN * self.problem.size
 
+    def gain(self, item: Nearby) -> float:
+        """Return the fall of the cost by what was fitted over the short windows."""
+        return self.fit.cost - item.fit.cost
+
+    def is_worth(self, item: Nearby) -> bool:
+        """Whether it explains enough of the short windows to be taken to the long ones."""
+        return self.gain(item) > _WORTH * self.excess
+
     def fits(self, most: int) -> list[Nearby]:
         """Return the best of the screened refitted over the short windows, the best first.
 
@@ -229,7 +237,7 @@ class Near:
         chosen = [
             item
             for number, name in enumerate(list(tried)[: most + 2])
-            for item in _unlike(tried[name])[: _KEEP if number < 3 else 1]
+            for item in unlike(tried[name])[: _KEEP if number < 3 else 1]
         ]
         found = side_by_side(self._begun, chosen)
         found.sort(key=lambda item: item.fit.cost)
@@ -250,6 +258,42 @@ class Near:
         hopeful = [item for item in fits if self.fit.cost - item.fit.cost > least][:most]
         return side_by_side(self._trial, hopeful)
 
+    def begun(self, starts: Mapping[str, StartAngle]) -> Near:
+        """Return the same where runs begin at other angles, by name; what does not turn fits on."""
+        other = copy(self)
+        other.problem = self.problem.begun(starts)
+        other.coarse = self.coarse.begun(starts)
+        before = angles_of(self.problem)
+        turns = {name: start.value - before[name] for name, start in starts.items()}
+        other._waves = {
+            name: (own, [wave.begun(turns) for wave in waves])
+            for name, (own, waves) in self._waves.items()
+        }
+        other._turned = {}
+        return other
+
+    def adopted(self) -> Near:
+        """Return it as that of its search, whose runs begin where its own do."""
+        self.search.problem = self.search.problem.begun(starts_of(self.problem))
+        self.search.near = self
+        self._from = (self.search.problem, self.search.fit, *self.search.accepted)
+        return self
+
+    def waves(self, starts: Sequence[Start]) -> list[Wave]:
+        """Return what every count of what is periodic in the shaft's angle would gain.
+
+        Args:
+            starts: of one effect or several.
+        """
+        layout = self.search.problem.plant.layout
+        found = []
+        for name in dict.fromkeys(start.candidate for start in starts):
+            own = [start for start in starts if start.candidate == name]
+            if name not in self._waves or self._waves[name][0] != own:
+                self._waves[name] = own, scan(self.problem, self.fit, layout, own)
+            found += self._waves[name][1]
+        return found
+
     def turned(self, starts: Sequence[Start]) -> list[Nearby]:
         """Return what is periodic in the shaft's angle refitted over the short windows.
 
@@ -259,10 +303,7 @@ class Near:
         names = dict.fromkeys(start.candidate for start in starts)
         own = {name: [s for s in starts if s.candidate == name] for name in names}
         new = [n for n in names if n not in self._turned or self._turned[n][0] != own[n]]
-        layout = self.search.problem.plant.layout
-        scanned = [
-            start for name in new for start in scan(self.problem, self.fit, layout, own[name])
-        ]
+        scanned = [start for name in new for start in best_counts(self.waves(own[name]))]
         fits = side_by_side(lambda start: self.refitted((start,), start.apply(self.fit.vector)),
                             scanned)  # fmt: skip
         for name in new:
@@ -346,49 +387,3 @@ class Near:
             free = free_of(self.search, fit.vector, starts)
             fit = levenberg_marquardt(own, fit.vector, free, iterations=6, refresh=1)
         return fit
-
-
-def _unlike(screened: Sequence[Screened]) -> list[Screened]:
-    """Return those of one candidate that do not move the outputs as a better one does already."""
-    kept: list[Screened] = []
-    for item in screened:
-        size = float(np.linalg.norm(item.direction))
-        if all(
-            abs(float(item.direction @ other.direction))
-            < _ALIKE * size * float(np.linalg.norm(other.direction))
-            for other in kept
-        ):
-            kept.append(item)
-    return kept
-
-
-def begun(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
-    """Return a vector with a screened candidate on, at a size that makes nothing worse.
-
-    A prediction far beyond the strength that was probed holds only where an effect is proportional
-    to its strength; a fit that begins behind a ridge stays there. What was probed itself may be
-    the better place: the instants of impacts are proportional to nothing.
-
-    Args:
-        problem: where a fit is to begin. item: the candidate. fit: without it, there.
-    """
-    share = 1.0
-    while True:
-        vector = started(item, fit.vector, share)
-        cost = cost_of(problem, vector)
-        if cost <= fit.cost or share < _SMALLEST:
-            break
-        share /= 3.0
-    probed = item.start.apply(fit.vector)
-    return probed if cost_of(problem, probed) < cost else vector
-
-
-def started(item: Screened, vector: FloatArray, share: float = 1.0) -> FloatArray:
-    """Return a vector with a screened candidate on, at a share of the size that was predicted."""
-    # a predicted amplitude is a fraction of the real one; never start from nothing
-    size = share * float(np.sign(item.amplitude) or 1.0) * max(abs(item.amplitude), 1e-3)
-    out = item.start.apply(vector, size)
-    out[item.start.strength_at] = np.clip(
-        out[item.start.strength_at], item.start.low, item.start.high
-    )
-    return out

@@ -16,12 +16,16 @@ from numpy.typing import NDArray
 
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import Fit
-from eha_bench.diagnosis.fit.problem import Problem, soften
+from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 
 FloatArray = NDArray[np.float64]
 
 _SHARES = (0.2, 1.0)
+_ALIKE = 0.999
+"""Cosine from which two starts are one."""
+_SMALLEST = 0.01
+"""Least share of a predicted size that a fit begins with."""
 
 
 @dataclass(frozen=True)
@@ -109,3 +113,49 @@ class Screen:
 
         found = side_by_side(screened, starts)
         return sorted(found, key=lambda item: -item.gain)
+
+
+def unlike(screened: Sequence[Screened]) -> list[Screened]:
+    """Return those of one candidate that do not move the outputs as a better one does already."""
+    kept: list[Screened] = []
+    for item in screened:
+        size = float(np.linalg.norm(item.direction))
+        if all(
+            abs(float(item.direction @ other.direction))
+            < _ALIKE * size * float(np.linalg.norm(other.direction))
+            for other in kept
+        ):
+            kept.append(item)
+    return kept
+
+
+def begun(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
+    """Return a vector with a screened candidate on, at a size that makes nothing worse.
+
+    A prediction far beyond the strength that was probed holds only where an effect is proportional
+    to its strength; a fit that begins behind a ridge stays there. What was probed itself may be
+    the better place: the instants of impacts are proportional to nothing.
+
+    Args:
+        problem: where a fit is to begin. item: the candidate. fit: without it, there.
+    """
+    share = 1.0
+    while True:
+        vector = started(item, fit.vector, share)
+        cost = cost_of(problem, vector)
+        if cost <= fit.cost or share < _SMALLEST:
+            break
+        share /= 3.0
+    probed = item.start.apply(fit.vector)
+    return probed if cost_of(problem, probed) < cost else vector
+
+
+def started(item: Screened, vector: FloatArray, share: float = 1.0) -> FloatArray:
+    """Return a vector with a screened candidate on, at a share of the size that was predicted."""
+    # a predicted amplitude is a fraction of the real one; never start from nothing
+    size = share * float(np.sign(item.amplitude) or 1.0) * max(abs(item.amplitude), 1e-3)
+    out = item.start.apply(vector, size)
+    out[item.start.strength_at] = np.clip(
+        out[item.start.strength_at], item.start.low, item.start.high
+    )
+    return out

@@ -20,13 +20,14 @@ from eha_bench.diagnosis.fit.evidence import (
 )
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
+from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import drop_last, is_idle, release, review
 from eha_bench.diagnosis.search.exchange import CLOSE, exchange
 from eha_bench.diagnosis.search.joint import joint
-from eha_bench.diagnosis.search.periodic import is_periodic
 from eha_bench.diagnosis.search.refit import Near, is_bent, polish, refit
 from eha_bench.diagnosis.search.screen import Screen, Screened
 from eha_bench.diagnosis.search.settle import rebase, refine, settle
+from eha_bench.diagnosis.search.start_angles import begun_apart
 from eha_bench.diagnosis.search.state import (
     Accepted,
     Ranked,
@@ -155,8 +156,9 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     floor = search.fit.cost - search.excess_left.total
     if _worth_a_look(search) and reached > floor + max(_MOSTLY * search.excess_left.total, 30.0):
         own = [start for start in starts if start.candidate in turning]
-        rough = (near or Near.here(search, coarse)).turning(own, _TURNING) if own else []
-        finals += _finished(search, _best_of_each(rough), afresh=False)
+        if own:
+            near = begun_apart(search, near or Near.here(search, coarse), own)
+            finals += _finished(search, _best_of_each(near.turning(own, _TURNING)), afresh=False)
     best: dict[str, Screened] = {}
     for item in screened:
         best.setdefault(item.start.candidate, item)

@@ -1,0 +1,208 @@
+"""The shaft's angle where each run begins, told by what turns with the shaft in the run itself.
+
+A run's angle moves the residuals of that run only, so all runs are moved at once and each is read
+by itself: the angle is scanned over one period, and then refined by Gauss-Newton steps. Its spread
+is that of an angle nobody knows, and what it could explain is taken out of the residual as for
+every start state (`problem`), so the intervals of everything else hold whatever it is.
+
+Runs that begin alike are the rule to be refuted: angles of their own are freedom, one number a run.
+Under the rule twice the log likelihood ratio is chi-square with as many degrees (Wilks, Ann. Math.
+Stat. 9 (1938) 60, doi:10.1214/aoms/1177732360).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from eha_bench.diagnosis.data.start_angle import StartAngle
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
+from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
+from eha_bench.diagnosis.fit.short_windows import medium_problem
+from eha_bench.plants.effect import Effect
+from eha_bench.plants.layout import Layout
+
+FloatArray = NDArray[np.float64]
+
+_CHANCE = 1e-3
+"""Probability with which runs that begin alike are told to begin apart."""
+_NEARLY = 0.75
+"""Share of what angles of their own explain that a common one explains where runs begin alike: an
+integrated speed drifts, and phases half a radian off cost a quarter (the square of a cosine)."""
+_POINTS = 12
+"""Angles that are tried in a period."""
+_ROUNDS = 3
+_MOVE = 0.1
+"""Difference by which slopes are taken, in spreads."""
+_FURTHEST = 0.5
+"""Longest step, in spreads."""
+
+
+def is_periodic(effect: Effect) -> bool:
+    """Whether an effect is periodic in the shaft's angle: it has a `count` and a `phase`."""
+    names = {parameter.name for parameter in effect.parameters}
+    return {"count", "phase"} <= names
+
+
+def counts_on(layout: Layout, vector: FloatArray) -> list[float]:
+    """Return the periods a revolution of everything periodic that a vector has on."""
+    return [
+        max(1.0, float(vector[layout.index[f"{effect.id}.count"]]))
+        for effect in layout.effects
+        if is_periodic(effect)
+        and vector[layout.index[f"{effect.id}.{effect.strength.name}"]] != effect.neutral
+    ]
+
+
+def begin_apart(
+    common: float, apart: float, more: int, *, level: float = 1.0, tries: int = 1
+) -> bool:
+    """Whether runs begin at angles of their own.
+
+    Args:
+        common: fall of the cost with one angle for all runs. apart: with one each.
+        more: how many more numbers that takes.
+        level: by how much chance gains more than noise would (1: the residual is noise).
+        tries: how many times it was asked (Bonferroni).
+    """
+    chance = level * float(chdtri(more, _CHANCE / tries))
+    return common < _NEARLY * apart and apart - common > chance
+
+
+def starts_of(problem: Problem) -> dict[str, StartAngle]:
+    """Return the start angles that are estimated, by run."""
+    measured = (window.measured for window in problem.windows)
+    return {item.run.name: item.start for item in measured if item.start.is_estimated}
+
+
+def angles_of(problem: Problem) -> dict[str, float]:
+    """Return the angle at which each run begins, rad, by run."""
+    measured = (window.measured for window in problem.windows)
+    return {item.run.name: item.start.value for item in measured}
+
+
+def rows_of_runs(problem: Problem) -> dict[str, NDArray[np.intp]]:
+    """Return the places of each run in the stacked residual, in the order of the runs."""
+    windows: dict[str, list[int]] = {}
+    for number, window in enumerate(problem.windows):
+        windows.setdefault(window.measured.run.name, []).append(number)
+    return {name: problem.rows_of(own) for name, own in windows.items()}
+
+
+def refined(problem: Problem, vector: FloatArray) -> Problem:
+    """Return a problem whose runs begin where each fits best, near where they begin now.
+
+    Angles that are taken for known stay, and where all are it is the problem itself.
+    """
+    starts = starts_of(problem)
+    if not starts or not counts_on(problem.plant.layout, vector):
+        return problem
+    rows = {name: own for name, own in rows_of_runs(problem).items() if name in starts}
+    residual = problem.residual(vector)
+    for _ in range(_ROUNDS):
+        soft, weight = soften(residual, problem.soft)
+        turned = {name: _by(start, _MOVE * start.spread) for name, start in starts.items()}
+        change = (problem.begun(turned).residual(vector) - residual) * weight
+        trial = {}
+        for name, start in starts.items():
+            slope, own = change[rows[name]], soft[rows[name]]
+            square = float(slope @ slope)
+            step = -float(slope @ own) / square if square > 0.0 else 0.0
+            step = float(np.clip(step * _MOVE, -_FURTHEST, _FURTHEST))
+            trial[name] = _by(start, step * start.spread)
+        after = problem.begun(trial).residual(vector)
+        new, _ = soften(after, problem.soft)
+        better = [n for n, k in rows.items() if float(new[k] @ new[k]) < float(soft[k] @ soft[k])]
+        if not better:
+            break
+        starts |= {name: trial[name] for name in better}
+        problem = problem.begun(starts)
+        for name in better:
+            residual[rows[name]] = after[rows[name]]
+    return problem
+
+
+def own_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
+    """Return the angles at which runs begin, by run; nothing where they may all begin at zero.
+
+    Args:
+        problem: the runs. vector: of a model that may have something periodic on.
+    """
+    layout = problem.plant.layout
+    if not counts_on(layout, vector):
+        return {}
+    short = _short_windows(problem, vector)
+    starts, common, apart = _scanned(short, vector)
+    off = vector.copy()
+    for effect in filter(is_periodic, layout.effects):
+        off[layout.index[f"{effect.id}.{effect.strength.name}"]] = effect.neutral
+    nothing = cost_of(short, off)
+    level = max(1.0, apart / (SOFT_MEAN * short.size))
+    if not begin_apart(nothing - common, nothing - apart, len(starts), level=level):
+        return {}
+    return _settled(problem, short.begun(starts), vector)
+
+
+def estimated(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
+    """Return the angle at which each run fits best, by run; nothing where nothing turns.
+
+    Args:
+        problem: the runs. vector: of a model with something periodic on.
+    """
+    if not counts_on(problem.plant.layout, vector):
+        return {}
+    short = _short_windows(problem, vector)
+    return _settled(problem, short.begun(_scanned(short, vector)[0]), vector)
+
+
+def said(starts: Mapping[str, StartAngle]) -> str:
+    """Say in words where runs begin."""
+    each = ", ".join(f"{name} {start.value:.3g}" for name, start in starts.items())
+    return f"the shaft's angle at the start of each run was estimated from the run, in rad: {each}"
+
+
+def _scanned(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle], float, float]:
+    """Return the best of some angles for each run, and the cost with zero and with these.
+
+    Short windows begin at measured angles, so no other parameter has to be right.
+    """
+    counts = counts_on(short.plant.layout, vector)
+    common = math.gcd(*(round(count) for count in counts))
+    period, spread = 2.0 * math.pi / common, 1.0 / max(counts)
+    tries = _POINTS * math.ceil(max(counts) / common)
+    rows = rows_of_runs(short)
+    best = dict.fromkeys(rows, (math.inf, 0.0))
+    costs = []
+    for number in range(tries):
+        angle = math.remainder(period * number / tries, period)
+        moved = short.begun(dict.fromkeys(rows, StartAngle(angle, spread)))
+        soft, _ = soften(moved.residual(vector), short.soft)
+        costs.append(float(soft @ soft))
+        for name, own in rows.items():
+            best[name] = min(best[name], (float(soft[own] @ soft[own]), angle))
+    starts = {name: StartAngle(angle, spread) for name, (_, angle) in best.items()}
+    return starts, costs[0], sum(cost for cost, _ in best.values())
+
+
+def _settled(problem: Problem, short: Problem, vector: FloatArray) -> dict[str, StartAngle]:
+    """Return the angles refined over short windows, and then over the problem's own."""
+    long = problem.begun(starts_of(refined(short, vector)))
+    long.prepare(vector)
+    long.scale_to(long.residual(vector))
+    return starts_of(refined(long, vector))
+
+
+def _short_windows(problem: Problem, vector: FloatArray) -> Problem:
+    """Return the same runs over short windows, prepared."""
+    short = medium_problem(problem)
+    short.prepare(vector)
+    short.scale_to(short.residual(vector))
+    return short
+
+
+def _by(start: StartAngle, turn: float) -> StartAngle:
+    return StartAngle(start.value + turn, start.spread)

@@ -1,0 +1,86 @@
+"""Lets runs begin at angles of their own, where what turns with the shaft shows only that way.
+
+The scan says what a count gains with one phase, and with a phase in each run. Where the latter
+explain significantly more than any count does with one phase, the best few are fitted over short
+windows, each with the angles that its phases make. If these explain clearly more than the best one
+with a common phase, the angles become part of the data, and the search goes on as it would have,
+with one phase for all runs. Angles mean nothing to what does not turn: no other fit is touched.
+
+What else is missing makes every count gain more than noise would. The median over all counts, of
+which hardly any is there, says by how much (genomic control: Devlin, Roeder, Biometrics 55 (1999)
+997, doi:10.1111/j.0006-341X.1999.00997.x).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.special import chdtri
+
+from eha_bench.diagnosis.data.start_angle import StartAngle
+from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.side_by_side import side_by_side
+from eha_bench.diagnosis.fit.start_angles import (
+    angles_of,
+    begin_apart,
+    counts_on,
+    refined,
+    starts_of,
+)
+from eha_bench.diagnosis.search.periodic import Wave, best_counts
+from eha_bench.diagnosis.search.refit import Near, Nearby
+from eha_bench.diagnosis.search.state import Search
+
+_TRIED = 3
+_ROUNDS = 2
+
+Starts = Mapping[str, StartAngle]
+
+
+def begun_apart(search: Search, near: Near, starts: Sequence[Start]) -> Near:
+    """Return the search over short windows with runs that begin where the data ask for.
+
+    Where they do, the search's own problem begins there as well.
+
+    Args:
+        search: so far. near: its short windows. starts: of what is periodic in the shaft's angle.
+    """
+    if counts_on(search.problem.plant.layout, search.fit.vector):
+        # what turns there already says where runs begin
+        return near
+    waves = near.waves(starts)
+    pairs = [(wave, wave.begun(wave.turns())) for wave in waves if len(wave.runs) > 1]
+    if not pairs:
+        return near
+    more = len(pairs[0][0].runs) - 1
+    usual = float(np.median([apart.gain - wave.gain for wave, apart in pairs]))
+    level = max(1.0, usual / float(chdtri(more, 0.5)))
+    pairs.sort(key=lambda pair: -pair[1].gain)
+    best = pairs[0][1].gain
+    common = max(wave.gain for wave in waves)
+    if not begin_apart(common, best, more, level=level, tries=len(pairs)):
+        return near
+    tried = side_by_side(lambda pair: _fitted(near, *pair), pairs[:_TRIED])
+    angles, found = min(tried, key=lambda item: item[1].fit.cost)
+    beside = best_counts(waves)[0]
+    alike = near.refitted((beside,), beside.apply(near.fit.vector))
+    apart, common = near.gain(found), near.gain(alike)
+    if not near.is_worth(found) or not begin_apart(common, apart, more, level=level):
+        return near
+    return near.begun(angles).adopted()
+
+
+def _fitted(near: Near, wave: Wave, apart: Wave) -> tuple[Starts, Nearby]:
+    """Return where runs begin, and a fit there, for the phases that one count has in each run."""
+    before = angles_of(near.problem)
+    starts = {
+        name: StartAngle(before[name] + turn, 1.0 / wave.count)
+        for name, turn in wave.turns().items()
+    }
+    here = near.begun(starts)
+    found = here.refitted((apart.start,), apart.start.apply(near.fit.vector))
+    for _ in range(_ROUNDS):
+        here = near.begun(starts_of(refined(here.problem, found.fit.vector)))
+        found = here.refitted(found.starts, found.fit.vector, found.fit.columns)
+    return starts_of(here.problem), found
