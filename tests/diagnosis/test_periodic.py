@@ -13,7 +13,7 @@ from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.candidates import effect_starts
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.search.periodic import in_parts, scan
+from eha_bench.diagnosis.search.periodic import best_counts, in_parts, scan
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 
@@ -51,7 +51,7 @@ def test_count_phase_and_amplitude_are_found_beside_a_wrong_friction(problem):
     free = free_parameters(layout, keys, vector)
     fit = levenberg_marquardt(problem, vector, free, iterations=3)
     starts = effect_starts(layout, layout.effect("cogging_torque"))
-    best = scan(problem, fit, layout, starts)[0]
+    best = best_counts(scan(problem, fit, layout, starts))[0]
     settings = dict(best.settings)
     assert settings[layout.index["cogging_torque.count"]] == COUNT
     off = settings[layout.index["cogging_torque.phase"]] - PHASE

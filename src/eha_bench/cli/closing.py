@@ -29,9 +29,8 @@ def predict(
 
     with TerminalProgress() as bar:
         found = simulate(dataset, model, out, progress=_stages(bar))
-    for item in found:
-        for note in item.notes:
-            say(note)
+    for note in (note for item in found for note in item.notes):
+        say(note)
     say(f"{len(found)} runs simulated")
     typer.echo(str(out))
 

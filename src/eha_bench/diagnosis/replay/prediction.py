@@ -19,7 +19,7 @@ from eha_bench.diagnosis.data.gate import Measured, admit, pooled_noise
 from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.problem import Problem, start_of
-from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
+from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles, said
 from eha_bench.plants.model import Model, load_model
 
 FloatArray = NDArray[np.float64]
@@ -37,7 +37,8 @@ class Prediction:
 
     Attributes:
         run: its name. time: (n,) s, as in the log. values: channel -> (n,) SI.
-        notes: what was found in the log (gaps of an input that were bridged), one sentence each.
+        notes: what was found in the log (gaps of an input that were bridged), and what was taken for
+            its start and is not in the first sample, one sentence each.
     """
 
     run: str
@@ -178,7 +179,8 @@ def predict(
             progress(run.name, number / len(dataset.runs))
         recording = run.read()
         measured = admit(run, recording, dataset.inputs, determined, strict=False)
-        values = simulate_run(_at_its_angle(measured, model), model)
+        measured = _at_its_angle(measured, model)
+        values = simulate_run(measured, model)
         columns = {
             name: np.ascontiguousarray(values[:, at])
             for at, name in enumerate(plant.outputs)
@@ -186,7 +188,10 @@ def predict(
         }
         if "pressure_a" in columns and "pressure_b" in columns:
             columns["pressure_difference"] = columns["pressure_a"] - columns["pressure_b"]
-        prediction = Prediction(run.name, np.array(recording.time), columns, measured.notes)
+        notes = measured.notes
+        if measured.start.is_estimated:
+            notes += (said({run.name: measured.start}),)
+        prediction = Prediction(run.name, np.array(recording.time), columns, notes)
         if out is not None:
             folder = Path(out)
             folder.mkdir(parents=True, exist_ok=True)

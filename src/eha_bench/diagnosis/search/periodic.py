@@ -36,6 +36,7 @@ FloatArray = NDArray[np.float64]
 _COUNTS = (*range(1, 49), 54, 56, 60, 66, 72, 80, 84, 90, 96)
 _KEEP = 2
 _TOLD = 1e-10
+"""What a run says of its phase at least, beside the one that says most."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,9 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
     basis = np.linalg.qr(matrix[:, norms > 1e-6 * norms.max(initial=1e-300)])[0]
     target = soft - basis @ (basis.T @ soft)
     base = problem.residual(fit.vector)
-    rows = rows_of_runs(problem)
+    runs = rows_of_runs(problem)
+    places = list(runs.values())
+    own_basis = [basis[rows] for rows in places]
 
     def moved(trial: Start) -> FloatArray:
         """Return what a trial does."""
@@ -159,15 +162,12 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
             pair = np.column_stack([c - basis @ (basis.T @ c) for c in (sine, cosine)])
             best = form.best(float(count), pair.T @ pair, pair.T @ target)
             if best is not None:
-                raw = [np.column_stack([sine[own], cosine[own]]) for own in rows.values()]
-                shared = np.hstack(
-                    [basis[own].T @ x for own, x in zip(rows.values(), raw, strict=True)]
-                )
-                right = [x.T @ target[own] for own, x in zip(rows.values(), raw, strict=True)]
-                normal = block_diag(*(x.T @ x for x in raw)) - shared.T @ shared
-                found.append(
-                    Wave(form, float(count), *best, tuple(rows), normal, np.concatenate(right))
-                )
+                both = np.column_stack([sine, cosine])
+                own = [both[rows] for rows in places]
+                shared = np.vstack([x.T @ b for x, b in zip(own, own_basis, strict=True)])
+                normal = block_diag(*(x.T @ x for x in own)) - shared @ shared.T
+                right = np.hstack([target[rows] @ x for x, rows in zip(own, places, strict=True)])
+                found.append(Wave(form, float(count), *best, tuple(runs), normal, right))
     return found
 
 

@@ -261,22 +261,21 @@ class Near:
     def begun(self, starts: Mapping[str, StartAngle]) -> Near:
         """Return the same where runs begin at other angles, by name; what does not turn fits on."""
         other = copy(self)
-        other.problem = self.problem.begun(starts)
-        other.coarse = self.coarse.begun(starts)
-        before = angles_of(self.problem)
-        turns = {name: start.value - before[name] for name, start in starts.items()}
-        other._waves = {
-            name: (own, [wave.begun(turns) for wave in waves])
-            for name, (own, waves) in self._waves.items()
-        }
+        other.problem, other.coarse = self.problem.begun(starts), self.coarse.begun(starts)
         other._turned = {}
         return other
 
     def adopted(self) -> Near:
-        """Return it as that of its search, whose runs begin where its own do."""
-        self.search.problem = self.search.problem.begun(starts_of(self.problem))
-        self.search.near = self
-        self._from = (self.search.problem, self.search.fit, *self.search.accepted)
+        """Return it as that of its search, whose runs begin from now on where its own do."""
+        search, before = self.search, angles_of(self.search.problem)
+        turns = {name: angle - before[name] for name, angle in angles_of(self.problem).items()}
+        self._waves = {
+            name: (own, [wave.begun(turns) for wave in waves])
+            for name, (own, waves) in self._waves.items()
+        }
+        search.problem = search.problem.begun(starts_of(self.problem))
+        search.near = self
+        self._from = (search.problem, search.fit, *search.accepted)
         return self
 
     def waves(self, starts: Sequence[Start]) -> list[Wave]:

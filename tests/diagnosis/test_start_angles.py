@@ -1,0 +1,205 @@
+"""Runs that begin at angles of their own: found where they do, left alone where they do not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
+from eha_bench.diagnosis.data.gate import Measured, admit
+from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
+from eha_bench.diagnosis.data.windows import window_at
+from eha_bench.diagnosis.fit.candidates import effect_starts
+from eha_bench.diagnosis.fit.evidence import groups_of
+from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.start_angles import (
+    begin_apart,
+    estimated,
+    own_angles,
+    refined,
+    starts_of,
+)
+from eha_bench.diagnosis.fit.uncertainty import spreads
+from eha_bench.diagnosis.replay.prediction import predict
+from eha_bench.diagnosis.search.periodic import Form, Wave, best_counts, scan
+from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.plant import Drive
+
+NOISE = {"current": 0.05, "motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
+COUNT, PHASE, AMPLITUDE = 7, 0.8, 0.02
+ANGLES = {"one": 0.0, "two": 0.3, "three": -0.25}
+PULL = {"amplitude": AMPLITUDE, "count": float(COUNT), "phase": PHASE}
+TRUTH = Model("eha_knee", {}, (), (DeclaredEffect("cogging_torque", PULL),))
+
+
+def turning(angles: dict[str, float], seed: int = 1, mean: float = 0.0) -> list[Measured]:
+    """Shafts that turn with the bypass open while their magnets pull, each from its own angle.
+
+    They swing about rest, or with a mean current in A turn one way.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 0.8, 1e-3)
+    found = []
+    for number, (name, angle) in enumerate(angles.items()):
+        command = mean + (3.5 - 0.3 * number) * np.sin(2 * np.pi * (1.25 + 0.4 * number) * time)
+        start = {"shaft_angle": angle}
+        drive = Drive(time, {"current_command": command}, start, True, True)
+        values = TRUTH.plant.simulate(TRUTH.vector(), drive, 2e-4)[:, :4]
+        values += rng.standard_normal(values.shape) * list(NOISE.values())
+        columns = dict(zip(NOISE, values.T, strict=True))
+        reading = Recording(time, {"current_command": command, **columns})
+        run = Run(name, Path(f"{name}.mcap"), None, True, True, Use.TRAIN, lambda r=reading: r)
+        found.append(admit(run, reading, ["current_command"], TRUTH.plant.outputs))
+    return found
+
+
+def whole(runs: Sequence[Measured]) -> Problem:
+    windows = [window_at(item, 0, item.time.size, NOISE) for item in runs]
+    return Problem(TRUTH.plant, windows, NOISE, 2e-4)
+
+
+def scanned(runs: Sequence[Measured]) -> list[Wave]:
+    """What every count of cogging would gain, beside a friction that is fitted."""
+    windows = [window_at(item, k, k + 100, NOISE) for item in runs for k in range(100, 800, 100)]
+    problem = Problem(TRUTH.plant, windows, NOISE, 3.4e-4)
+    vector = Model("eha_knee", {}).vector()
+    problem.prepare(vector)
+    layout = problem.plant.layout
+    keys = ["viscous_torque", "coulomb_torque", "torque_constant"]
+    free = free_parameters(layout, keys, vector)
+    fit = levenberg_marquardt(problem, vector, free, iterations=2)
+    starts = effect_starts(layout, layout.effect("cogging_torque"))
+    few = [start for start in starts if dict(start.settings)[free_place(layout)] <= COUNT]
+    return scan(problem, fit, layout, few)
+
+
+def free_place(layout) -> int:
+    return layout.index["cogging_torque.count"]
+
+
+def off(angle: float, true: float) -> float:
+    """How far an angle is from the true one, in rad of phase."""
+    return abs(math.remainder(COUNT * (angle - true), 2.0 * math.pi))
+
+
+def test_phases_of_their_own_show_the_count_and_the_angles() -> None:
+    waves = scanned(turning(ANGLES))
+    best = max(waves, key=lambda wave: wave.begun(wave.turns()).gain)
+    assert best.count == COUNT
+    apart = best.begun(best.turns())
+    common = max(wave.gain for wave in waves)
+    assert begin_apart(common, apart.gain, 2, tries=len(waves))
+    for name, turn in best.turns().items():
+        assert off(turn, ANGLES[name]) < 0.3
+    assert apart.start.strength == pytest.approx(AMPLITUDE, rel=0.2)
+
+
+def test_runs_that_begin_alike_keep_one_phase() -> None:
+    waves = scanned(turning(dict.fromkeys(ANGLES, 0.0)))
+    common = max(waves, key=lambda wave: wave.gain)
+    apart = max(wave.begun(wave.turns()).gain for wave in waves)
+    assert common.count == COUNT
+    assert not begin_apart(common.gain, apart, 2, tries=len(waves))
+    assert best_counts(waves)[0] is common.start
+
+
+def test_a_wave_begun_where_it_was_scanned_gains_the_same() -> None:
+    for wave in scanned(turning(ANGLES)):
+        assert wave.begun({}).gain == pytest.approx(wave.gain, rel=1e-9)
+        assert wave.begun({}).start.strength == pytest.approx(wave.start.strength, rel=1e-9)
+
+
+def test_chance_alone_hardly_ever_sets_runs_apart() -> None:
+    """Six runs, forty counts, nothing or one common phase in the noise: 1600 draws of each."""
+    rng = np.random.default_rng(7)
+    layout = TRUTH.plant.layout
+    template = effect_starts(layout, layout.effect("cogging_torque"))[0]
+    form = Form(template, free_place(layout), layout.index["cogging_torque.phase"])
+    names = tuple("abcdef")
+    normal = np.kron(np.diag([400.0, 900.0, 30.0, 100.0, 250.0, 5.0]), np.eye(2))
+    turns = np.tile(np.eye(2), (6, 1))
+
+    def drawn(pair: np.ndarray) -> Wave:
+        right = -normal @ np.tile(pair, 6) + np.sqrt(np.diag(normal)) * rng.standard_normal(12)
+        best = form.best(9.0, turns.T @ normal @ turns, turns.T @ right)
+        return Wave(form, 9.0, *best, names, normal, right)
+
+    for size in (0.0, 0.5):
+        told = 0
+        for _ in range(40):
+            waves = [drawn(np.array([size * (number == 0), 0.0])) for number in range(40)]
+            apart = max(wave.begun(wave.turns()).gain for wave in waves)
+            common = max(wave.gain for wave in waves)
+            told += begin_apart(common, apart, 5, tries=len(waves))
+        assert told <= 1
+
+
+def test_angles_are_estimated_from_the_runs_themselves() -> None:
+    found = own_angles(whole(turning(ANGLES)), TRUTH.vector())
+    assert list(found) == list(ANGLES)
+    for name, start in found.items():
+        assert off(start.value, ANGLES[name]) < 0.1
+        assert start.is_estimated
+
+
+def test_nothing_is_estimated_where_runs_begin_at_zero_or_nothing_turns() -> None:
+    alike = whole(turning(dict.fromkeys(ANGLES, 0.0)))
+    assert own_angles(alike, TRUTH.vector()) == {}
+    assert own_angles(whole(turning(ANGLES)), Model("eha_knee", {}).vector()) == {}
+    assert estimated(alike, Model("eha_knee", {}).vector()) == {}
+    assert refined(alike, TRUTH.vector()) is alike
+
+
+def test_what_does_not_turn_does_not_see_where_a_run_begins() -> None:
+    problem = whole(turning(ANGLES))
+    plain = Model("eha_knee", {}).vector()
+    begun = problem.begun({"two": StartAngle(1.0, 0.1)})
+    assert np.array_equal(begun.residual(plain), problem.residual(plain))
+    assert not np.array_equal(begun.residual(TRUTH.vector()), problem.residual(TRUTH.vector()))
+    assert starts_of(begun) == {"two": StartAngle(1.0, 0.1)}
+    assert begun.windows[1].initial["shaft_angle"] == 1.0
+    assert begun.windows[0].measured.start == KNOWN
+
+
+def test_a_prediction_begins_where_the_run_shows_it() -> None:
+    """One number is estimated; where the run begins at zero the prediction is the plain one."""
+    runs = [item.run for item in turning(ANGLES)]
+    found = predict(Dataset(TRUTH, ("current_command",), tuple(runs)))
+    for run, prediction in zip(runs, found, strict=True):
+        error = prediction.values["motor_speed"] - run.read()["motor_speed"]
+        assert np.sqrt(np.mean(error**2)) < 1.1 * NOISE["motor_speed"]
+    zero = StartAngle()
+    plain = TRUTH.plant.simulate(
+        TRUTH.vector(), turning(ANGLES)[0].begun({"one": zero}).drive(0, 800, {}), 1e-4
+    )
+    first = TRUTH.plant.outputs.index("motor_speed")
+    assert np.allclose(found[0].values["motor_speed"], plain[:, first], atol=1e-2)
+
+
+@pytest.mark.slow
+def test_the_interval_holds_though_the_angles_are_estimated() -> None:
+    """Shafts that keep turning, angles that are a little off at first; forty sets of noise."""
+    layout = TRUTH.plant.layout
+    keys = ["cogging_torque.amplitude", "cogging_torque.phase"]
+    at = {key: layout.index[key] for key in keys}
+    held = dict.fromkeys(keys, 0)
+    for seed in range(40):
+        vector = TRUTH.vector()
+        vector[at[keys[0]]] *= 0.9
+        began = {"two": StartAngle(0.33, 1 / COUNT), "three": StartAngle(-0.28, 1 / COUNT)}
+        problem = refined(whole(turning(ANGLES, seed, mean=5.0)).begun(began), vector)
+        problem.prepare(vector)
+        free = free_parameters(layout, keys, vector)
+        fit = levenberg_marquardt(problem, vector, free, iterations=4, tolerance=0.1)
+        found = spreads(fit, groups_of(problem))
+        for key in keys:
+            error = fit.vector[at[key]] - TRUTH.vector()[at[key]]
+            held[key] += bool(abs(error) < found[key].half_width)
+    # of intervals of 95 % fewer hold once in a thousand
+    assert min(held.values()) >= 33
