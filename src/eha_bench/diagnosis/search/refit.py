@@ -23,7 +23,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, le
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
-from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic, starts_of
+from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic
 from eha_bench.diagnosis.search.periodic import Wave, best_counts, in_parts, scan
 from eha_bench.diagnosis.search.screen import Screen, Screened, begun, unlike
 from eha_bench.diagnosis.search.state import Search, Trial, rival_share
@@ -265,18 +265,19 @@ class Near:
         other._turned = {}
         return other
 
-    def adopted(self) -> Near:
-        """Return it as that of its search, whose runs begin from now on where its own do."""
-        search, before = self.search, angles_of(self.search.problem)
-        turns = {name: angle - before[name] for name, angle in angles_of(self.problem).items()}
-        self._waves = {
+    def adopted(self, starts: Mapping[str, StartAngle]) -> Near:
+        """Return it where runs begin at other angles, by name, as its search does from now on."""
+        search, other, before = self.search, self.begun(starts), angles_of(self.problem)
+        after = angles_of(other.problem)
+        turns = {name: after[name] - angle for name, angle in before.items()}
+        other._waves = {
             name: (own, [wave.begun(turns) for wave in waves])
             for name, (own, waves) in self._waves.items()
         }
-        search.problem = search.problem.begun(starts_of(self.problem))
-        search.near = self
-        self._from = (search.problem, search.fit, *search.accepted)
-        return self
+        search.problem = search.problem.begun(starts)
+        search.near = other
+        other._from = (search.problem, search.fit, *search.accepted)
+        return other
 
     def waves(self, starts: Sequence[Start]) -> list[Wave]:
         """Return what every count of what is periodic in the shaft's angle would gain.

@@ -25,6 +25,7 @@ from eha_bench.diagnosis.fit.start_angles import (
     angles_of,
     begin_apart,
     counts_on,
+    estimated,
     refined,
     starts_of,
 )
@@ -68,7 +69,12 @@ def begun_apart(search: Search, near: Near, starts: Sequence[Start]) -> Near:
     apart, common = near.gain(found), near.gain(alike)
     if not near.is_worth(found) or not begin_apart(common, apart, more, level=level):
         return near
-    return near.begun(angles).adopted()
+    # a run whose windows all began wrongly has had no say
+    unseen = angles_of(search.problem).keys() - angles_of(near.problem).keys()
+    if unseen:
+        others = estimated(search.problem, found.fit.vector)
+        angles = {**angles, **{name: others[name] for name in sorted(unseen)}}
+    return near.adopted(angles)
 
 
 def _fitted(near: Near, wave: Wave, apart: Wave) -> tuple[Starts, Nearby]:
