@@ -14,11 +14,13 @@ from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
 from eha_bench.diagnosis.data.gate import Measured, admit
 from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
 from eha_bench.diagnosis.data.windows import window_at
-from eha_bench.diagnosis.fit.candidates import effect_starts
+from eha_bench.diagnosis.fit.baseline import Baseline
+from eha_bench.diagnosis.fit.candidates import Start, effect_starts
 from eha_bench.diagnosis.fit.evidence import groups_of
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import (
+    angles_of,
     begin_apart,
     estimated,
     own_angles,
@@ -28,6 +30,9 @@ from eha_bench.diagnosis.fit.start_angles import (
 from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.diagnosis.search.periodic import Form, Wave, best_counts, scan
+from eha_bench.diagnosis.search.refit import Near
+from eha_bench.diagnosis.search.start_angles import begun_apart
+from eha_bench.diagnosis.search.state import Search, begin
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 
@@ -83,6 +88,25 @@ def free_place(layout) -> int:
     return layout.index["cogging_torque.count"]
 
 
+def searched(runs: Sequence[Measured]) -> tuple[Search, Near]:
+    """A search that has calibrated two numbers, and its short windows."""
+    problem = whole(runs)
+    vector = Model("eha_knee", {}).vector()
+    problem.prepare(vector)
+    keys = ("viscous_torque", "coulomb_torque")
+    free = free_parameters(problem.plant.layout, keys, vector)
+    fit = levenberg_marquardt(problem, vector, free, iterations=2)
+    dataset = Dataset(Model("eha_knee", {}), ("current_command",), tuple(r.run for r in runs))
+    search = begin(Baseline(dataset, tuple(runs), problem, fit, keys, (), 0.0))
+    return search, Near.here(search, problem)
+
+
+def cogging(search: Search) -> list[Start]:
+    layout = search.problem.plant.layout
+    starts = effect_starts(layout, layout.effect("cogging_torque"))
+    return [start for start in starts if dict(start.settings)[free_place(layout)] <= COUNT]
+
+
 def off(angle: float, true: float) -> float:
     """How far an angle is from the true one, in rad of phase."""
     return abs(math.remainder(COUNT * (angle - true), 2.0 * math.pi))
@@ -109,6 +133,32 @@ def test_runs_that_begin_alike_keep_one_phase() -> None:
     assert best_counts(waves)[0] is common.start
 
 
+def test_a_search_begins_apart_also_a_run_that_had_no_say() -> None:
+    search, near = searched(turning(ANGLES))
+    windows = [k for k, w in enumerate(near.problem.windows) if w.measured.run.name != "three"]
+    near.problem = near.problem.subset(windows)
+    near.fit = levenberg_marquardt(near.problem, near.fit.vector, near.fit.free, iterations=1)
+    before = search.problem.residual(search.fit.vector)
+    found = begun_apart(search, near, cogging(search))
+    assert found is not near
+    assert Near.here(search, search.problem) is found
+    angles = angles_of(search.problem)
+    assert angles["one"] == 0.0
+    for name, angle in angles.items():
+        assert off(angle, ANGLES[name]) < 0.3
+    # nothing turns yet, so nothing has changed
+    assert np.array_equal(search.problem.residual(search.fit.vector), before)
+    best = found.turned(cogging(search))[0]
+    assert best.fit.values()["cogging_torque.amplitude"] == pytest.approx(AMPLITUDE, rel=0.1)
+
+
+def test_a_search_whose_runs_begin_alike_stays_as_it_is() -> None:
+    search, near = searched(turning(dict.fromkeys(ANGLES, 0.0)))
+    problem = search.problem
+    assert begun_apart(search, near, cogging(search)) is near
+    assert search.problem is problem
+
+
 def test_a_wave_begun_where_it_was_scanned_gains_the_same() -> None:
     for wave in scanned(turning(ANGLES)):
         assert wave.begun({}).gain == pytest.approx(wave.gain, rel=1e-9)
@@ -121,12 +171,12 @@ def test_chance_alone_hardly_ever_sets_runs_apart() -> None:
     layout = TRUTH.plant.layout
     template = effect_starts(layout, layout.effect("cogging_torque"))[0]
     form = Form(template, free_place(layout), layout.index["cogging_torque.phase"])
-    names = tuple("abcdef")
-    normal = np.kron(np.diag([400.0, 900.0, 30.0, 100.0, 250.0, 5.0]), np.eye(2))
-    turns = np.tile(np.eye(2), (6, 1))
+    names = tuple("aabbccddeeff")
+    normal = np.kron(np.diag([400.0, 900.0, 30.0, 100.0, 250.0, 5.0] * 2), np.eye(2))
+    turns = np.tile(np.eye(2), (12, 1))
 
     def drawn(pair: np.ndarray) -> Wave:
-        right = -normal @ np.tile(pair, 6) + np.sqrt(np.diag(normal)) * rng.standard_normal(12)
+        right = -normal @ np.tile(pair, 12) + np.sqrt(np.diag(normal)) * rng.standard_normal(24)
         best = form.best(9.0, turns.T @ normal @ turns, turns.T @ right)
         return Wave(form, 9.0, *best, names, normal, right)
 

@@ -7,8 +7,8 @@ measured speed has come to. For a fixed count the effect is then nearly linear i
 cosine amplitudes: two simulations say what it would gain. Only the best counts are refitted, over
 short windows, then over longer ones, and last over whole runs, whose phase the model has to keep.
 
-Sine and cosine are kept run by run: where runs begin at angles of their own (`start_angles`), each
-has a phase of its own.
+Sine and cosine are kept by run and half of a run: where runs begin at angles of their own
+(`start_angles`), each has a phase of its own.
 
 A periodic effect is one with parameters `count` and `phase`; its strength is the amplitude.
 """
@@ -83,13 +83,13 @@ class Form:
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """One count of one form, with what it would do in each run.
+    """One count of one form, with what it would do in each half of each run.
 
     Attributes:
         form: of the effect. count: periods a revolution.
         gain: predicted at the best amplitude and phase. start: there.
-        runs: their names. normal: (2R, 2R) products of what phases of 0 and a quarter turn do in
-            each run, off the calibrated directions. right: (2R,) their products with the residual.
+        runs: of each half. normal: (2H, 2H) products of what phases of 0 and a quarter turn do in
+            each half, off the calibrated directions. right: (2H,) theirs with the residual.
     """
 
     form: Form
@@ -105,21 +105,35 @@ class Wave:
 
         The first one begins where it did.
         """
-        pairs = -np.linalg.lstsq(self.normal, self.right, rcond=_TOLD)[0].reshape(-1, 2)
-        phases = np.arctan2(pairs[:, 1], pairs[:, 0])
-        return {
-            name: math.remainder(float(turn), 2.0 * math.pi) / self.count
-            for name, turn in zip(self.runs[1:], phases[1:] - phases[0], strict=True)
-        }
+        turns = dict(zip(dict.fromkeys(self.runs), self._turns(self.runs), strict=True))
+        turns.pop(self.runs[0])
+        return turns
 
     def begun(self, turns: Mapping[str, float]) -> Wave:
         """Return the wave where runs begin further on than in the scan, by name, rad."""
-        angles = [self.count * turns.get(name, 0.0) for name in self.runs]
+        gain, start = self._best([turns.get(name, 0.0) for name in self.runs])
+        return replace(self, gain=gain, start=start)
+
+    def gain_in_halves(self) -> float:
+        """Return the predicted gain if each half of each run had a phase of its own."""
+        return self._best(self._turns([str(half) for half in range(len(self.runs))]))[0]
+
+    def _turns(self, owners: Sequence[str]) -> list[float]:
+        """Return how much further on each owner of halves begins than the first one, rad."""
+        names = list(dict.fromkeys(owners))
+        shared = np.array([[float(owner == name) for name in names] for owner in owners])
+        shared = np.kron(shared, np.eye(2))
+        normal, right = shared.T @ self.normal @ shared, shared.T @ self.right
+        pairs = -np.linalg.lstsq(normal, right, rcond=_TOLD)[0].reshape(-1, 2)
+        phases = np.arctan2(pairs[:, 1], pairs[:, 0])
+        return [math.remainder(float(x), 2.0 * math.pi) / self.count for x in phases - phases[0]]
+
+    def _best(self, turns: Sequence[float]) -> tuple[float, Start]:
+        """Return the gain of the best amplitude and phase where halves begin further on."""
+        angles = [self.count * turn for turn in turns]
         turned = np.vstack([[[np.cos(x), -np.sin(x)], [np.sin(x), np.cos(x)]] for x in angles])
-        best = self.form.best(
-            self.count, turned.T @ self.normal @ turned, turned.T @ self.right
-        ) or (0.0, self.start)
-        return replace(self, gain=best[0], start=best[1])
+        normal, right = turned.T @ self.normal @ turned, turned.T @ self.right
+        return self.form.best(self.count, normal, right) or (0.0, self.start)
 
 
 def in_parts(problem: Problem, length: float) -> Problem:
@@ -143,8 +157,9 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
     basis = np.linalg.qr(matrix[:, norms > 1e-6 * norms.max(initial=1e-300)])[0]
     target = soft - basis @ (basis.T @ soft)
     base = problem.residual(fit.vector)
-    runs = rows_of_runs(problem)
-    places = list(runs.values())
+    halves = [(run, half) for run, rows in rows_of_runs(problem).items()
+              for half in np.array_split(rows, 2)]  # fmt: skip
+    runs, places = tuple(run for run, _ in halves), [rows for _, rows in halves]
     own_basis = [basis[rows] for rows in places]
 
     def moved(trial: Start) -> FloatArray:
@@ -167,7 +182,7 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
                 shared = np.vstack([x.T @ b for x, b in zip(own, own_basis, strict=True)])
                 normal = block_diag(*(x.T @ x for x in own)) - shared @ shared.T
                 right = np.hstack([target[rows] @ x for x, rows in zip(own, places, strict=True)])
-                found.append(Wave(form, float(count), *best, tuple(runs), normal, right))
+                found.append(Wave(form, float(count), *best, runs, normal, right))
     return found
 
 

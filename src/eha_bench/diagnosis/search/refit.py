@@ -209,17 +209,18 @@ class Near:
         return tuple(item for item in free if item.key not in FRICTION_AT_REST)
 
     @property
+    def floor(self) -> float:
+        """Cost of the short windows that noise alone makes."""
+        return SOFT_MEAN * self.problem.size
+
+    @property
     def excess(self) -> float:
         """What the short windows hold beyond noise, without what is looked for."""
-        return self.fit.cost - SOFT_MEAN * self.problem.size
+        return self.fit.cost - self.floor
 
     def gain(self, item: Nearby) -> float:
         """Return the fall of the cost by what was fitted over the short windows."""
         return self.fit.cost - item.fit.cost
-
-    def is_worth(self, item: Nearby) -> bool:
-        """Whether it explains enough of the short windows to be taken to the long ones."""
-        return self.gain(item) > _WORTH * self.excess
 
     def fits(self, most: int) -> list[Nearby]:
         """Return the best of the screened refitted over the short windows, the best first.

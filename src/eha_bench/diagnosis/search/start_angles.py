@@ -6,17 +6,13 @@ windows, each with the angles that its phases make. If these explain clearly mor
 with a common phase, the angles become part of the data, and the search goes on as it would have,
 with one phase for all runs. Angles mean nothing to what does not turn: no other fit is touched.
 
-What else is missing makes every count gain more than noise would. The median over all counts, of
-which hardly any is there, says by how much (genomic control: Devlin, Roeder, Biometrics 55 (1999)
-997, doi:10.1111/j.0006-341X.1999.00997.x).
+What else is missing makes chance gain more than noise would: as much more as what is left is more
+than noise (quasi-likelihood: Wedderburn, Biometrika 61 (1974) 439, doi:10.1093/biomet/61.3.439).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-
-import numpy as np
-from scipy.special import chdtri
 
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.fit.candidates import Start
@@ -33,6 +29,12 @@ from eha_bench.diagnosis.search.periodic import Wave, best_counts
 from eha_bench.diagnosis.search.refit import Near, Nearby
 from eha_bench.diagnosis.search.state import Search
 
+_MOST = 0.5
+"""Share of what the short windows hold that runs set apart have to explain: phases that are free
+follow something larger that is missing instead, above all where the shaft hardly turns."""
+_THROUGHOUT = 0.75
+"""Share of what phases of each half of a run explain that those of whole runs have to: how far the
+shaft turns from one half to the other is measured."""
 _TRIED = 3
 _ROUNDS = 2
 
@@ -51,23 +53,23 @@ def begun_apart(search: Search, near: Near, starts: Sequence[Start]) -> Near:
         # what turns there already says where runs begin
         return near
     waves = near.waves(starts)
-    pairs = [(wave, wave.begun(wave.turns())) for wave in waves if len(wave.runs) > 1]
-    if not pairs:
+    more = len(angles_of(near.problem)) - 1
+    if not waves or more < 1:
         return near
-    more = len(pairs[0][0].runs) - 1
-    usual = float(np.median([apart.gain - wave.gain for wave, apart in pairs]))
-    level = max(1.0, usual / float(chdtri(more, 0.5)))
+    pairs = [(wave, wave.begun(wave.turns())) for wave in waves]
+    pairs = [pair for pair in pairs if _is_an_angle(*pair, near.excess)]
     pairs.sort(key=lambda pair: -pair[1].gain)
-    best = pairs[0][1].gain
+    best = max((apart.gain for _, apart in pairs), default=0.0)
     common = max(wave.gain for wave in waves)
-    if not begin_apart(common, best, more, level=level, tries=len(pairs)):
+    level = max(1.0, 1.0 + (near.excess - best) / near.floor)
+    if not begin_apart(common, best, more, level=level, tries=len(waves)):
         return near
     tried = side_by_side(lambda pair: _fitted(near, *pair), pairs[:_TRIED])
     angles, found = min(tried, key=lambda item: item[1].fit.cost)
     beside = best_counts(waves)[0]
     alike = near.refitted((beside,), beside.apply(near.fit.vector))
     apart, common = near.gain(found), near.gain(alike)
-    if not near.is_worth(found) or not begin_apart(common, apart, more, level=level):
+    if not begin_apart(common, apart, more, level=level):
         return near
     # a run whose windows all began wrongly has had no say
     unseen = angles_of(search.problem).keys() - angles_of(near.problem).keys()
@@ -75,6 +77,11 @@ def begun_apart(search: Search, near: Near, starts: Sequence[Start]) -> Near:
         others = estimated(search.problem, found.fit.vector)
         angles = {**angles, **{name: others[name] for name in sorted(unseen)}}
     return near.adopted(angles)
+
+
+def _is_an_angle(wave: Wave, apart: Wave, excess: float) -> bool:
+    """Whether a phase in each run explains most of an excess, and holds all through its run."""
+    return apart.gain > max(_MOST * excess, _THROUGHOUT * wave.gain_in_halves())
 
 
 def _fitted(near: Near, wave: Wave, apart: Wave) -> tuple[Starts, Nearby]:
