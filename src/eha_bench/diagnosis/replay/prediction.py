@@ -37,8 +37,8 @@ class Prediction:
 
     Attributes:
         run: its name. time: (n,) s, as in the log. values: channel -> (n,) SI.
-        notes: what was found in the log (gaps of an input that were bridged), and what was taken for
-            its start and is not in the first sample, one sentence each.
+        notes: what was found in the log (gaps of an input that were bridged), and what was taken
+            for its start and is not in the first sample, one sentence each.
     """
 
     run: str
