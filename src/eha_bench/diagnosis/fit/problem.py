@@ -30,6 +30,7 @@ from eha_bench.diagnosis.data.windows import Window, begun
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.effort import simulated
 from eha_bench.diagnosis.fit.input_noise import Shaken, shaken
+from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.fit.whitening import whitening
 from eha_bench.plants.plant import Drive, Parametrised, Plant
 
@@ -372,24 +373,6 @@ class Problem:
 def _pool(threads: int) -> ThreadPoolExecutor:
     """Return the threads that simulate windows; the kernel runs without the interpreter's lock."""
     return ThreadPoolExecutor(threads, thread_name_prefix="simulate")
-
-
-def start_of(at: Parametrised, drive: Drive, measured: Mapping[str, float]) -> dict[str, float]:
-    """Return the start state at which the plant's sensors would read what was measured.
-
-    A sensor with an offset reads another value than the state has: one tick is simulated, and the
-    state is moved by what the sensor adds.
-    """
-    plant = at.plant
-    measured = {name: value for name, value in measured.items() if name in plant.states}
-    initial = {**plant.at_rest(measured), **measured}
-    if at.sensors_are_ideal:
-        return initial
-    reads = at.simulate(drive.first_tick, initial, 1.0)[drive.first]
-    for place, name in enumerate(plant.outputs):
-        if name in measured and name != "current" and np.isfinite(reads[place]):
-            initial[name] += measured[name] - reads[place]
-    return initial
 
 
 def soften(residual: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatArray]:

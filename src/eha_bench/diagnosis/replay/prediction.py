@@ -18,8 +18,9 @@ from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, pooled_noise
 from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.diagnosis.data.windows import cut
-from eha_bench.diagnosis.fit.problem import Problem, start_of
+from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles, said
+from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.plants.model import Model, load_model
 
 FloatArray = NDArray[np.float64]
