@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from eha_bench.diagnosis.data.colour import Colour, _standard_errors, colour_of
+from eha_bench.diagnosis.data.colour import Colour, _chosen, _standard_errors, colour_of
 from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.diagnosis.fit.whitening import whitening
 
@@ -124,3 +124,19 @@ def test_all_of_the_noise_is_seen_once_its_colour_is_known() -> None:
     values += 50.0 * np.sin(np.arange(20000) * 2e-3)
     assert noise_of(values) < 0.7 * 3.0
     assert noise_of(Colour((a,)).whitened(values)) == pytest.approx(3.0, rel=0.03)
+
+
+def test_long_stretches_are_fitted_in_parts_and_not_all_of_many() -> None:
+    generator = np.random.default_rng(6)
+    long = [*_noise(generator, 0.9, (8, 1280))]
+    assert {part.size for part in _chosen(long)} == {256}
+    assert len(_chosen([np.arange(32.0)] * 1000)) == 300
+    found = colour_of(long)
+    assert found is not None
+    assert found.correlations(2)[1] == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_mean_of_noise_that_remembers_is_off_by_more() -> None:
+    assert Colour((0.7,)).loudness_of_mean(400) == pytest.approx(np.sqrt(1.7 / 0.3))
+    # but never by more than one sample
+    assert Colour((0.7,)).loudness_of_mean(1) == 1.0

@@ -35,6 +35,10 @@ _FEWEST = 256
 _NOT_BY_CHANCE = 4.26
 """In standard errors: one white channel in a hundred thousand is taken for coloured."""
 _ORDERS = 4
+_LONGEST = 256
+"""Most samples of a stretch in a fit: its cost is cubic in them."""
+_MOST = 300
+"""Most stretches in a fit: correlations are then known to less than a hundredth."""
 _SLOWEST = 0.99
 
 
@@ -88,6 +92,13 @@ class Colour:
         response = 1.0 - np.exp(-1j * np.outer(angles, lags)) @ factors
         return np.asarray(left / np.abs(response), dtype=np.float64)
 
+    def loudness_of_mean(self, count: int) -> float:
+        """Return how far a mean of so many samples is off, as a multiple of white noise's.
+
+        The root of the spectral density at no frequency; never more than one sample is off by.
+        """
+        return float(min(self.amplitudes(1)[0], np.sqrt(count)))
+
     def whitened(self, values: FloatArray) -> FloatArray:
         """Return what is new in every sample, (n,), its noise white and of the same size.
 
@@ -117,6 +128,8 @@ def colour_of(stretches: Sequence[FloatArray]) -> Colour | None:
 def beside_parabola(values: FloatArray) -> FloatArray:
     """Return what of a stretch no parabola says, (n,)."""
     basis = _parabolas(values.size)
+    # an offset that is large beside the noise is none of it, not even by rounding
+    values = values - values[0]
     return np.asarray(values - basis @ (basis.T @ values), dtype=np.float64)
 
 
@@ -156,7 +169,7 @@ def _step_of(values: FloatArray) -> float:
 def _fitted(stretches: Sequence[FloatArray]) -> Colour:
     """Return the colour by restricted maximum likelihood, of the order that is worth it."""
     by_size: dict[int, list[FloatArray]] = {}
-    for values in stretches:
+    for values in _chosen(stretches):
         by_size.setdefault(values.size, []).append(values)
     tables = [np.column_stack(own) for own in by_size.values()]
 
@@ -174,6 +187,16 @@ def _fitted(stretches: Sequence[FloatArray]) -> Colour:
             best = cost, _colour(start)
     assert best is not None
     return best[1]
+
+
+def _chosen(stretches: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return stretches of a length and a number that a fit can afford, evenly chosen."""
+    parts = [
+        part for values in stretches for part in np.array_split(values, -(-values.size // _LONGEST))
+    ]
+    if len(parts) <= _MOST:
+        return parts
+    return [parts[at] for at in np.linspace(0, len(parts) - 1, _MOST).round().astype(int)]
 
 
 def _colour(free: FloatArray) -> Colour:
