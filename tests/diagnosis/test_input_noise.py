@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -153,3 +154,32 @@ def test_other_noise_only_weighs_the_responses_anew(model) -> None:
     afresh.prepare(model.vector())
     one, two = kept.residual(model.vector()), afresh.residual(model.vector())
     assert np.sum((one - two) ** 2) < 0.01 * one.size
+
+
+def _locked(inputs: dict[str, np.ndarray]):
+    """A locked run of ten seconds in which nothing moves."""
+    time = np.arange(10000) * 1e-3
+    pressure = 6e5 + 3e4 * np.random.default_rng(0).standard_normal(time.size)
+    reading = Recording(time, {**inputs, "pressure_a": pressure})
+    run = Run("log", Path("log.mcap"), None, True, False, Use.TRAIN, lambda: reading)
+    return admit(run, reading, [*inputs], ["pressure_a"])
+
+
+def test_a_run_that_stands_still_is_cut_where_its_input_is_noisy() -> None:
+    noise = np.random.default_rng(1).standard_normal(10000)
+    measured = _locked({"motor_speed": noise})
+    speeds = replace(measured, valid=np.zeros_like(measured.valid))
+    # nowhere may a window begin by itself, and none is long all the same
+    windows = cut(speeds, {"pressure_a": 3e4})
+    assert len(windows) == 10
+    assert windows[0].first == 0
+    assert windows[-1].last == 10000
+    assert all(one.last == two.first for one, two in pairwise(windows))
+
+
+@pytest.mark.parametrize("name", ["oil_temperature", "force"])
+def test_what_no_balance_adds_up_leaves_a_locked_run_whole(name) -> None:
+    noise = np.random.default_rng(1).standard_normal(10000)
+    measured = _locked({"current_command": np.zeros(10000), name: noise})
+    assert measured.input_noise[name] > 0.0
+    assert len(cut(measured, {"pressure_a": 3e4})) == 1

@@ -7,7 +7,8 @@ Identification, 2nd ed. 1999, section 5.3). A window never starts at a jump of t
 within 1.5 mm of a stop or reversal, where bristles and backlash have a state nobody measured.
 
 Where an input is a measured state its noise drives every simulation, and what that adds up to grows
-with the length of a window, so then locked and bypassed runs are cut as well.
+with the length of a window, so then locked and bypassed runs are cut as well, and where nothing
+moves for long, in parts of a second: how many simulations a window takes grows with its length too.
 """
 
 from __future__ import annotations
@@ -25,6 +26,18 @@ FloatArray = NDArray[np.float64]
 
 FREE_WINDOW = 0.4
 """Length of a window of a free run, s."""
+LONGEST_SHAKEN = 1.0
+"""About the longest window of a run that a measured input's noise drives, s."""
+_ADDED_UP = (
+    "current",
+    "motor_speed",
+    "pressure_a",
+    "pressure_b",
+    "pressure_difference",
+    "piston_velocity",
+)
+"""Inputs whose noise a balance adds up."""
+_ADDED_UP_BY_THE_ROD = ("force",)
 _CLEAR = 1.5e-3
 _QUIET = 0.015
 _HALF_FIT = 8
@@ -62,18 +75,28 @@ def cut(
     """
     n = measured.time.size
     starts = [0]
-    whole = (measured.run.locked or measured.run.bypass_open) and not measured.input_noise
+    shaken = _is_shaken(measured)
+    whole = (measured.run.locked or measured.run.bypass_open) and not shaken
     allowed = None if whole else _allowed(measured, noise)
     forced = set(measured.breaks)
     for k in range(1, n):
         long_enough = measured.time[k] - measured.time[starts[-1]] >= length
         if k in forced or (allowed is not None and long_enough and allowed[k]):
             starts.append(k)
-    return [
+    windows = [
         window_at(measured, first, last, noise)
         for first, last in zip(starts, [*starts[1:], n], strict=True)
         if last - first >= 4
     ]
+    if not shaken:
+        return windows
+    return [part for window in windows for part in split(window, LONGEST_SHAKEN)]
+
+
+def _is_shaken(measured: Measured) -> bool:
+    """Whether a run's inputs drive a balance with their sensors' noise."""
+    own = _ADDED_UP if measured.run.locked else (*_ADDED_UP, *_ADDED_UP_BY_THE_ROD)
+    return any(name in measured.input_noise for name in own)
 
 
 def split(window: Window, length: float) -> list[Window]:
@@ -164,18 +187,20 @@ def _start(
         if column is None:
             continue
         sigma = noise.get(name, 0.0)
+        colour = measured.colours.get(name)
         if lead > 0:
             part = column[:lead]
             part = part[np.isfinite(part)]
             if not part.size:
                 continue
+            loud = sigma * (colour.loudness_of_mean(part.size) if colour else 1.0)
             state[name] = float(np.median(part) if part.size > 4 else part.mean())
             if name in ("motor_speed", "piston_velocity"):
-                at_rest = abs(part.mean()) < 4.0 * sigma / np.sqrt(part.size) + 1e-12
+                at_rest = abs(part.mean()) < 4.0 * loud / np.sqrt(part.size) + 1e-12
                 state[name] = 0.0 if at_rest else float(part.mean())
                 if at_rest:
                     continue
-            spread[name] = max(3.0 * sigma / np.sqrt(part.size), 0.1 * sigma)
+            spread[name] = max(3.0 * loud / np.sqrt(part.size), 0.1 * sigma)
         else:
             local = _local(measured.time, column, first, _around(measured, first))
             if local is None:
@@ -217,7 +242,9 @@ def _turn(
     if "motor_speed" in own:
         # what the noise of the speed adds up to
         period = float(measured.time[-1]) / (measured.time.size - 1)
-        walked = own["motor_speed"] * np.sqrt(float(measured.time[first]) * period)
+        colour = measured.colours.get("motor_speed")
+        loud = own["motor_speed"] * (colour.loudness_of_mean(max(1, first)) if colour else 1.0)
+        walked = loud * np.sqrt(float(measured.time[first]) * period)
     elif not measured.start.is_estimated:
         return
     spread["shaft_angle"] = float(np.hypot(walked, measured.start.spread))
