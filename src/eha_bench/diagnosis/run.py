@@ -30,7 +30,7 @@ from eha_bench.diagnosis.fit.effort import counted
 from eha_bench.diagnosis.fit.evidence import groups_of
 from eha_bench.diagnosis.fit.finish import finished
 from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
-from eha_bench.diagnosis.fit.start_angles import starts_of
+from eha_bench.diagnosis.fit.start_angles import said, starts_of
 from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates, undetermined
 from eha_bench.diagnosis.outcome.decide import Decision, decide
 from eha_bench.diagnosis.outcome.diagnosis import (
@@ -141,6 +141,8 @@ def calibrate(
         )
         errors = replay_errors(replays, floors(noise), places=(0, 0, 1))
     notes = base.notes if complete else (*base.notes, "interrupted before the fit had ended")
+    if begun := starts_of(base.problem):
+        notes = (*notes, said(begun))
     found = Calibration(
         model,
         estimates(end.fit, groups_of(base.problem), units_of(loaded.model), shift=end.shifts),

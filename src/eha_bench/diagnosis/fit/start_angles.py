@@ -35,6 +35,8 @@ _NEARLY = 0.75
 integrated speed drifts, and phases half a radian off cost a quarter (the square of a cosine)."""
 _POINTS = 12
 """Angles that are tried in a period."""
+_TELLS = 4.0
+"""Difference of the cost between angles from which a run tells its own: two sigma."""
 _ROUNDS = 3
 _MOVE = 0.1
 """Difference by which slopes are taken, in spreads."""
@@ -136,19 +138,22 @@ def own_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     if not counts_on(layout, vector):
         return {}
     short = _short_windows(problem, vector)
+    if short is None:
+        return {}
     starts, common, apart = _scanned(short, vector)
     off = vector.copy()
     for effect in filter(is_periodic, layout.effects):
         off[layout.index[f"{effect.id}.{effect.strength.name}"]] = effect.neutral
     nothing = cost_of(short, off)
     level = max(1.0, apart / (SOFT_MEAN * short.size))
-    if not begin_apart(nothing - common, nothing - apart, len(starts), level=level):
+    more = len(rows_of_runs(short))
+    if not begin_apart(nothing - common, nothing - apart, more, level=level):
         return {}
     return _settled(problem, short.begun(starts), vector)
 
 
 def estimated(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
-    """Return the angle at which each run fits best, by run; nothing where nothing turns.
+    """Return the angle at which each run fits best, by run; those that do not tell are not there.
 
     Args:
         problem: the runs. vector: of a model with something periodic on.
@@ -156,6 +161,8 @@ def estimated(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     if not counts_on(problem.plant.layout, vector):
         return {}
     short = _short_windows(problem, vector)
+    if short is None:
+        return {}
     return _settled(problem, short.begun(_scanned(short, vector)[0]), vector)
 
 
@@ -168,14 +175,15 @@ def said(starts: Mapping[str, StartAngle]) -> str:
 def _scanned(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle], float, float]:
     """Return the best of some angles for each run, and the cost with zero and with these.
 
-    Short windows begin at measured angles, so no other parameter has to be right.
+    A run that fits alike at every angle tells none, and has none. Short windows begin at measured
+    angles, so no other parameter has to be right.
     """
     counts = counts_on(short.plant.layout, vector)
     common = math.gcd(*(round(count) for count in counts))
     period, spread = 2.0 * math.pi / common, 1.0 / max(counts)
     tries = _POINTS * math.ceil(max(counts) / common)
     rows = rows_of_runs(short)
-    best = dict.fromkeys(rows, (math.inf, 0.0))
+    tried: dict[str, list[tuple[float, float]]] = {name: [] for name in rows}
     costs = []
     for number in range(tries):
         angle = math.remainder(period * number / tries, period)
@@ -183,8 +191,13 @@ def _scanned(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle],
         soft, _ = soften(moved.residual(vector), short.soft)
         costs.append(float(soft @ soft))
         for name, own in rows.items():
-            best[name] = min(best[name], (float(soft[own] @ soft[own]), angle))
-    starts = {name: StartAngle(angle, spread) for name, (_, angle) in best.items()}
+            tried[name].append((float(soft[own] @ soft[own]), angle))
+    best = {name: min(own) for name, own in tried.items()}
+    starts = {
+        name: StartAngle(angle, spread)
+        for name, (cost, angle) in best.items()
+        if max(tried[name])[0] - cost > _TELLS
+    }
     return starts, costs[0], sum(cost for cost, _ in best.values())
 
 
@@ -196,9 +209,11 @@ def _settled(problem: Problem, short: Problem, vector: FloatArray) -> dict[str, 
     return starts_of(refined(long, vector))
 
 
-def _short_windows(problem: Problem, vector: FloatArray) -> Problem:
-    """Return the same runs over short windows, prepared."""
+def _short_windows(problem: Problem, vector: FloatArray) -> Problem | None:
+    """Return the same runs over short windows, prepared; None where they are shorter still."""
     short = medium_problem(problem)
+    if not short.windows:
+        return None
     short.prepare(vector)
     short.scale_to(short.residual(vector))
     return short

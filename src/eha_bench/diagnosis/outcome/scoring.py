@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.diagnosis.data.dataset import Dataset, Use
 from eha_bench.diagnosis.data.gate import Measured, admit
-from eha_bench.diagnosis.data.quiet import with_colours
+from eha_bench.diagnosis.data.quiet import coloured_like
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.baseline import STEP, Baseline, thinned
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.fit.start_angles import counts_on, estimated, said, starts_of
+from eha_bench.diagnosis.fit.start_angles import angles_of, counts_on, estimated, said, starts_of
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import (
     ChannelError,
@@ -49,13 +49,16 @@ def scored(
     """
     noise = base.problem.noise
     held_out, notes = _read(dataset)
-    held_out = [with_colours(item, base.measured[0].colours) for item in held_out]
+    held_out = [coloured_like(item, base.measured) for item in held_out]
     begun = starts_of(base.problem)
     if begun and counts_on(dataset.model.plant.layout, vectors[-1]):
-        windows = _windows_of(dataset, held_out, noise)
-        if windows is not None:
-            begun |= estimated(windows, vectors[-1])
-            held_out = [item.begun(begun) for item in held_out]
+        seen = angles_of(base.problem)
+        for item in (*base.measured, *held_out):
+            alone = None if item.run.name in seen else _windows_of(dataset, [item], noise)
+            if alone is not None:
+                begun |= estimated(alone, vectors[-1])
+        base = base.begun(begun)
+        held_out = [item.begun(begun) for item in held_out]
         notes.append(said(begun))
     models = (dataset.model, found.recalibrated, found.revised)
     runs = (*base.measured, *held_out)

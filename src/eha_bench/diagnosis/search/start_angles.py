@@ -75,7 +75,7 @@ def begun_apart(search: Search, near: Near, starts: Sequence[Start]) -> Near:
     unseen = angles_of(search.problem).keys() - angles_of(near.problem).keys()
     if unseen:
         others = estimated(search.problem, found.fit.vector)
-        angles = {**angles, **{name: others[name] for name in sorted(unseen)}}
+        angles = {**angles, **{name: others[name] for name in sorted(unseen & others.keys())}}
     return near.adopted(angles)
 
 
