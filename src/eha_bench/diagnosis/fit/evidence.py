@@ -13,7 +13,7 @@ Statist. 17 (1989) 1217, doi:10.1214/aos/1176347265).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -259,9 +259,3 @@ def compare(
     concerned = per_run[np.abs(per_run) > _CONCERNED * np.abs(per_run).max(initial=0.0)]
     better = float(np.mean(concerned > 0)) if concerned.size else 0.0
     return Comparison(gain, gain_out, gain / scale, gain_out / scale, p_value, better)
-
-
-def drop_rows(fit: Fit, keys: Sequence[str]) -> FloatArray:
-    """Return the Jacobian's columns of some parameters, (N, len(keys))."""
-    at = [k for k, item in enumerate(fit.free) if item.key in keys]
-    return fit.jacobian[:, at]

@@ -251,7 +251,7 @@ class Problem:
                     self._parts[number].window = window
 
     def raw(self, vector: FloatArray) -> FloatArray:
-        """Return the weighted residual without whitening, (size,)."""
+        """Return the weighted residual as it is, start states and all, (size,)."""
         at = self.plant.at(vector)
         return np.concatenate(self._each(lambda part: self._weighted(part, at, {})))
 

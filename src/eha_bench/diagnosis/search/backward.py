@@ -20,8 +20,10 @@ _SURE = 5.0
 """Size, in standard deviations, from which nobody asks whether an effect is there."""
 
 
-def is_idle(search: Search, limits: Thresholds) -> bool:
-    """Whether what was added last does nothing: its refit only led the others to a better place.
+def without_idle(search: Search, limits: Thresholds) -> Fit | None:
+    """Return the fit without what was added last, if that does nothing; else None.
+
+    Its refit only led the others to a better place.
 
     What little of it is left may only balance the others, so these follow: as their slopes tell,
     and in a fit without it where it explains no more than a calibration that was caught leaves.
@@ -34,19 +36,20 @@ def is_idle(search: Search, limits: Thresholds) -> bool:
     for free in fit.free:
         if free.at == start.strength_at:
             least = min(least, cost_with(search.problem, fit, free.key, start.neutral))
+    idle = least - fit.cost < limits.gain
     little = item.comparison.gain < BENT * SOFT_MEAN * search.problem.size
-    if little and least - fit.cost >= limits.gain:
-        least = min(least, without(search, item, search.accepted[:-1]).cost)
-    return least - fit.cost < limits.gain
+    if not (idle or little):
+        return None
+    trial = without(search, item, search.accepted[:-1])
+    return trial if idle or trial.cost - fit.cost < limits.gain else None
 
 
-def drop_last(search: Search) -> None:
-    """Take out what was added last, and keep the better place."""
-    item, kept = search.accepted[-1], search.accepted[:-1]
-    search.fit = without(search, item, kept)
-    search.accepted = kept
-    search.excess_left = excess(search.problem, search.fit)
-    if not kept:
+def drop(search: Search, item: Accepted, fit: Fit) -> None:
+    """Take out what was added, and keep the better place that a fit without it has."""
+    search.accepted = [other for other in search.accepted if other is not item]
+    search.fit = fit
+    search.excess_left = excess(search.problem, fit)
+    if not search.accepted:
         search.base, search.excess_base = search.fit, search.excess_left
 
 
@@ -79,9 +82,7 @@ def release(search: Search, limits: Thresholds) -> None:
         kept = [other for other in search.accepted if other is not item]
         trial = without(search, item, kept)
         if trial.cost - search.fit.cost < limits.gain:
-            search.accepted = kept
-            search.fit = trial
-            search.excess_left = excess(search.problem, trial)
+            drop(search, item, trial)
 
 
 def without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:

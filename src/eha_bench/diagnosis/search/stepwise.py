@@ -21,7 +21,7 @@ from eha_bench.diagnosis.fit.evidence import (
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
-from eha_bench.diagnosis.search.backward import drop_last, is_idle, release, review
+from eha_bench.diagnosis.search.backward import drop, release, review, without_idle
 from eha_bench.diagnosis.search.exchange import CLOSE, exchange
 from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.refit import Near, is_bent, polish, refit
@@ -77,8 +77,8 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
         progress("search", 0.9)
         kept = search.snapshot()
         if joint(search, limits):
-            if is_idle(search, limits):
-                drop_last(search)
+            if (idle := without_idle(search, limits)) is not None:
+                drop(search, search.accepted[-1], idle)
             if is_unexplained(search.excess_left):
                 exchange(search, limits)
             review(search, limits)
@@ -100,8 +100,8 @@ def _grow(search: Search, limits: Thresholds, progress: Progress) -> None:
         if chosen is None:
             return
         _add(search, chosen, trials)
-        if is_idle(search, limits):
-            drop_last(search)
+        if (idle := without_idle(search, limits)) is not None:
+            drop(search, search.accepted[-1], idle)
             continue
         review(search, limits)
         if _nearly(search):
