@@ -222,15 +222,16 @@ def _fitted(
         done = filled(np.where(np.abs(high - ends) < 1e-6 * scale, high, ends))
         # by their sizes: beside N*m/A a column of m^3/rad is all there is
         jacobian = np.asarray(fit.jac, dtype=np.float64) * size
-        inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True)
-        deviation = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+        told, directions = np.linalg.svd(jacobian, full_matrices=False)[1:]
+        deviation = np.linalg.norm(directions / np.maximum(told, 1e-150)[:, None], axis=0)
         dead = np.linalg.norm(jacobian, axis=0) == 0.0
         dead[held] |= deviation[held] > _LOOSE
         deviation = np.where(dead, np.inf, deviation * size)
         spread = {keys[at]: float(deviation[k]) for k, at in enumerate(free)}
     rest = _weighted(plant, runs, done)
     left = float(rest @ rest)
-    freedom = rest.size - len(free)
+    # what no point tells takes none of their freedom
+    freedom = rest.size - sum(np.isfinite(size) for size in spread.values())
     chance = float(chi2.sf(left, max(freedom, 1)))
     return Tried(start, done, left, stretched(done) ** 2, chance, spread)
 
