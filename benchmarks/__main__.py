@@ -75,7 +75,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="small versions, minutes in all")
     parser.add_argument("--only", nargs="+", choices=FULL, default=list(FULL))
-    parser.add_argument("--at-once", type=int, default=1, help="so many side by side")
+    parser.add_argument("--at-once", type=int, choices=range(1, 9), default=1, metavar="N",
+                        help="so many side by side")  # fmt: skip
     given = parser.parse_args()
     chosen = QUICK if given.quick else FULL
     alone = given.at_once == 1

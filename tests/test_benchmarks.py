@@ -47,7 +47,7 @@ def test_what_cannot_run_is_counted_and_what_misses_is_not(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     outcomes = {"startup": [main.Row("slow", 2.0, "s", "<", 1.0)], "simulation": None}
-    monkeypatch.setattr(main, "run", lambda name, arguments, folder: outcomes[name])
+    monkeypatch.setattr(main, "run", lambda name, arguments, folder, *, alone: outcomes[name])
     monkeypatch.setattr(sys, "argv", ["benchmarks", "--only", "startup"])
     assert main.main() == 0
     monkeypatch.setattr(sys, "argv", ["benchmarks", "--only", "startup", "simulation"])

@@ -44,7 +44,7 @@ def accept(file: Path, results: Sequence[Path], *, failed: bool = False) -> Acce
             where=Place(file=str(file)),
             hint="name a file, e.g. baselines/knee.json, and the results after it",
         )
-    writable(file.parent)
+    writable(file.parent, hint="name a file in another folder, and the results after it")
     sides = [load_side(path) for path in results]
     loaded = tuple(entry for side in sides for entry in side.results)
     if not loaded:

@@ -8,7 +8,7 @@ from pathlib import Path
 from eha_bench.core.errors import InputError, Place
 
 
-def writable(folder: Path) -> Path:
+def writable(folder: Path, hint: str = "") -> Path:
     """Return the folder if results can be written into it; it need not be there yet.
 
     Nothing is made: who fails afterwards leaves no empty folder behind.
@@ -23,12 +23,12 @@ def writable(folder: Path) -> Path:
         raise InputError(
             "is a file" if nearest == folder else f"cannot be made: '{nearest}' is a file",
             where=Place(file=str(folder)),
-            hint="name a folder with --out",
+            hint=hint or "name a folder with --out",
         )
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise InputError(
             f"may not be written{'' if nearest == folder else f', as {nearest} may not'}",
             where=Place(file=str(folder)),
-            hint="name another folder with --out",
+            hint=hint or "name another folder with --out",
         )
     return folder

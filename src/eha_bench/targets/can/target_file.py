@@ -12,7 +12,7 @@ from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import Real, StrictModel
 
 Seconds = Annotated[float, Unit("s")]
-Quantity = float | str
+Quantity = Real | str
 
 
 class ControlPlace(StrEnum):
@@ -185,14 +185,14 @@ class TorqueBalanceFile(StrictModel):
     """What the torque balance may be off."""
 
     within: Annotated[float, Unit("N*m"), Field(gt=0)]
-    share: Annotated[float, Field(ge=0, description="of the larger side")] = 0.15
+    share: Annotated[Real, Field(ge=0, description="of the larger side")] = 0.15
 
 
 class MotionBalanceFile(StrictModel):
     """What the change of position may be off from the velocity."""
 
     within: Annotated[float, Unit("m/s"), Field(gt=0)]
-    share: Annotated[float, Field(ge=0, description="of the larger side")] = 0.15
+    share: Annotated[Real, Field(ge=0, description="of the larger side")] = 0.15
 
 
 class BalanceFile(StrictModel):
@@ -206,9 +206,9 @@ class BalanceFile(StrictModel):
 class LoopFile(StrictModel):
     """How the loop is run, and when it is too bad to be scored (shares of ticks or frames)."""
 
-    overruns: Annotated[float, Field(ge=0, le=1)] = 0.01
-    lost: Annotated[float, Field(ge=0, le=1)] = 0.01
-    late: Annotated[float, Field(ge=0, le=1)] = 0.01
+    overruns: Annotated[Real, Field(ge=0, le=1)] = 0.01
+    lost: Annotated[Real, Field(ge=0, le=1)] = 0.01
+    late: Annotated[Real, Field(ge=0, le=1)] = 0.01
     reply: Annotated[
         float, Field(gt=0, lt=1, description="share of a period to wait for the drive's answer")
     ] = 0.6
