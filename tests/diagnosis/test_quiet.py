@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,12 @@ from scipy.signal import lfilter
 
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped
+from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
-from eha_bench.diagnosis.data.quiet import coloured, quiet_stretches
-from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.data.quiet import coloured, coloured_like, quiet_stretches, with_colours
+from eha_bench.diagnosis.data.windows import cut, window_at
+from eha_bench.diagnosis.fit.baseline import _noise_notes
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
@@ -118,3 +121,114 @@ def test_the_right_model_leaves_white_noise_behind_filters(model) -> None:
     assert slow == pytest.approx(1.0, abs=0.25)
     # errors by channel are those of readings, not of what is new in them
     assert reading == pytest.approx(1.0, abs=0.05)
+
+
+def _readings(inputs: dict, outputs: dict, *, seconds_a_sample: float = 1e-3, name: str = "log"):
+    """A run of a bypassed plant from nothing but its readings."""
+    count = next(iter(inputs.values())).size
+    reading = Recording(np.arange(count) * seconds_a_sample, {**inputs, **outputs})
+    run = Run(name, Path("log.mcap"), None, False, True, Use.TRAIN, lambda: reading)
+    return admit(run, reading, [*inputs], [*outputs])
+
+
+def _remembering(generator, count: int, a: float = A) -> np.ndarray:
+    white = generator.standard_normal(count)
+    white[1:] *= np.sqrt(1.0 - a * a)
+    return lfilter([1.0], [1.0, -a], white)
+
+
+def test_steady_rotation_is_no_rest() -> None:
+    time = np.arange(1500) * 1e-3
+    generator = np.random.default_rng(0)
+    ripple = np.sin(50.0 * 9.0 * time) + 0.1 * generator.standard_normal(time.size)
+    pressure = 6e5 + 3e4 * ripple
+    command = {"current_command": np.full(time.size, 5.0)}
+    turning = _readings(command, {"motor_speed": 50.0 + ripple, "pressure_a": pressure})
+    assert not [*quiet_stretches(turning)]
+    resting = _readings(command, {"motor_speed": ripple, "pressure_a": pressure})
+    assert len([*quiet_stretches(resting)]) == 11
+    # the measured speed may be what drives the model
+    driving = _readings({"motor_speed": 50.0 + ripple}, {"pressure_a": pressure})
+    assert driving.input_noise
+    assert not [*quiet_stretches(driving)]
+
+
+def test_where_no_speed_is_read_only_what_is_not_driven_rests() -> None:
+    pressure = 6e5 + 3e4 * np.random.default_rng(0).standard_normal(1500)
+    command = np.zeros(1500)
+    command[700:] = 5.0
+    measured = _readings({"current_command": command}, {"pressure_a": pressure})
+    assert len([*quiet_stretches(measured)]) == 5
+
+
+@pytest.mark.parametrize("value", [0.1, 293.15, 6e5, -0.0123])
+def test_a_reading_that_never_changes_stands(value) -> None:
+    command = np.zeros(1500)
+    command[1490:] = 1.0
+    speed = 0.1 * np.random.default_rng(0).standard_normal(1500)
+    pressure = np.full(1500, value)
+    pressure[1490:] += 1.0
+    measured = _readings(
+        {"current_command": command}, {"motor_speed": speed, "pressure_a": pressure}
+    )
+    assert len([*quiet_stretches(replace(measured, valid=np.ones_like(measured.valid)))]) == 11
+
+
+def test_each_sampling_period_has_its_own_colour() -> None:
+    generator = np.random.default_rng(5)
+
+    def run(period: float, a: float):
+        # a clock's median step is never quite the same
+        return _readings(
+            {"current_command": np.zeros(1500)},
+            {"motor_speed": 0.1 * _remembering(generator, 1500, a)},
+            seconds_a_sample=period * generator.uniform(0.999, 1.001),
+        )
+
+    slow, fast, still = run(2e-3, 0.0), run(1e-3, A), run(2e-3, 0.0)
+    found = coloured([slow, fast, still])
+    assert found[0] is slow
+    assert found[2] is still
+    assert found[1].colours["motor_speed"].correlations(2)[1] == pytest.approx(A, abs=0.1)
+    assert set(coloured_like(run(1e-3, A), found).colours) == {"motor_speed"}
+    assert not coloured_like(run(2e-3, 0.0), found).colours
+
+
+def test_a_run_too_short_for_its_colour_keeps_its_level() -> None:
+    measured = _readings(
+        {"motor_speed": np.random.default_rng(0).standard_normal(12)},
+        {"pressure_a": np.random.default_rng(1).standard_normal(12)},
+    )
+    after = with_colours(measured, {"motor_speed": Colour((0.5, 0.1, 0.1))})
+    assert after.input_noise == measured.input_noise
+    assert after.input_noise["motor_speed"] > 0.0
+
+
+def test_every_run_says_its_input_noise() -> None:
+    pressure = np.random.default_rng(1).standard_normal(300)
+    quiet = _readings({"motor_speed": np.zeros(300)}, {"pressure_a": pressure})
+    noisy = _readings({"motor_speed": np.sin(pressure)}, {"pressure_a": pressure})
+    assert not quiet.input_noise
+    level = f"{noisy.input_noise['motor_speed']:.2g} rad/s"
+    assert [level in note for note in _noise_notes([quiet, noisy])] == [True]
+
+
+@pytest.mark.parametrize(("a", "factor"), [(0.0, 1.0), (A, np.sqrt((1 + A) / (1 - A)))])
+def test_what_noise_adds_up_to_at_a_start_is_that_of_its_colour(a, factor) -> None:
+    generator = np.random.default_rng(2)
+    measured = _readings(
+        {"current_command": np.zeros(1500)},
+        {"motor_speed": 0.1 * _remembering(generator, 1500), "pressure_a": pressure_of(generator)},
+    )
+    if a:
+        colours = {"motor_speed": Colour((a,)), "pressure_a": Colour((a,))}
+        measured = with_colours(measured, colours)
+    noise = {"motor_speed": 0.1, "pressure_a": 1.0}
+    later = window_at(measured, 1000, 1400, noise)
+    assert later.spread["shaft_angle"] == pytest.approx(factor * 0.1 * np.sqrt(1e-3), rel=0.01)
+    first = window_at(measured, 0, 400, noise)
+    assert first.spread["pressure_a"] == pytest.approx(3.0 * factor / np.sqrt(200), rel=0.01)
+
+
+def pressure_of(generator) -> np.ndarray:
+    return generator.uniform(-1.0, 1.0, 1500)

@@ -3,7 +3,10 @@
 What was asked for stands still there for an eighth of a second (or 32 samples), and so do all
 readings, but for what a parabola says of a pressure that leaks away. Every reading is then a
 constant and its noise, whatever the model: none is used, so none of its errors can be taken for
-noise. Logs with too few of such stretches leave the noise as white as it was taken to be.
+noise. Steady motion is no rest, though all readings stand: its ripple is the machine's, not the
+sensors'. What a sensor remembers from sample to sample depends on the sampling period, so each
+period has its own colours. Logs with too few of such stretches leave the noise as white as it was
+taken to be.
 """
 
 from __future__ import annotations
@@ -27,6 +30,12 @@ _SHORTEST = 32
 _MOVES = 2.0
 """What a reading may move by in a stretch, in standard deviations of what is beside its parabola:
 noise with a memory of a tenth of the stretch moves as much."""
+_GOES = 5.0
+"""Mean of a speed that is motion, in standard deviations of what is beside its parabola."""
+_SPEEDS = ("motor_speed", "piston_velocity")
+_TURN = ("current_command", "current")
+_ALIKE = 0.05
+"""What sampling periods may differ by and still be the same, as a share of them."""
 
 
 def coloured(measured: Sequence[Measured]) -> tuple[Measured, ...]:
@@ -34,23 +43,59 @@ def coloured(measured: Sequence[Measured]) -> tuple[Measured, ...]:
 
     A measured input that remembers is as noisy as all of its noise, not as what is new in it.
     """
+    out = list(measured)
+    left = [*range(len(out))]
+    while left:
+        first = measured[left[0]]
+        group = [at for at in left if _sampled_alike(measured[at], first)]
+        left = [at for at in left if at not in group]
+        if found := _colours([measured[at] for at in group]):
+            for at in group:
+                out[at] = with_colours(measured[at], found)
+    return tuple(out)
+
+
+def coloured_like(measured: Measured, others: Sequence[Measured]) -> Measured:
+    """Return a run with the colours of others of its sampling period; without any it is as it was.
+
+    Args:
+        measured: a run on its own. others: runs that have their colours.
+    """
+    for other in others:
+        if other.colours and _sampled_alike(measured, other):
+            return with_colours(measured, other.colours)
+    return measured
+
+
+def _colours(measured: Sequence[Measured]) -> dict[str, Colour]:
+    """Return the colours of channels whose noise is not white, over runs of one period."""
     stretches: dict[str, list[FloatArray]] = {}
     for item in measured:
         for stretch in quiet_stretches(item):
             for name, values in stretch.items():
-                stretches.setdefault(name, []).append(values)
-    found = {name: colour for name, own in stretches.items() if (colour := colour_of(own))}
-    return tuple(with_colours(item, found) for item in measured) if found else tuple(measured)
+                # what never changes tells nothing of noise, and its samples must not count
+                if np.ptp(values) > 0.0:
+                    stretches.setdefault(name, []).append(values)
+    return {name: colour for name, own in stretches.items() if (colour := colour_of(own))}
+
+
+def _sampled_alike(one: Measured, other: Measured) -> bool:
+    if one is other:
+        return True
+    if min(one.time.size, other.time.size) < 2:
+        return False
+    first, second = (float(np.median(np.diff(item.time))) for item in (one, other))
+    return abs(first - second) <= _ALIKE * max(first, second)
 
 
 def with_colours(measured: Measured, colours: Mapping[str, Colour]) -> Measured:
     """Return a run with what is known of the colour of its channels' noise."""
-    noise = {
-        name: noise_of_input(colours[name].whitened(measured.inputs[name]))
-        if name in colours
-        else level
-        for name, level in measured.input_noise.items()
-    }
+    noise = dict(measured.input_noise)
+    for name in noise.keys() & colours.keys():
+        level = noise_of_input(colours[name].whitened(measured.inputs[name]))
+        # of some samples nothing is left: then what was known before is all there is
+        if level > 0.0:
+            noise[name] = level
     return replace(measured, colours=colours, input_noise=noise)
 
 
@@ -82,13 +127,44 @@ def quiet_stretches(measured: Measured) -> Iterator[dict[str, FloatArray]]:
                 if np.isfinite(values[span]).all()
             }
             readings |= {name: measured.inputs[name][span] for name in measured.input_noise}
-            if all(_stands(values) for values in readings.values()):
+            if not all(_stands(values) for values in readings.values()):
+                continue
+            if _rests(measured, span, readings):
                 yield readings
 
 
 def _stands(values: FloatArray) -> bool:
     """Whether a reading moves by no more than noise does."""
+    if np.ptp(values) == 0.0:
+        return True
     beside = beside_parabola(values)
     slow = values - beside
     least = max(float(np.std(beside)), quantum_of(values))
     return bool(np.ptp(slow) <= _MOVES * least)
+
+
+def _rests(measured: Measured, span: slice, readings: Mapping[str, FloatArray]) -> bool:
+    """Whether readings that stand are those of a machine at rest, not of steady motion."""
+    speeds = [name for name in _SPEEDS if name in readings and name not in measured.still]
+    if any(_goes(readings[name]) for name in speeds):
+        return False
+    if "motor_speed" in readings:
+        return True
+    # nobody says whether the shaft turns, but for what turns it
+    turned = [name for name in _TURN if name in measured.inputs]
+    if turned:
+        return all(_is_nothing(measured, name, span) for name in turned)
+    # no shaft drives what is compared: a rod whose position stands is all that could move
+    return "piston_position" in readings and "piston_position" not in measured.still
+
+
+def _goes(values: FloatArray) -> bool:
+    """Whether a reading is clearly not nothing."""
+    return bool(abs(np.mean(values)) > _GOES * np.std(beside_parabola(values)))
+
+
+def _is_nothing(measured: Measured, name: str, span: slice) -> bool:
+    values = measured.inputs[name]
+    if name in measured.input_noise:
+        return not _goes(values[span])
+    return bool(np.abs(values[span]).max() <= SAME * np.abs(values).max())

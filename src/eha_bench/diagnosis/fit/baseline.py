@@ -164,9 +164,9 @@ def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
     """
     progress("read", 0.0)
     measured, windows, noise, notes = gather(dataset)
-    measured, windows = _at_their_angles(dataset, measured, windows, noise)
     best = [dataset.model.vector()]
     try:
+        measured, windows = _at_their_angles(dataset, measured, windows, noise)
         found = _calibrated(dataset, measured, windows, noise, best, progress)
     except KeyboardInterrupt as stop:
         with checkpoints(lambda: False):
@@ -250,16 +250,20 @@ def _roughly(
 
 def _noise_notes(measured: Sequence[Measured]) -> Iterator[str]:
     """Say what is known of noise that is not white, or that drives the simulations."""
-    for name in measured[0].input_noise:
-        level = float(np.median([item.input_noise.get(name, 0.0) for item in measured]))
+    for name in dict.fromkeys(name for item in measured for name in item.input_noise):
+        own = [item.input_noise[name] for item in measured if name in item.input_noise]
+        level = float(np.median(own))
         yield (
             f"input '{name}' was measured, with a noise of {level:.2g} {unit_of(name)}: what that "
             "makes a simulation do counts as noise"
         )
-    for name, colour in sorted(measured[0].colours.items()):
+    for name in sorted({name for item in measured for name in item.colours}):
+        colours = dict.fromkeys(item.colours[name] for item in measured if name in item.colours)
+        # one for each sampling period
+        known = sorted({f"{colour.correlations(2)[1]:.2f}" for colour in colours}, key=float)
         yield (
             f"the noise of '{name}' is not white: where nothing moves, neighbouring samples "
-            f"correlate by {colour.correlations(2)[1]:.2f}; it is weighed so"
+            f"correlate by {' and '.join(known)}; it is weighed so"
         )
 
 
