@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+import threading
 import traceback
 import warnings
 from abc import ABC, abstractmethod
@@ -213,10 +214,31 @@ class _Joblib(Workers):
                 for outcome in outcomes:  # noqa: UP028 - `yield from` would close it, and warn
                     yield outcome
             finally:
-                with warnings.catch_warnings():
+                with warnings.catch_warnings(), _stopping():
                     # whoever leaves early knows that there was more
                     warnings.simplefilter("ignore", UserWarning)
                     outcomes.close()
+
+
+@contextmanager
+def _stopping() -> Iterator[None]:
+    """A context in which the thread that hands items to loky's processes may end in a KeyError.
+
+    Stopped between two items, it looks for one that has been taken from it; its traceback would be
+    all that is seen of a stop that went well.
+    """
+    before = threading.excepthook
+
+    def tell(args: threading.ExceptHookArgs) -> None:
+        of_loky = args.thread is not None and args.thread.name == "ExecutorManagerThread"
+        if not (of_loky and args.exc_type is KeyError):
+            before(args)
+
+    threading.excepthook = tell
+    try:
+        yield
+    finally:
+        threading.excepthook = before
 
 
 def _done_there(function: Sent, index: int, item: Item) -> Outcome[Any]:
