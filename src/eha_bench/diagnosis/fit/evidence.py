@@ -74,17 +74,22 @@ def _stretches(problem: Problem, residual: FloatArray) -> Iterator[tuple[int, Fl
     Between the windows of a run stands NaN: they hang together no more than across a gap.
     """
     cut: dict[tuple[str, int], list[FloatArray]] = {}
-    for piece in problem.pieces:
-        measured = problem.windows[piece.window].measured
-        rows = residual[piece.rows]
-        for channel in np.unique(piece.channels):
-            part = rows[piece.channels == channel]
-            if measured.input_noise:
-                cut.setdefault((measured.run.name, int(channel)), []).extend((part, _GAP))
-            else:
-                yield int(channel), part
+    for window, channel, part in _by_channel(problem, residual):
+        measured = problem.windows[window].measured
+        if measured.input_noise:
+            cut.setdefault((measured.run.name, channel), []).extend((part, _GAP))
+        else:
+            yield channel, part
     for (_, channel), parts in cut.items():
         yield channel, np.concatenate(parts)
+
+
+def _by_channel(problem: Problem, residual: FloatArray) -> Iterator[tuple[int, int, FloatArray]]:
+    """Yield windows and channels, by number, with their part of a stacked residual."""
+    for piece in problem.pieces:
+        rows = residual[piece.rows]
+        for channel in np.unique(piece.channels):
+            yield piece.window, int(channel), rows[piece.channels == channel]
 
 
 @dataclass(frozen=True)
@@ -120,17 +125,16 @@ def excess(problem: Problem, fit: Fit) -> Excess:
     """Return what the residual of a fit holds beyond noise."""
     structure: dict[int, float] = {}
     significance = -np.inf
+    parts = [(channel, part) for _, channel, part in _by_channel(problem, fit.residual)]
+    clipped = [np.clip(part, -8.0, 8.0) for _, part in parts]
     for length in (1, 8, 32, 128):
         total, count = 0.0, 0
-        for piece in problem.pieces:
-            rows = np.clip(fit.residual[piece.rows], -8.0, 8.0)
-            for channel in np.unique(piece.channels):
-                part = rows[piece.channels == channel]
-                blocks = part.size // length
-                if blocks:
-                    means = part[: blocks * length].reshape(blocks, length).mean(axis=1)
-                    total += float(np.sum(means**2)) * length
-                    count += blocks
+        for part in clipped:
+            blocks = part.size // length
+            if blocks:
+                means = part[: blocks * length].reshape(blocks, length).mean(axis=1)
+                total += float(np.sum(means**2)) * length
+                count += blocks
         if count > len(fit.free) + 4:
             value = total / (count - len(fit.free))
             structure[length] = value
@@ -138,11 +142,8 @@ def excess(problem: Problem, fit: Fit) -> Excess:
                 significance = max(significance, (value - 1.0) * np.sqrt(count / 2.0))
     names = problem.plant.outputs
     sums: dict[str, list[float]] = {}
-    for piece in problem.pieces:
-        rows = fit.residual[piece.rows]
-        for channel in np.unique(piece.channels):
-            part = rows[piece.channels == channel]
-            sums.setdefault(names[channel], []).append(float(np.mean(part**2)))
+    for channel, part in parts:
+        sums.setdefault(names[channel], []).append(float(np.mean(part**2)))
     floor = SOFT_MEAN * (problem.size - len(fit.free))
     return Excess(
         fit.cost - floor,

@@ -5,8 +5,6 @@ An effect stays only while it does something that the others cannot do without i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -40,13 +38,13 @@ def without_idle(search: Search, limits: Thresholds) -> Fit | None:
     little = item.comparison.gain < BENT * SOFT_MEAN * search.problem.size
     if not (idle or little):
         return None
-    trial = without(search, item, search.accepted[:-1])
+    trial = without(search, item)
     return trial if idle or trial.cost - fit.cost < limits.gain else None
 
 
 def drop(search: Search, item: Accepted, fit: Fit) -> None:
     """Take out what was added, and keep the better place that a fit without it has."""
-    search.accepted = [other for other in search.accepted if other is not item]
+    search.accepted = _others(search, item)
     search.fit = fit
     search.excess_left = excess(search.problem, fit)
     if not search.accepted:
@@ -56,14 +54,11 @@ def drop(search: Search, item: Accepted, fit: Fit) -> None:
 def review(search: Search, limits: Thresholds) -> None:
     """Take out what a later addition has made needless."""
     for item in list(search.accepted[:-1]):
-        kept = [other for other in search.accepted if other is not item]
-        trial = without(search, item, kept)
+        trial = without(search, item)
         left = excess(search.problem, trial)
         found = compare(trial, search.fit, search.groups, left.total)
         if found.gain_out < limits.gain / 2 or not limits.is_sure(found):
-            search.accepted = kept
-            search.fit = trial
-            search.excess_left = left
+            drop(search, item, trial)
 
 
 def release(search: Search, limits: Thresholds) -> None:
@@ -79,14 +74,18 @@ def release(search: Search, limits: Thresholds) -> None:
         size = abs(search.fit.vector[item.start.strength_at] - item.start.neutral)
         if size > _SURE * spreads(search.fit, search.groups)[key].deviation:
             continue
-        kept = [other for other in search.accepted if other is not item]
-        trial = without(search, item, kept)
+        trial = without(search, item)
         if trial.cost - search.fit.cost < limits.gain:
             drop(search, item, trial)
 
 
-def without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
+def _others(search: Search, item: Accepted) -> list[Accepted]:
+    return [other for other in search.accepted if other is not item]
+
+
+def without(search: Search, item: Accepted) -> Fit:
     """Return the search's fit without one of what was added, the others fitted anew."""
+    kept = _others(search, item)
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral
     layout = search.problem.plant.layout
@@ -96,7 +95,7 @@ def without(search: Search, item: Accepted, kept: Sequence[Accepted]) -> Fit:
     free = free_parameters(layout, keys, vector)
     coarse = search.problem.at_step(COARSE)
     rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
-    before, search.accepted = search.accepted, list(kept)
+    before, search.accepted = search.accepted, kept
     try:
         fit = polish(search, rough, [])
     finally:

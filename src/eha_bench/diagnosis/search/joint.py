@@ -62,8 +62,7 @@ def joint(search: Search, limits: Thresholds) -> bool:
 
 def _beside(search: Search, item: Accepted) -> Comparison:
     """Return what one of two gains beside the other, refitted alone."""
-    other = [each for each in search.accepted if each is not item]
-    alone = without(search, item, other)
+    alone = without(search, item)
     left = excess(search.problem, alone).total
     return compare(alone, search.fit, search.groups, left)
 
