@@ -29,6 +29,7 @@ import numpy as np
 
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import PluginError
+from eha_bench.plants.compiled import load_numba
 from eha_bench.plants.composition import compose, modules_of
 from eha_bench.plants.layout import Layout
 
@@ -61,7 +62,7 @@ def assemble(
     Raises:
         PluginError: an effect names a hook or a quantity that the plant does not have.
     """
-    import numba  # here, because a layout alone needs no compiler
+    numba = load_numba()  # here, because a layout alone needs no compiler
 
     text = compose(layout, modules, hooks)
     digest = hashlib.sha256(text.encode())

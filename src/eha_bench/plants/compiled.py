@@ -1,18 +1,40 @@
 """Marks a function as one that Numba compiles, without importing Numba.
 
 Numba takes a third of a second to import, and who reads a model file or lists parameters needs none
-of it. A marked function is compiled when it is first called, or when compiled code calls it: Numba
-asks a global for its type (`_numba_type_`), and gets that of the compiled function.
+of it. SciPy's linear algebra, which Numba imports only to see that it is there, takes another sixth
+and is left to those who need it. A marked function is compiled when it is first called, or when
+compiled code calls it: Numba asks a global for its type (`_numba_type_`), and gets that of the
+compiled function.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, update_wrapper
+from functools import cache, cached_property, update_wrapper
+from types import ModuleType
 from typing import Any, Generic, ParamSpec, TypeVar
 
 Args = ParamSpec("Args")
 Value_co = TypeVar("Value_co", covariant=True)
+
+
+@cache
+def load_numba() -> ModuleType:
+    """Import Numba without `scipy.linalg`, which its array functions import to look for BLAS.
+
+    SciPy is a dependency of this package, so what they look for is there; the functions that call
+    BLAS import it themselves when one of them is compiled.
+    """
+    import numba
+    from numba.np import linalg
+
+    look = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        import numba.np.arraymath
+    finally:
+        linalg.ensure_blas = look
+    return numba
 
 
 class Compiled(Generic[Args, Value_co]):
@@ -26,9 +48,7 @@ class Compiled(Generic[Args, Value_co]):
     @cached_property
     def dispatcher(self) -> Any:
         """Numba's own object for the function."""
-        import numba
-
-        return numba.njit(**self._options)(self.py_func)
+        return load_numba().njit(**self._options)(self.py_func)
 
     @property
     def _numba_type_(self) -> Any:
