@@ -26,6 +26,7 @@ from eha_bench.recordings import read
 from eha_bench.report import append_step_summary, markdown_summary, write_junit, write_report
 from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.suites import Suite, load_suite
+from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
 
@@ -92,9 +93,10 @@ def preview(suite: str | Path, target: str | Path | None = None) -> dict[str, tu
         EhaBenchError: bad input, or the target cannot run the suite.
     """
     loaded, opened = _opened(suite, target)
-    for trial in loaded.trials:
-        opened.check(trial)
-    return {trial.id: opened.preview(trial) for trial in loaded.trials}
+    with crashes_as_faults():
+        for trial in loaded.trials:
+            opened.check(trial)
+        return {trial.id: opened.preview(trial) for trial in loaded.trials}
 
 
 def _opened(suite: str | Path, target: str | Path | None) -> tuple[Suite, Target]:

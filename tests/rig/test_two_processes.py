@@ -81,6 +81,9 @@ def test_silence_stops_the_run_latches_the_rig_and_a_person_clears_it(
     assert status == 3
     assert "latched" in said
     assert "clear" in said
+    assert Result.read(out / "result.json").status is Status.FAULT
+    for name in ("junit.xml", "summary.md", "report.html"):
+        assert "latched" in (out / name).read_text(encoding="utf-8")
     wait_for(lambda: played.now() > played.events("injected")[0]["t"] + 4)
     status, said = played.do("clear", played.target, "--by", "Ada")
     assert status == 0, said

@@ -11,6 +11,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.core.workers import Outcome as Done
+from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
 
 Job = tuple[Target, Trial, int]
@@ -116,4 +117,5 @@ def ahead(jobs: Sequence[Job], workers: Workers) -> Iterator[Callable[[Target], 
 
 def _run(job: Job) -> Outcome:
     target, trial, repeat = job
-    return target.run(trial, repeat)
+    with crashes_as_faults():
+        return target.run(trial, repeat)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from eha_bench.bench.provenance import file_sha256
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.result import Result, TrialResult
+
+REPORTS: Final = ("report.html", "junit.xml", "summary.md")
+"""What is written beside a result for people and CI servers."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,11 @@ class ResultFolder:
                 where=Place(file=str(self.path)),
                 hint="name another folder with --out",
             ) from error
+
+    def clear(self) -> None:
+        """Remove an earlier run's result and its reports, which would pass for this run's."""
+        for name in (self.result.name, *REPORTS):
+            (self.path / name).unlink(missing_ok=True)
 
     def _ours(self) -> bool:
         return self.result.is_file() or self.recordings.is_dir()

@@ -14,10 +14,11 @@ from typing import Any, Final
 import numpy as np
 
 from eha_bench.bench.ahead import Job, ahead
+from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.core.atomic_file import write_text
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import InputError, Place, TargetFault
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.trial import Trial
@@ -28,6 +29,8 @@ from eha_bench.targets.target import Target
 SCHEMA_VERSION: Final = 1
 PLAN_NAME: Final = "ab.json"
 SIDES: Final = ("a", "b")
+COMPARISON_FILES: Final = ("comparison.json", "comparison.md", "comparison.html")
+"""What is written there once the sides have been compared."""
 _WARM_UP: Final = "warm-up"
 
 Opener = Callable[[], Target]
@@ -129,7 +132,7 @@ def run_interleaved(
                 if not warm and not _finished(folder):
                     ended = _warm_up(suite, openers, out / _WARM_UP, warm_up, progress)
                     warm = True
-                    if ended in (Status.FAULT, Status.INCOMPLETE):
+                    if ended is Status.INCOMPLETE:
                         break
                 progress(sum(map(len, done.values())), total, f"{side.upper()}: {trial.id}")
                 single = _single(trial, number)
@@ -184,22 +187,31 @@ def _prepare(out: Path, plan: Plan, *, resume: bool) -> None:
     out.mkdir(parents=True, exist_ok=True)
     for side in SIDES:
         # a merged result of an earlier, interrupted run would be stale
-        (out / side / "result.json").unlink(missing_ok=True)
+        ResultFolder(out / side).clear()
+    for name in COMPARISON_FILES:
+        (out / name).unlink(missing_ok=True)
     write_text(file, plan.to_json())
 
 
 def _warm_up(
     suite: Suite, openers: Mapping[str, Opener], folder: Path, passes: int, progress: Progress
 ) -> Status:
-    """Run the trials on the targets in turn, and throw away what was recorded."""
+    """Run the trials on the targets in turn, and throw away what was recorded.
+
+    Raises:
+        TargetFault: a target failed; no result would say why.
+    """
     status = Status.PASSED
     runs = [trial for _ in range(passes) for trial in suite.trials]
     for number, trial in enumerate(runs):
         side = SIDES[number % 2]
         progress(number, len(runs), f"warm-up, {side.upper()}: {trial.id}")
-        status = run_suite(_only(suite, replace(trial, repeats=1)), openers[side](), folder).status
+        result = run_suite(_only(suite, replace(trial, repeats=1)), openers[side](), folder)
+        status = result.status
         shutil.rmtree(folder, ignore_errors=True)
-        if status in (Status.FAULT, Status.INCOMPLETE):
+        if status is Status.FAULT:
+            raise TargetFault(f"warm-up, {side.upper()}, {trial.id}: {result.trials[-1].reason}")
+        if status is Status.INCOMPLETE:
             break
     return status
 

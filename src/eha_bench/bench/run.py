@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import TracebackType
 
 import numpy as np
 
@@ -17,15 +18,17 @@ from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import environment, file_sha256, now
 from eha_bench.bench.scoring import judge, judge_together, summed_up
-from eha_bench.core.errors import RecordingError, TargetFault
+from eha_bench.core.errors import EhaBenchError, InputError, RecordingError, SafetyStop, TargetFault
 from eha_bench.core.interruption import Interruption
+from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
-from eha_bench.targets.target import Ending, Journal, Stopping, Target
+from eha_bench.targets.crash import crashes_as_faults
+from eha_bench.targets.target import Ending, Journal, Outcome, Stopping, Target
 
 _STATUS = {
     Ending.INTERRUPTED: Status.INCOMPLETE,
@@ -35,6 +38,10 @@ _STATUS = {
 }
 _RETRY_AFTER = 1.0
 """Seconds before a trial is tried again: an adapter may need to come back."""
+
+
+class _NotSaved(TargetFault):
+    """The result could not be written, which no result can say."""
 
 
 @dataclass
@@ -72,11 +79,24 @@ class _Run:
             result.write(self.folder.result)
         except OSError as error:
             stopped = [f"{t.reason}; " for t in result.trials if t.status is Status.FAULT]
-            raise TargetFault(
+            raise _NotSaved(
                 f"{''.join(stopped[-1:])}the result cannot be written ({error.strerror})",
                 hint="make room; the recordings read up to where the disk was full",
             ) from error
         return result
+
+    def stop(self, ending: Ending, fault: EhaBenchError) -> Result:
+        """Save what faulted outside of a trial, as that of the trial it kept from running.
+
+        Where none is left to run, it is that of the last one, which keeps its scores.
+        """
+        waiting = [(trial.id, number) for trial, number in self.jobs]
+        trial, repeat = next((job for job in waiting if job not in self.done), waiting[-1])
+        last = self.done.get((trial, repeat), TrialResult(trial, repeat, Status.FAULT, "", ""))
+        reason = "; ".join(filter(None, (last.reason, f"{ending.value}: {fault}")))
+        self.done[trial, repeat] = replace(last, status=Status.FAULT, reason=reason)
+        self.provenance["stopped_by"] = ending.value
+        return self.save(complete=False)
 
 
 def run_suite(
@@ -102,22 +122,47 @@ def run_suite(
     Raises:
         EhaBenchError: the suite cannot run on this target, or `out` cannot be used.
     """
-    for trial in suite.trials:
-        if isinstance(trial.signal, FromRecording):
-            trial.signal(np.zeros(1))  # says why it cannot be run
-        target.check(trial)
+    broken = _checked(suite, target)
     folder = ResultFolder(out)
     folder.prepare()
     digests = {"suite_sha256": suite.sha256, **target.identity.digests}
     kept = _kept(folder, digests) if resume else {}
-    folder.result.unlink(missing_ok=True)
+    folder.clear()
     provenance = {**environment(suite.path.parent), "started": now(), **digests}
     run = _Run(suite, target, folder, provenance, dict(kept))
     run.save(complete=False)
     jobs = [(trial, repeat) for trial, repeat in run.jobs if (trial.id, repeat) not in kept]
-    known = [(target, *job) for job in jobs]
+    stopped = None
+    if jobs and broken is not None:
+        stopped = run.stop(Ending.FAULT, broken)
+    elif jobs:
+        stopped = _run_all(run, jobs, workers, retries, time_limit, progress)
+    if stopped is not None:
+        return stopped
+    for trial in suite.trials:
+        keys = [(trial.id, repeat) for repeat in range(trial.repeats)]
+        together = judge_together([run.done[key] for key in keys], trial.limits)
+        run.done.update(zip(keys, together, strict=True))
+    progress(len(jobs), len(jobs), "done")
+    return run.save(complete=True)
+
+
+def _run_all(
+    run: _Run,
+    jobs: Sequence[tuple[Trial, int]],
+    workers: Workers,
+    retries: int,
+    time_limit: float,
+    progress: Progress,
+) -> Result | None:
+    """Run what is left to do; return the result as it was saved if that came to no end."""
+    target, known = run.target, [(run.target, *job) for job in jobs]
     try:
-        with ahead(known, workers) as turned, Interruption() as interrupted, turned(target) as own:
+        with (
+            ahead(known, workers) as turned,
+            Interruption() as interrupted,
+            _Held(turned(target)) as own,
+        ):
             run.target = own
             budget = Budget(interrupted, time_limit)
             for number, (trial, repeat) in enumerate(jobs):
@@ -132,12 +177,52 @@ def run_suite(
         # asked for twice: what is done stands
         run.provenance["stopped_by"] = "interrupted"
         return run.save(complete=False)
+    except _NotSaved:
+        raise
+    except TargetFault as fault:
+        return run.stop(_ending_of(fault), fault)
+    return None
+
+
+class _Held:
+    """A target that is held; what crashes while it is taken or left is its fault."""
+
+    def __init__(self, target: Target) -> None:
+        self._target = target
+
+    def __enter__(self) -> Target:
+        with crashes_as_faults():
+            return self._target.__enter__()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with crashes_as_faults():
+            self._target.__exit__(kind, error, trace)
+
+
+def _checked(suite: Suite, target: Target) -> TargetFault | None:
+    """Return what went wrong with a target that was asked whether it can run the suite, if any did.
+
+    Raises:
+        EhaBenchError: it cannot.
+    """
     for trial in suite.trials:
-        keys = [(trial.id, repeat) for repeat in range(trial.repeats)]
-        together = judge_together([run.done[key] for key in keys], trial.limits)
-        run.done.update(zip(keys, together, strict=True))
-    progress(len(jobs), len(jobs), "done")
-    return run.save(complete=True)
+        if isinstance(trial.signal, FromRecording):
+            trial.signal(np.zeros(1))  # says why it cannot be run
+        try:
+            with crashes_as_faults():
+                target.check(trial)
+        except TargetFault as fault:
+            return TargetFault(f"asked whether it can run '{trial.id}': {fault}")
+    return None
+
+
+def _ending_of(fault: EhaBenchError) -> Ending:
+    return Ending.SAFETY_STOP if isinstance(fault, SafetyStop) else Ending.FAULT
 
 
 def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, int], TrialResult]:
@@ -177,8 +262,7 @@ def _run_one(
     started = time.time_ns()
     path = run.folder.recording(trial.id, repeat)
     metadata, attachments = _metadata(run, trial, repeat), _attachments(run, trial)
-    run.target.keep_journal(Journal(path, metadata, attachments))
-    outcome = run.target.run(trial, repeat, stopping)
+    outcome = _outcome(run.target, trial, repeat, stopping, Journal(path, metadata, attachments))
     if outcome.ending is Ending.INTERRUPTED and isinstance(stopping, Budget):
         outcome = replace(outcome, reason=stopping.reason)
     ending, reason = outcome.ending, outcome.reason
@@ -211,6 +295,25 @@ def _run_one(
         return stopped, ending
     judged = judge(outcome.recording, trial, repeat)
     return replace(judged, recording=relative, sha256=file_sha256(path)), ending
+
+
+def _outcome(
+    target: Target, trial: Trial, repeat: int, stopping: Stopping, journal: Journal
+) -> Outcome:
+    """Run a repeat; a fault or a crash that the target lets out is how the run of it ended.
+
+    Raises:
+        EhaBenchError: the input was wrong after all.
+    """
+    try:
+        with crashes_as_faults():
+            target.keep_journal(journal)
+            return target.run(trial, repeat, stopping)
+    except EhaBenchError as error:
+        if error.exit_status == InputError.exit_status:
+            raise
+        # a fault or a crash in another process has come as a WorkError
+        return Outcome(Recording(np.zeros(0), {}), _ending_of(error), str(error))
 
 
 def _metadata(run: _Run, trial: Trial, repeat: int) -> dict[str, str]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NoReturn
 
-from eha_bench.core.errors import EhaBenchError
+from eha_bench.core.errors import BUG, EhaBenchError
 
 INTERRUPTED = 130
 
@@ -41,7 +43,8 @@ def say_what_the_product_logs() -> None:
 def errors_as_sentences() -> Iterator[None]:
     """Turn what a user can put right into one sentence and an exit status.
 
-    Anything else is a bug and keeps its traceback, as does one that a worker came upon.
+    Anything else is a bug and keeps its traceback, as does one that a worker came upon; it leaves
+    with a status of its own.
     """
     try:
         yield
@@ -60,7 +63,7 @@ def errors_as_sentences() -> Iterator[None]:
     except UnicodeEncodeError as error:
         near = error.object[max(0, error.start - _NEAR) : error.end + _NEAR]
         if not any("\ud800" <= letter <= "\udfff" for letter in near):
-            raise
+            _leave_with_a_bug(error)
         # so Python holds the bytes of a file name that are no letters: no JSON can
         shown = " ".join(near.encode("utf-8", "backslashreplace").decode().split())
         say(f"eha-bench: a file name is not UTF-8 ('{shown}') and cannot be written; rename it")
@@ -69,6 +72,14 @@ def errors_as_sentences() -> Iterator[None]:
         name = f"{error.filename}: " if error.filename else ""
         say(f"eha-bench: {name}{error.strerror or error}")
         raise SystemExit(2) from error
+    except Exception as error:
+        _leave_with_a_bug(error)
+
+
+def _leave_with_a_bug(error: Exception) -> NoReturn:
+    say("".join(traceback.format_exception(error)).rstrip())
+    say("eha-bench: this is a bug in eha-bench or in a plug-in of yours; please report it")
+    raise SystemExit(BUG) from error
 
 
 class TerminalProgress:

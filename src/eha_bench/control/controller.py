@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+from eha_bench.core.errors import TargetFault
 from eha_bench.core.linkage import Linkage
 from eha_bench.core.yaml_file import StrictModel
 
@@ -61,3 +62,17 @@ class Controller(ABC):
 def clip(value: float, limit: float) -> float:
     """Return the value within -limit ... limit."""
     return min(max(value, -limit), limit)
+
+
+def a_current(command: object) -> float:
+    """Return what a controller asked for as a number, A.
+
+    Raises:
+        TargetFault: it is none; most often a `step` without `return`.
+    """
+    try:
+        return float(command)  # type: ignore[arg-type]  # that is what is found out
+    except (TypeError, ValueError) as error:
+        raise TargetFault(
+            f"the controller's step returned {command!r}, not a current in A"
+        ) from error

@@ -10,6 +10,9 @@ import re
 from dataclasses import dataclass
 from typing import ClassVar
 
+BUG = 70
+"""Exit status of a bug (EX_SOFTWARE of sysexits.h): no other status may pass for a verdict."""
+
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 
 

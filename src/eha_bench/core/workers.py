@@ -19,7 +19,7 @@ from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 
-from eha_bench.core.errors import EhaBenchError, InputError
+from eha_bench.core.errors import BUG, EhaBenchError, InputError
 from eha_bench.core.packed import Packed, packed
 
 Item = TypeVar("Item")
@@ -145,7 +145,7 @@ def _done(
         return Outcome(index, error=WorkError(str(error), status=error.exit_status))
     except Exception as error:
         told = f"{type(error).__name__}: {error}"
-        return Outcome(index, error=WorkError(told, trace=traceback.format_exc(), status=3))
+        return Outcome(index, error=WorkError(told, trace=traceback.format_exc(), status=BUG))
 
 
 _LOST = {

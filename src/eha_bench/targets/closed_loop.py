@@ -11,11 +11,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.control.controller import Controller
-from eha_bench.core.errors import TargetFault
+from eha_bench.control.controller import Controller, a_current
+from eha_bench.core.errors import EhaBenchError, TargetFault
 from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
+from eha_bench.targets.crash import told
 from eha_bench.targets.sensors import Sensor, SensorNoise
 from eha_bench.targets.target import Ending, Outcome, Stopping
 
@@ -83,7 +84,7 @@ class ClosedLoop:
                     ending, done = Ending.SAFETY_STOP, tick + 1
                     commands[tick] = 0.0
                     break
-                command = self.controller.step(float(reference[tick]), reading)
+                command = a_current(self.controller.step(float(reference[tick]), reading))
                 if not math.isfinite(command):
                     ending, done = Ending.FAULT, tick + 1
                     reason = f"the controller asked for {command} A at {clock[tick]:.4f} s"
@@ -97,6 +98,11 @@ class ClosedLoop:
             done = int(np.count_nonzero(np.isfinite(commands)))
         except TargetFault as fault:
             ending, reason = Ending.FAULT, str(fault)
+            done = int(np.count_nonzero(np.isfinite(commands)))
+        except EhaBenchError:
+            raise
+        except (Exception, SystemExit) as crash:  # a plug-in controller may raise anything
+            ending, reason = Ending.FAULT, told(crash)
             done = int(np.count_nonzero(np.isfinite(commands)))
         values = {name: measured[:done, column] for column, name in enumerate(channels)}
         values = {"reference": reference[:done], "current_command": commands[:done], **values}

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from eha_bench.core import plugins, yaml_file
-from eha_bench.core.errors import InputError, Place, PluginError
+from eha_bench.core.errors import EhaBenchError, InputError, Place, PluginError
+from eha_bench.targets.crash import told
 from eha_bench.targets.simulator import default_simulator
 from eha_bench.targets.target import Target
 
@@ -50,7 +51,14 @@ def _from_file(path: Path, content: dict[str, object]) -> Target:
         make = plugins.load("targets", str(content["target"]))
     except PluginError as error:
         raise InputError(error.what, where=where, hint=error.hint) from error
-    target = make(path, content)
+    try:
+        target = make(path, content)
+    except EhaBenchError:
+        raise
+    except Exception as error:
+        raise PluginError(
+            f"target '{content['target']}' cannot be made ({told(error)})", where=where
+        ) from error
     if not isinstance(target, Target):
         raise InputError(f"'{content['target']}' does not make a Target", where=where)
     return target

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.control.controller import a_current
 from eha_bench.core.errors import EhaBenchError, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Bypass, ControlMode, Piston
@@ -20,6 +21,7 @@ from eha_bench.targets.can.link import Link, NotThere
 from eha_bench.targets.can.pacing import LoopHealth, Pacer
 from eha_bench.targets.can.plan import Plan
 from eha_bench.targets.can.start_checks import StartCheck
+from eha_bench.targets.crash import told
 from eha_bench.targets.target import Ending, Outcome, Stopping
 
 FloatArray = NDArray[np.float64]
@@ -95,8 +97,8 @@ class TrialRun:
             ending, reason = Ending.FAULT, str(error)
         except EhaBenchError as error:
             ending, reason = Ending.FAULT, str(error)
-        except Exception as error:  # a plug-in controller may raise anything
-            ending, reason = Ending.FAULT, f"{type(error).__name__}: {error}"
+        except (Exception, SystemExit) as error:  # a plug-in controller may raise anything
+            ending, reason = Ending.FAULT, told(error)
         finally:
             self.safe = self.make_safe()
         if self.link.state == "fault" and ending is not Ending.COMPLETE:
@@ -277,7 +279,7 @@ class _Loop:
                 raise _Stop(*wrong)
             value = self._reference[tick]
             if controller is not None:
-                value = controller.step(value, readings)
+                value = a_current(controller.step(value, readings))
                 if not math.isfinite(value):
                     reason = f"the controller asked for {value} A at {now - pacer.start:.4f} s"
                     raise _Stop(Ending.FAULT, reason)

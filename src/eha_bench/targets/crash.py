@@ -1,0 +1,63 @@
+"""A crash of a target's or controller's code as a fault of the target, with the place in the code.
+
+Whoever writes a plug-in reads one sentence: what went wrong, in which file, on which line.
+"""
+
+from __future__ import annotations
+
+import sysconfig
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from eha_bench.core.errors import EhaBenchError, TargetFault
+
+_OURS: Final = Path(__file__).resolve().parents[1]
+_STANDARD: Final = Path(sysconfig.get_path("stdlib")).resolve()
+_INSTALLED: Final = frozenset({"site-packages", "dist-packages"})
+
+
+@contextmanager
+def crashes_as_faults() -> Iterator[None]:
+    """Turn what no code raises on purpose into a TargetFault; an EhaBenchError stays what it is.
+
+    `sys.exit` in a plug-in is a crash, too: it would end the run with an exit status of its own.
+
+    Raises:
+        TargetFault: the code crashed.
+    """
+    try:
+        yield
+    except EhaBenchError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise TargetFault(told(error)) from error
+
+
+def told(error: BaseException) -> str:
+    """Return what was raised and where: `KeyError: 'x', at my_law.py:7 in step`."""
+    what = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+    frame = _place(traceback.extract_tb(error.__traceback__))
+    return f"{what}, at {frame.filename}:{frame.lineno} in {frame.name}" if frame else what
+
+
+def _place(frames: traceback.StackSummary) -> traceback.FrameSummary | None:
+    """Return the innermost frame of the user's own code, else of what the bench had called.
+
+    Own code is what is neither ours, nor installed, nor Python's: where a plug-in calls NumPy in a
+    wrong way, the line that calls it is wrong. Of an installed plug-in it is its innermost frame.
+    """
+    paths = [Path(frame.filename).resolve() for frame in frames]
+    foreign = [n for n, path in enumerate(paths) if not path.is_relative_to(_OURS)]
+    own = [n for n in foreign if not _is_installed(paths[n])]
+    if own:
+        return frames[own[-1]]
+    of_plugin = [n for n in foreign if paths[n].parent == paths[foreign[0]].parent]
+    return frames[of_plugin[-1]] if of_plugin else next(reversed(frames), None)
+
+
+def _is_installed(path: Path) -> bool:
+    frozen = path.name.startswith("<")
+    return frozen or path.is_relative_to(_STANDARD) or not _INSTALLED.isdisjoint(path.parts)
