@@ -20,6 +20,13 @@ Echo = Callable[..., Path]
 REPORTS = ("result.json", "junit.xml", "summary.md", "report.html")
 
 
+def test_a_target_without_model_and_controller_says_so(
+    suite: Path, echo: Echo, tmp_path: Path
+) -> None:
+    said = eha_bench.run(suite, echo(), tmp_path / "out").provenance
+    assert (said["model_sha256"], said["controller_sha256"]) == ("", "")
+
+
 def assert_all_say_fault(out: Path, reason: str) -> None:
     """result.json, junit.xml, summary.md and report.html all say that, and why."""
     result = json.loads((out / "result.json").read_text())

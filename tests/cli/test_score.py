@@ -254,3 +254,67 @@ def test_a_file_name_that_is_no_text_is_one_sentence(cli: Cli, suite: Path) -> N
     assert "a file name is not UTF-8" in done.stderr
     assert "b\\udcffd.mcap" in done.stderr
     assert not list(Path("scored").iterdir())
+
+
+ONE = """\
+name: one
+trials:
+  - id: {id}
+    mode: current
+    setup: {{piston: locked}}
+    duration: 20 ms
+    signal: {{kind: step, final: 5 A, at: 5 ms}}
+"""
+
+
+def test_a_recording_of_a_trial_that_the_suite_lacks_is_not_taken_for_its_only_one(
+    cli: Cli, tmp_path: Path
+) -> None:
+    for name in ("small", "large"):
+        (tmp_path / f"{name}.yaml").write_text(ONE.format(id=name), encoding="utf-8")
+    cli("run", "large.yaml", "--out", "ran", check=0)
+    made = "ran/recordings/large-0.mcap"
+    done = cli("score", made, "--suite", "small.yaml", "--out", "scored", check=2)
+    assert "large-0.mcap: is a recording of trial 'large'" in done.stderr
+    assert "give --trial; the suite has: small" in done.stderr
+    assert not (tmp_path / "scored").exists()
+    note = "it says that it is of trial 'large'; scored as 'small'"
+    cli("score", made, "--suite", "small.yaml", "--trial", "small", "--out", "o", check=0)
+    assert note in json.loads(Path("o/result.json").read_text())["trials"][0]["notes"]
+    Path(made).rename("small-0.mcap")
+    cli("score", "small-0.mcap", "--suite", "small.yaml", "--out", "p", check=0)
+    assert note in json.loads(Path("p/result.json").read_text())["trials"][0]["notes"]
+
+
+def test_a_recording_that_names_no_trial_is_of_the_only_one(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "one.yaml").write_text(ONE.format(id="one"), encoding="utf-8")
+    time = np.arange(0, 0.02, 1e-3)
+    recording = eb.Recording(time, {"reference": time, "current": time})
+    eb.write(tmp_path / "log.mcap", recording)
+    cli("score", "log.mcap", "--suite", "one.yaml", "--out", "o", check=0)
+    result = json.loads(Path("o/result.json").read_text())
+    assert result["trials"][0]["id"] == "one"
+    digests = [result["provenance"][f"{key}_sha256"] for key in ("model", "controller")]
+    assert digests == ["", ""]
+    assert "Model, SHA-256" not in Path("o/report.html").read_text()
+
+
+def test_scores_come_from_the_model_that_all_recordings_name(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "one.yaml").write_text(ONE.format(id="one"), encoding="utf-8")
+    (tmp_path / "stiff.yaml").write_text(
+        "model: eha_knee\nparameters: {bulk_modulus: 1.2 GPa}\n", encoding="utf-8"
+    )
+    cli("run", "one.yaml", "--out", "a", check=0)
+    cli("run", "one.yaml", "--target", "stiff.yaml", "--out", "b", check=0)
+    first, second = "a/recordings/one-0.mcap", "b/recordings/one-0.mcap"
+
+    def digests(*recordings: str) -> dict[str, str]:
+        cli("score", *recordings, "--out", "o", check=0)
+        said = json.loads(Path("o/result.json").read_text())["provenance"]
+        return {key: said[key] for key in ("model_sha256", "controller_sha256")}
+
+    ran = json.loads(Path("a/result.json").read_text())["provenance"]
+    assert digests(first) == {key: ran[key] for key in ("model_sha256", "controller_sha256")}
+    together = digests(first, second)
+    assert together["model_sha256"] == ""
+    assert together["controller_sha256"] == ran["controller_sha256"]

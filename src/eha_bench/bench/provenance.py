@@ -5,9 +5,14 @@ from __future__ import annotations
 import hashlib
 import platform
 import subprocess
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Final
+
+NO_DIGESTS: Final[Mapping[str, str]] = {"model_sha256": "", "controller_sha256": ""}
+"""Keys that every result has: empty where a target has no model or no controller of its own."""
 
 _CHUNK = 1 << 20
 

@@ -16,7 +16,7 @@ from eha_bench.bench.budget import Budget
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.progress import Progress, silent
-from eha_bench.bench.provenance import environment, file_sha256, now
+from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
 from eha_bench.bench.scoring import judge, judge_together, summed_up
 from eha_bench.core.errors import EhaBenchError, InputError, RecordingError, SafetyStop, TargetFault
 from eha_bench.core.interruption import Interruption
@@ -128,7 +128,7 @@ def run_suite(
     digests = {"suite_sha256": suite.sha256, **target.identity.digests}
     kept = _kept(folder, digests) if resume else {}
     folder.clear()
-    provenance = {**environment(suite.path.parent), "started": now(), **digests}
+    provenance = {**environment(suite.path.parent), "started": now(), **NO_DIGESTS, **digests}
     run = _Run(suite, target, folder, provenance, dict(kept))
     run.save(complete=False)
     jobs = [(trial, repeat) for trial, repeat in run.jobs if (trial.id, repeat) not in kept]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.progress import Progress, silent
-from eha_bench.bench.provenance import environment, file_sha256, now
+from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.recording import Recording
@@ -112,10 +112,13 @@ def score_recordings(
     """
     done: list[TrialResult] = []
     used: dict[tuple[str, int], Trial] = {}
+    digests: dict[str, set[str]] = {key: set() for key in NO_DIGESTS}
     for number, path in enumerate(paths):
         progress(number, len(paths), path.name)
         recording = read(path, channels=channels)
         chosen = _trial_of(recording, path, suite, trial)
+        for key, found in digests.items():
+            found.add(recording.metadata.get(key, ""))
         repeat = sum(result.id == chosen.id for result in done)
         judged = judge(recording, chosen, repeat)
         used[chosen.id, repeat] = chosen
@@ -128,7 +131,7 @@ def score_recordings(
                 sha256=file_sha256(path) if path.is_file() else "",
                 scores=judged.scores,
                 reason=recording.metadata.get("ending_reason", "") or judged.reason,
-                notes=judged.notes,
+                notes=(*judged.notes, *_of_another(recording, chosen)),
                 definition=judged.definition,
             )
         )
@@ -139,7 +142,9 @@ def score_recordings(
             done[place] = item
     trials = tuple(done)
     folder = suite.path.parent if suite else Path.cwd()
-    provenance = {**environment(folder), "started": now()}
+    # of model and controller what all recordings agree on, as a run wrote it into them
+    agreed = {key: found.pop() for key, found in digests.items() if len(found) == 1}
+    provenance = {**environment(folder), "started": now(), **NO_DIGESTS, **agreed}
     if suite:
         provenance["suite_sha256"] = suite.sha256
     result = Result(
@@ -160,6 +165,13 @@ def _ended(recording: Recording) -> Status | None:
     if ending == "complete":
         return None
     return Status.INCOMPLETE if ending == "interrupted" else Status.FAULT
+
+
+def _of_another(recording: Recording, trial: Trial) -> tuple[str, ...]:
+    """Return a note where --trial or the file's name takes a recording for another trial's."""
+    said = recording.metadata.get("trial", "")
+    taken = bool(said) and said != trial.id
+    return (f"it says that it is of trial '{said}'; scored as '{trial.id}'",) if taken else ()
 
 
 def _trial_of(recording: Recording, path: Path, suite: Suite | None, named: str | None) -> Trial:
@@ -185,6 +197,12 @@ def _trial_of(recording: Recording, path: Path, suite: Suite | None, named: str 
     for candidate in (known, stem, stem.rpartition("-")[0]):
         if candidate in by_id:
             return by_id[candidate]
+    if known:
+        raise InputError(
+            f"is a recording of trial '{known}', which the suite does not have",
+            where=where,
+            hint=f"to score it all the same, give --trial; the suite has: {', '.join(by_id)}",
+        )
     if len(by_id) == 1:
         return suite.trials[0]
     raise InputError(

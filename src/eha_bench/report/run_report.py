@@ -176,6 +176,8 @@ def facts(result: Result) -> tuple[Fact, ...]:
     """Return the provenance as the foot of the page lists it."""
     found = [Fact("Suite", result.suite), Fact("Target", result.target)]
     for key, value in result.provenance.items():
+        if not value:
+            continue  # a target without a model, a run without a repository
         name = _FACT_NAMES.get(key) or key.replace("_", " ").capitalize()
         found.append(Fact(name, value, code="sha256" in key or key == "revision"))
     return tuple(found)
