@@ -11,6 +11,7 @@ import pytest
 
 import eha_bench as eb
 from eha_bench.core.errors import InputError
+from eha_bench.report.trend_site import headline
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "comparison"))
 from results import folder, result
@@ -108,3 +109,49 @@ def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
         eb.history(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
         eb.history(tmp_path / "nothing")
+
+
+@pytest.mark.parametrize("runs", [1, 5, 7])
+def test_of_too_few_runs_nothing_is_said(tmp_path: Path, runs: int) -> None:
+    nights(tmp_path, [*steady(runs - 1), 1.5])
+    found = eb.history(tmp_path)
+    content = json.loads(found.to_json())
+    assert found.exit_status() == 0
+    assert content["status"] == "undecided"
+    assert (content["too_few"], content["fewest_nights"]) == (1, 8)
+    said = "too few runs to tell of it (8 are needed)."
+    assert headline(found).endswith(said)
+    page = (tmp_path / "history" / "index.html").read_text(encoding="utf-8")
+    assert said in page
+    assert "Nothing can be said yet" in page
+    assert "none drifted" not in page
+
+
+def test_of_enough_runs_it_is_said_which_cannot_be_judged(tmp_path: Path) -> None:
+    nights(tmp_path, [*steady(7), 1.5], target="old")
+    nights(tmp_path, steady(3), target="new")
+    found = eb.history(tmp_path)
+    assert json.loads(found.to_json())["status"] == "drifted"
+    assert headline(found) == (
+        "11 runs, 2 metrics: 1 drifted (1 for the worse); "
+        "too few runs to tell of 1 of them (8 are needed)."
+    )
+
+
+def test_a_newest_run_without_values_is_not_steady(tmp_path: Path) -> None:
+    nights(tmp_path, [*steady(12), float("nan")])
+    found = eb.history(tmp_path)
+    assert json.loads(found.to_json())["status"] == "undecided"
+    assert headline(found) == "13 runs, 1 metric: the newest run has no value of it."
+
+
+def test_a_result_that_became_unreadable_counts_no_more(tmp_path: Path) -> None:
+    nights(tmp_path, steady(10))
+    assert len(eb.history(tmp_path).nights) == 10
+    file = tmp_path / "night-004" / "result.json"
+    whole = file.read_text(encoding="utf-8")
+    file.write_text("{", encoding="utf-8")
+    found = eb.history(tmp_path)
+    assert (len(found.nights), len(found.problems)) == (9, 1)
+    file.write_text(whole, encoding="utf-8")
+    assert len(eb.history(tmp_path).nights) == 10

@@ -23,7 +23,7 @@ from eha_bench.report.engineering import (
 from eha_bench.report.page import Fact, write_page
 from eha_bench.report.run_report import moment
 from eha_bench.report.trend_plot import sparkline, trend_svg, unit_of
-from eha_bench.trends.changes import Change
+from eha_bench.trends.changes import FEWEST, Change
 from eha_bench.trends.history import History
 from eha_bench.trends.index import Night
 from eha_bench.trends.terms import Kind
@@ -39,6 +39,11 @@ _LOOKS: Final = {
     State.NOT_SCORED: ("not_scored", "–"),
     State.STEADY: ("passed", "✓"),
     State.TOO_FEW: ("undecided", "?"),
+}
+_VERDICTS: Final = {
+    "drifted": ("failed", "✕", "The newest run drifted"),
+    "steady": ("passed", "✓", "Steady"),
+    "undecided": ("undecided", "?", "Nothing can be said yet"),
 }
 
 
@@ -102,11 +107,12 @@ def write_site(out: Path, history: History, folder: Path) -> Path:
         _write_trend(pages, view, trend, names, from_pages)
     for stale in set(pages.glob("*.html")) - {pages / view.page for view in views}:
         stale.unlink()
-    drifted = history.drifted
+    look, sign, word = _VERDICTS[history.status]
     content = {
         "history": history,
-        "look": "failed" if drifted else "passed",
-        "word": "The newest run drifted" if drifted else "Steady",
+        "look": look,
+        "sign": sign,
+        "word": word,
         "headline": headline(history),
         "notable": [view for view, trend in zip(views, history.trends, strict=True)
                     if trend.state.drifted or trend.state is State.NOT_SCORED],
@@ -120,11 +126,28 @@ def write_site(out: Path, history: History, folder: Path) -> Path:
 
 def headline(history: History) -> str:
     """Return what was found, as a sentence."""
-    drifted = history.drifted
-    total = len(history.trends)
-    runs = f"{len(history.nights)} runs, {total} metric{'' if total == 1 else 's'}"
+    drifted, total = history.drifted, len(history.trends)
+    nights = len(history.nights)
+    runs = f"{nights} run{'' if nights == 1 else 's'}, {total} metric{'' if total == 1 else 's'}"
+    too_few, missed = len(history.of(State.TOO_FEW)), len(history.of(State.NOT_SCORED))
+    found = _drift(drifted) if total > too_few + missed else ""
+    needed = f"({FEWEST} are needed)"
+    parts = [
+        found,
+        f"too few runs to tell of {_share(too_few, total)} {needed}" if too_few else "",
+        f"the newest run has no value of {_share(missed, total)}" if missed else "",
+        "no run has a value of any" if not total else "",
+    ]
+    return f"{runs}: {'; '.join(part for part in parts if part)}."
+
+
+def _share(count: int, total: int) -> str:
+    return f"{count} of them" if count < total else "any of them" if total > 1 else "it"
+
+
+def _drift(drifted: tuple[Trend, ...]) -> str:
     if not drifted:
-        return f"{runs}: none drifted in the newest run."
+        return "none drifted in the newest run"
     worse = sum(trend.worse is True for trend in drifted)
     better = sum(trend.worse is False for trend in drifted)
     parts = [
@@ -132,7 +155,7 @@ def headline(history: History) -> str:
         f"{better} for the better" if better else "",
     ]
     listed = ", ".join(part for part in parts if part)
-    return f"{runs}: {len(drifted)} drifted{f' ({listed})' if listed else ''}."
+    return f"{len(drifted)} drifted{f' ({listed})' if listed else ''}"
 
 
 def _report(night: Night, folder: Path) -> Path | None:

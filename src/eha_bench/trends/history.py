@@ -16,6 +16,7 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, metric_spec
 from eha_bench.core.workers import HERE, Workers
+from eha_bench.trends.changes import FEWEST
 from eha_bench.trends.index import Entry, Index, Night
 from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import State, Trend, judge
@@ -52,6 +53,17 @@ class History:
         """Metrics in which the newest run is not what was."""
         return tuple(trend for trend in self.trends if trend.state.drifted)
 
+    def of(self, state: State) -> tuple[Trend, ...]:
+        """Metrics in whose course the newest run is this."""
+        return tuple(trend for trend in self.trends if trend.state is state)
+
+    @property
+    def status(self) -> str:
+        """`drifted`, `steady`, or `undecided` where nothing can be said of any metric."""
+        if self.drifted:
+            return "drifted"
+        return "steady" if self.of(State.STEADY) else "undecided"
+
     def exit_status(self, *, only_worse: bool = False) -> int:
         """1 where the newest run drifted (`only_worse`: not for the better), else 0."""
         found = [trend for trend in self.drifted if not only_worse or trend.worse is not False]
@@ -63,7 +75,9 @@ class History:
         content = {
             "schema_version": SCHEMA_VERSION,
             "folder": self.folder,
-            "status": "drifted" if self.drifted else "steady",
+            "status": self.status,
+            "too_few": len(self.of(State.TOO_FEW)),
+            "fewest_nights": FEWEST,
             "problems": list(self.problems),
             "nights": [_night(night) for night in self.nights],
             "trends": [_trend(trend, places) for trend in self.trends],

@@ -145,14 +145,14 @@ def _append(database: sqlite3.Connection, folder: Path) -> list[str]:
         stamp = (about.st_size, about.st_mtime_ns)
         if name in known and known[name][:2] == stamp:
             continue
+        if name in known:  # the folder was used again: the run that was in it is no more
+            database.execute("DELETE FROM scores WHERE run = ?", (known[name][2],))
+            database.execute("DELETE FROM runs WHERE id = ?", (known[name][2],))
         try:
             result = Result.read(path)
         except EhaBenchError as error:
             problems.append(str(error))
             continue
-        if name in known:  # the folder was used again: the run that was in it is no more
-            database.execute("DELETE FROM scores WHERE run = ?", (known[name][2],))
-            database.execute("DELETE FROM runs WHERE id = ?", (known[name][2],))
         _add(database, name, stamp, result)
     return problems
 
