@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import eha_bench as eb
+from eha_bench.core.result import Result
 
 from .conftest import SUITE, Cli
 
@@ -212,3 +213,30 @@ def test_a_channel_that_is_not_measured_cannot_be_safe(cli: Cli, suite: Path) ->
     suite.write_text(text)
     done = cli("run", suite, "--out", "out", check=3)
     assert "safety limit force <= 3 N: the target does not measure it" in done.stderr
+
+
+def test_limits_are_si_in_the_result_and_as_written_for_people(
+    cli: Cli, suite: Path, tmp_path: Path
+) -> None:
+    suite.write_text(SUITE.replace("max: 12 A", "max: 1200 mA"), encoding="utf-8")
+    done = cli("run", suite, "--out", "out", check=1)
+    assert "(limit <= 1200 mA)" in done.stderr
+    (first, *_) = result_of(tmp_path / "out")["trials"][0]["scores"]
+    assert (first["limit"], first["limit_written"]) == ("<= 1.2 A", "<= 1200 mA")
+    (read, *_) = Result.read(tmp_path / "out" / "result.json").trials[0].scores
+    assert (read.limit, read.limit_in_si) == ("<= 1200 mA", "<= 1.2 A")
+    for name in ("junit.xml", "summary.md"):
+        assert "1200 mA" in (tmp_path / "out" / name).read_text(encoding="utf-8")
+
+
+def test_a_result_of_before_has_one_limit(tmp_path: Path) -> None:
+    score = {"metric": "peak", "value": 1.0, "status": "passed", "limit": "<= 2 mA"}
+    trial = {"id": "a", "status": "passed", "scores": [score]}
+    path = tmp_path / "result.json"
+    content = {"schema_version": 1, "suite": "s", "target": "t", "status": "passed"}
+    path.write_text(json.dumps({**content, "trials": [trial]}), encoding="utf-8")
+    found = Result.read(path)
+    assert found.trials[0].scores[0].limit == "<= 2 mA"
+    found.write(path)
+    again = result_of(tmp_path)["trials"][0]["scores"][0]
+    assert (again["limit"], again["limit_written"]) == ("<= 2 mA", "<= 2 mA")

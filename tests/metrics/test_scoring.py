@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from eha_bench.core import plugins
-from eha_bench.core.errors import PluginError
-from eha_bench.core.limit import AcceptanceLimit, Bounds
+from eha_bench.core.errors import InputError, PluginError
+from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
 from eha_bench.core.metric import METRICS, MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure, ScoreStatus
@@ -188,3 +188,25 @@ def test_nothing_is_remembered_of_a_recording_that_is_gone(kit):
     before = len(memo._stores)
     del recording
     assert len(memo._stores) == before - 1
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"bounds": Bounds(high=0.041)}, "<= 0.041 s"),
+        ({"bounds": Bounds(low=0.0366 * 0.94, high=0.3)}, ">= 0.034404 s, <= 0.3 s"),
+        ({"bounds": Bounds(low=0.708), "unit": ""}, ">= 0.708"),
+        ({"confident": True}, "<= 1 s with 95 % confidence"),
+        ({"repeats": Repeats.MEDIAN}, "<= 1 s, median of the repeats"),
+    ],
+)
+def test_a_limit_is_told_in_si(options, text):
+    assert limit(**options).in_si == text
+
+
+def test_who_gives_a_name_for_a_trial_is_told_where_trials_are(kit):
+    recording, trial = step(kit)
+    with pytest.raises(InputError, match=r"'pressure_step' is not a trial; .*load_suite"):
+        score(recording, "pressure_step")
+    with pytest.raises(InputError, match=r"'run.mcap' is not a recording; .*eha_bench.read"):
+        score("run.mcap", trial)

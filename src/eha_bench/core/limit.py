@@ -56,6 +56,16 @@ class AcceptanceLimit:
     confident: bool = False
     repeats: Repeats = Repeats.ALL
 
+    @property
+    def in_si(self) -> str:
+        """What is accepted in SI, whatever units the suite wrote: `<= 0.041 s`."""
+        sides = ((">=", self.bounds.low), ("<=", self.bounds.high))
+        given = [f"{sign} {end:.12g} {self.unit}".rstrip() for sign, end in sides
+                 if math.isfinite(end)]  # fmt: skip
+        text = ", ".join(given)
+        text += " with 95 % confidence" if self.confident else ""
+        return text + (f", {self.repeats.value} of the repeats" * (self.repeats is not Repeats.ALL))
+
 
 @dataclass(frozen=True)
 class SafetyLimit:

@@ -147,7 +147,8 @@ def _score_to_dict(score: Score) -> dict[str, Any]:
         "low": finite_or_none(score.measure.low),
         "high": finite_or_none(score.measure.high),
         "unit": score.unit,
-        "limit": score.limit,
+        "limit": score.limit_in_si or score.limit,
+        "limit_written": score.limit,
         "matters": score.matters,
         "status": score.status.value,
         "reason": score.measure.reason,
@@ -198,7 +199,8 @@ def _score(data: Mapping[str, Any]) -> Score:
         ),
         unit=str(data.get("unit") or ""),
         status=ScoreStatus(data["status"]),
-        limit=str(data.get("limit") or ""),
+        limit=str(data.get("limit_written") or data.get("limit") or ""),
+        limit_in_si=str(data.get("limit") or "") if data.get("limit_written") else "",
         matters=str(data.get("matters") or ""),
     )
 

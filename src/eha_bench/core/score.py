@@ -47,7 +47,10 @@ class Measure:
 class Score:
     """A measure with its name and verdict, as it stands in result.json.
 
-    `matters` is the smallest difference that matters between two results, as the suite wrote it.
+    Attributes:
+        limit: as the suite wrote it (`<= 41 ms`), which people are shown; "" where there is none.
+        limit_in_si: the same in SI (`<= 0.041 s`), which programs read.
+        matters: the smallest difference that matters between two results, as the suite wrote it.
     """
 
     metric: str
@@ -57,6 +60,7 @@ class Score:
     status: ScoreStatus
     limit: str = ""
     matters: str = ""
+    limit_in_si: str = ""
 
     @property
     def value(self) -> float:

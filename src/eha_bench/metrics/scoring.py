@@ -8,7 +8,7 @@ from functools import cache
 
 from eha_bench.core import plugins
 from eha_bench.core.channels import unit_of
-from eha_bench.core.errors import EhaBenchError, MissingChannelError, PluginError
+from eha_bench.core.errors import EhaBenchError, InputError, MissingChannelError, PluginError
 from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.metric import METRICS
 from eha_bench.core.recording import Recording
@@ -53,9 +53,15 @@ def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
     What cannot be computed is a score without a value, its reason said; a limit on it is then
     'not_scored', which a gate rejects.
 
+    Args:
+        recording: as `eha_bench.read` gives it.
+        trial: one of `eha_bench.suites.load_suite("suite.yaml").trials`.
+
     Raises:
         PluginError: a metric that is asked for does not exist or cannot be loaded.
+        InputError: what is given is no recording or no trial.
     """
+    _check(recording, trial)
     recording, trial = bind(recording, trial)
     wanted: list[tuple[str, str, AcceptanceLimit | None]] = [
         (limit.metric, _channel(limit.metric, limit.channel, trial), limit)
@@ -75,6 +81,19 @@ def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
     return tuple(_score(recording, trial, *item) for item in wanted)
 
 
+def _check(recording: object, trial: object) -> None:
+    if not isinstance(recording, Recording):
+        raise InputError(
+            f"{recording!r} is not a recording", hint="read it: eha_bench.read('run.mcap')"
+        )
+    if not isinstance(trial, Trial):
+        raise InputError(
+            f"{trial!r} is not a trial",
+            hint="take one of eha_bench.suites.load_suite('suite.yaml').trials, or let "
+            "`eha-bench score --trial` find it by its id",
+        )
+
+
 def _channel(name: str, channel: str, trial: Trial) -> str:
     return channel or metric(name).spec.channel_for(trial.channel)
 
@@ -92,6 +111,7 @@ def _score(
         unit=unit,
         status=judge(measure, limit),
         limit=limit.text if limit else "",
+        limit_in_si=limit.in_si if limit else "",
         matters=trial.margins[name].text if name in trial.margins else "",
     )
 
