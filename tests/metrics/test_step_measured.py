@@ -273,3 +273,23 @@ def test_a_single_sample_jump_is_timed_between_its_samples(kit):
     trial = kit.trial(signal, 0.5, settle=0.1)
     assert kit.measure("delay_time", recording, trial).value == pytest.approx(0.5e-3, abs=0.1e-3)
     assert kit.measure("rise_time", recording, trial).value == pytest.approx(0.8e-3, abs=0.1e-3)
+
+
+@pytest.mark.parametrize("lag", [5e-5, 2e-4, 5e-4, 2e-3])
+@pytest.mark.parametrize("noise", [0.006, 0.03])
+def test_nothing_settles_before_it_has_responded(kit, lag, noise):
+    recording, trial = kit.step(
+        lambda time: 1.0 - np.exp(-time / lag), hold=0.35, before=0.05, size=6.0
+    )
+    scored = 0
+    for seed in range(12):
+        noisy = kit.noisy(recording, noise * 6.0, seed)
+        settled, reached = (
+            kit.measure(name, noisy, trial) for name in ("settling_time", "response_time")
+        )
+        if math.isnan(settled.value):
+            continue
+        scored += 1
+        assert settled.value >= reached.value
+        assert settled.low <= settled.value <= settled.high
+    assert scored

@@ -11,6 +11,9 @@ from eha_bench.metrics.metric import spec_of
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge
 from eha_bench.metrics.step_response import StepResponse
 
+RESPONDED = 0.95
+"""Share of the step at which a response counts as there."""
+
 
 class RiseTime(StepMetric):
     """Time in s from 10 to 90 % of the step."""
@@ -38,7 +41,7 @@ class ResponseTime(StepMetric):
 
     def of(self, step: StepResponse) -> Measure:
         """Return the time of the crossing of 95 %."""
-        return _until(step, 0.95, f"edge to 95 % of the measured final level, {LEVELS}")
+        return _until(step, RESPONDED, f"edge to 95 % of the measured final level, {LEVELS}")
 
 
 class DelayTime(StepMetric):
