@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import eha_bench as eb
+from eha_bench.core.errors import InputError
+from eha_bench.core.linkage import Linkage
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
 from eha_bench.diagnosis.fit.baseline import gather
@@ -97,3 +101,188 @@ def test_what_was_bridged_in_an_input_is_said():
     command[50:80] = np.nan
     (found,) = predict(dataset(recording.with_values({"current_command": command})))
     assert any("input 'current_command' has 30 gaps, bridged" in note for note in found.notes)
+
+
+# ---- where a prediction begins
+
+
+def freely(
+    values: dict[str, np.ndarray], *, locked: bool = False, inputs: tuple[str, ...] = ()
+) -> Dataset:
+    """Return a dataset of one recording of a steady command and what is given."""
+    n = next(iter(values.values())).size
+    recording = Recording(np.arange(n) * 1e-3, {"current_command": np.zeros(n), **values})
+    run = Run("one", Path("one.mcap"), None, locked, False, Use.TRAIN, lambda: recording)
+    return Dataset(MODEL, inputs or ("current_command",), (run,), "dataset.yaml")
+
+
+def only_first(value: float, n: int = 100) -> np.ndarray:
+    return np.concatenate([[value], np.full(n - 1, np.nan)])
+
+
+@pytest.mark.parametrize("column", [only_first, lambda value: np.full(100, value)])
+def test_it_begins_at_the_first_sample_whatever_follows(column):
+    """Outputs that are there in the first row only, or never change, are a first sample as well."""
+    first = {
+        "pressure_a": 8e6,
+        "pressure_b": 3e6,
+        "motor_speed": 52.0,
+        "piston_position": 0.004,
+        "piston_velocity": 0.01,
+        "current": 1.0,
+    }
+    (found,) = predict(freely({name: column(value) for name, value in first.items()}))
+    for name, value in first.items():
+        assert found.values[name][0] == pytest.approx(value), name
+        assert name not in found.errors
+    assert not any("assumed" in note for note in found.notes)
+    assert any("'pressure_a' begins at what it reads first, 8e+06 Pa" in n for n in found.notes)
+
+
+def test_readings_that_are_stuck_at_first_are_begun_with():
+    """A speed stuck for the first 60 samples is not believed there, but it is what was read."""
+    noise = np.random.default_rng(3).standard_normal(400)
+    speed = 20.0 + 0.1 * noise + np.linspace(0.0, 30.0, 400)
+    speed[:60] = 12.0
+    (found,) = predict(freely({"motor_speed": speed}))
+    assert found.values["motor_speed"][0] == pytest.approx(12.0)
+
+
+def test_a_first_reading_that_is_late_is_said():
+    noise = 1e4 * np.random.default_rng(4).standard_normal((2, 200))
+    values = {"pressure_a": 8e6 + noise[0], "pressure_b": 3e6 + noise[1]}
+    values["pressure_a"][:3] = np.nan
+    (found,) = predict(freely(values))
+    assert found.values["pressure_a"][0] == pytest.approx(values["pressure_a"][3])
+    assert any("the first sample has no 'pressure_a'" in n and "0.003 s" in n for n in found.notes)
+
+
+def test_the_position_is_that_of_the_joint():
+    """Known answer: c0 + x + half the stroke closes the triangle of the two links."""
+    vector, layout = MODEL.vector(), MODEL.plant.layout
+    a, b, c0, volume, area = (
+        vector[layout.index[name]]
+        for name in ("link_a", "link_b", "link_c0", "volume_a", "piston_area_a")
+    )
+    angle = Linkage(a, b, c0, volume / area).angle_at(-0.0267)
+    (found,) = predict(freely({"joint_angle": np.full(100, angle)}))
+    assert found.values["piston_position"][0] == pytest.approx(-0.0267, abs=1e-9)
+    assert found.values["joint_angle"][0] == pytest.approx(angle, abs=1e-9)
+    assert any("no 'piston_position'" in n and "-0.0267 m" in n for n in found.notes)
+    (held,) = predict(freely({"joint_angle": np.full(100, angle)}, locked=True))
+    assert held.values["piston_position"] == pytest.approx(np.full(100, -0.0267), abs=1e-9)
+
+
+def test_a_joint_angle_is_compared_where_it_was_measured():
+    recording = simulated()
+    vector, plant = MODEL.vector(), MODEL.plant
+    position = recording["piston_position"] + 1e-5 * np.sin(np.arange(len(recording)))
+    angle = plant.linkage(vector).angle(position)
+    values = {k: v for k, v in recording.values.items() if k != "piston_position"}
+    (found,) = predict(dataset(Recording(recording.time, {**values, "joint_angle": angle})))
+    expected = np.sqrt(np.mean((angle - found.values["joint_angle"]) ** 2))
+    assert found.errors["joint_angle"] == pytest.approx(expected)
+    assert "joint_angle" not in predict(dataset(recording))[0].values
+
+
+@pytest.mark.parametrize(("difference", "low"), [(5e6, "pressure_b"), (-2e6, "pressure_a")])
+def test_a_pressure_difference_is_begun_with(difference, low):
+    (found,) = predict(freely({"pressure_difference": np.full(100, difference)}))
+    assert found.values["pressure_difference"][0] == pytest.approx(difference)
+    assert found.values[low][0] == pytest.approx(0.6e6)
+    assert any("600000 Pa, which is assumed" in note for note in found.notes)
+    both = {"pressure_difference": np.full(100, difference), "pressure_a": np.full(100, 4e6)}
+    (found,) = predict(freely(both))
+    assert found.values["pressure_b"][0] == pytest.approx(4e6 - difference)
+
+
+def test_every_state_that_was_assumed_is_said_with_its_value():
+    (found,) = predict(freely({"force": np.zeros(100)}))
+    (note,) = (note for note in found.notes if "assumed" in note)
+    for name, value in (
+        ("motor_speed", "0 rad/s"),
+        ("pressure_a", "600000 Pa"),
+        ("pressure_b", "600000 Pa"),
+        ("piston_position", "0 m"),
+        ("piston_velocity", "0 m/s"),
+        ("current", "0 A"),
+    ):
+        assert f"{name} at {value}" in note
+    # what is held is known to stand still, and what is measured is not assumed
+    (found,) = predict(freely({"piston_position": np.full(100, 0.01)}, locked=True))
+    (note,) = (note for note in found.notes if "assumed" in note)
+    assert "piston" not in note
+
+
+def test_inputs_that_drive_nothing_are_refused(tmp_path):
+    driven_by = freely(
+        {"piston_position": np.linspace(0.0, 0.01, 100)}, inputs=("piston_position",)
+    )
+    with pytest.raises(InputError, match="nothing that eha_knee gives is driven by piston_pos"):
+        predict(driven_by, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_where_inputs_drive_nothing_is_said(tmp_path):
+    (tmp_path / "log.csv").write_text("t,x\n" + "".join(f"{k / 1e3},{k}\n" for k in range(50)))
+    (tmp_path / "channels.yaml").write_text(
+        "time: {column: t, unit: s}\nchannels:\n  piston_position: {column: x, unit: um}\n"
+    )
+    MODEL.write(tmp_path / "model.yaml")
+    path = tmp_path / "dataset.yaml"
+    path.write_text(
+        "model: model.yaml\nchannels: channels.yaml\ninputs: [piston_position]\n"
+        "runs:\n  - {log: log.csv}\n"
+    )
+    for command in (predict, eb.calibrate):
+        with pytest.raises(InputError, match=r"dataset.yaml:3, key 'inputs': .*; name a command"):
+            command(path)
+
+
+def test_a_log_without_anything_to_compare_is_refused_with_a_way_out():
+    with pytest.raises(InputError, match=r"one of current, .* it has: .*pressure_difference"):
+        gather(freely({"pressure_difference": np.linspace(0.0, 1e6, 100)}))
+
+
+# ---- what is written
+
+
+def test_time_is_that_of_read_and_its_zero_is_told(tmp_path):
+    """A table whose time begins at 5 s: `time` as `read` gives it, and what it counts from."""
+    command = np.sin(np.arange(200) / 9.0)
+    rows = (f"{5.0 + k / 1e3:.3f},{value:.6f}\n" for k, value in enumerate(command))
+    (tmp_path / "log.csv").write_text("t,i\n" + "".join(rows))
+    (tmp_path / "channels.yaml").write_text(
+        "time: {column: t, unit: s}\nchannels:\n  current_command: {column: i, unit: A}\n"
+    )
+    MODEL.write(tmp_path / "model.yaml")
+    path = tmp_path / "dataset.yaml"
+    path.write_text("model: model.yaml\nchannels: channels.yaml\nruns:\n  - {log: log.csv}\n")
+    (found,) = predict(path, out=tmp_path / "out")
+    read = eb.read(tmp_path / "log.csv", channels=tmp_path / "channels.yaml")
+    table = pq.read_table(tmp_path / "out" / "log.parquet")
+    assert np.array_equal(table["time"].to_numpy(), read.time)
+    epoch = int(table.schema.metadata[b"epoch_ns"])
+    assert epoch == read.epoch_ns == found.epoch_ns
+    assert table["time"].to_numpy() + epoch / 1e9 == pytest.approx(5.0 + np.arange(200) / 1e3)
+    assert table.schema.field("current").metadata[b"unit"] == b"A"
+
+
+def test_a_summary_stands_beside_the_tables(tmp_path):
+    recording = simulated()
+    generator = np.random.default_rng(8)
+    noisy = recording.with_values(
+        {"motor_speed": recording["motor_speed"] + 0.5 * generator.standard_normal(len(recording))}
+    )
+    (found,) = predict(dataset(noisy), out=tmp_path)
+    summary = json.loads((tmp_path / "prediction.json").read_text())
+    (run,) = summary["runs"]
+    assert run["file"] == "one.parquet"
+    assert (tmp_path / run["file"]).exists()
+    assert run["channels"] == list(found.values)
+    assert run["error"]["motor_speed"]["unit"] == "rad/s"
+    assert run["error"]["motor_speed"]["rms"] == pytest.approx(0.5, rel=0.2)
+    difference = found.values["pressure_difference"] - recording["pressure_difference"]
+    rms = float(np.sqrt(np.mean(difference**2)))
+    assert run["error"]["pressure_difference"]["rms"] == pytest.approx(rms)
+    assert run["notes"] == list(found.notes)

@@ -23,8 +23,10 @@ def predict(
     dataset: Dataset,
     model: Annotated[Path, typer.Option("--model", help="model.yaml to simulate.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for one Parquet file a run.")],
+    json: Json = False,
 ) -> None:
     """Simulate every run freely, from its inputs and its first sample."""
+    from eha_bench.diagnosis.replay.prediction import SUMMARY
     from eha_bench.diagnosis.replay.prediction import predict as simulate
 
     with TerminalProgress() as bar:
@@ -32,7 +34,10 @@ def predict(
     for note in (note for item in found for note in item.notes):
         say(note)
     say(f"{len(found)} runs simulated")
-    typer.echo(str(out))
+    if json:
+        typer.echo((out / SUMMARY).read_text(encoding="utf-8"), nl=False)
+    else:
+        typer.echo(str(out))
 
 
 def calibrate(

@@ -133,6 +133,30 @@ class Plant(ABC):
         """
         return {}
 
+    def behind(
+        self,
+        vector: FloatArray,  # noqa: ARG002 - for plants with other sensors than of their states
+        readings: Mapping[str, float],  # noqa: ARG002
+    ) -> dict[str, float]:
+        """Return states that other readings tell of, SI: a position behind a joint's angle.
+
+        Args:
+            vector: parameters. readings: channel -> reading at one sample, SI; any channels.
+        """
+        return {}
+
+    def derived(
+        self,
+        vector: FloatArray,  # noqa: ARG002 - for plants with other sensors than of their outputs
+        outputs: Mapping[str, FloatArray],  # noqa: ARG002
+    ) -> dict[str, FloatArray]:
+        """Return channels that follow from the outputs alone, (n,) SI.
+
+        Args:
+            vector: parameters. outputs: channel -> (n,) SI, those that are known.
+        """
+        return {}
+
     def sweep(self, vectors: FloatArray, drive: Drive, step: float) -> FloatArray:
         """Return what `simulate` does for many parameter sets over the same input.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +16,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.model import Model, load_model
+from eha_bench.plants.plant import Plant
 from eha_bench.plants.static_plant import StaticPlant
 
 _FEWEST = 10
@@ -97,13 +98,14 @@ class Dataset:
         model: declared model.
         inputs: channels that drive the model.
         runs: all runs, in the order of the file.
-        source: the file, for messages.
+        source: the file, for messages. inputs_at: where it names its inputs.
     """
 
     model: Model
     inputs: tuple[str, ...]
     runs: tuple[Run, ...]
     source: str = ""
+    inputs_at: Place = field(default_factory=Place)
 
     @property
     def training(self) -> tuple[Run, ...]:
@@ -114,6 +116,22 @@ class Dataset:
     def holdout(self) -> tuple[Run, ...]:
         """Runs that are only scored."""
         return tuple(run for run in self.runs if run.use is Use.HOLDOUT)
+
+    def driven(self, plant: Plant) -> tuple[str, ...]:
+        """Return the outputs of a plant that the inputs determine.
+
+        Raises:
+            InputError: there is none but the inputs themselves.
+        """
+        found = plant.determined(self.inputs)
+        if not set(found) - set(self.inputs):
+            raise InputError(
+                f"nothing that {plant.id} gives is driven by {', '.join(self.inputs)}",
+                where=self.inputs_at,
+                hint="name a command that moves it, or a measured state that others follow; "
+                f"it gives: {', '.join(plant.outputs)}",
+            )
+        return found
 
     def with_model(self, model: Model) -> Dataset:
         """Return the same runs held against another model.
@@ -174,7 +192,7 @@ def load_dataset(path: Path) -> Dataset:
         raise InputError(
             "no run is for training", where=place("runs"), hint="give at least one `use: train`"
         )
-    return Dataset(model, tuple(file.inputs), tuple(runs), str(path))
+    return Dataset(model, tuple(file.inputs), tuple(runs), str(path), place("inputs"))
 
 
 def _free_name(name: str, taken: Sequence[str]) -> str:

@@ -43,6 +43,14 @@ _NUMBER = re.compile(r"(?<![\w.#])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 
 
 @dataclass(frozen=True)
+class FirstReading:
+    """The first finite reading of a channel, SI, and the sample that it is of."""
+
+    value: float
+    tick: int
+
+
+@dataclass(frozen=True)
 class Measured:
     """A recording that passed the gate, on its own clock.
 
@@ -61,6 +69,7 @@ class Measured:
             what was asked for is exact, and not in here.
         colours: channel -> colour of its noise, where that is not white.
         start: angle of the shaft at the first sample.
+        first: channel -> its first reading as logged, whether it may be believed or not.
     """
 
     run: Run
@@ -76,6 +85,7 @@ class Measured:
     input_noise: Mapping[str, float] = field(default_factory=dict)
     colours: Mapping[str, Colour] = field(default_factory=dict)
     start: StartAngle = KNOWN
+    first: Mapping[str, FirstReading] = field(default_factory=dict)
 
     def begun(self, starts: Mapping[str, StartAngle]) -> Measured:
         """Return the same run with the shaft at another angle at its start, given by run's name."""
@@ -271,7 +281,12 @@ def admit(
         columns.append(np.where(good, raw, 0.0))
         masks.append(good)
     if not names and strict:
-        raise RecordingError("no channel of the plant is measured", where=where)
+        raise RecordingError(
+            "no channel of the plant is measured",
+            where=where,
+            hint=f"one of {', '.join(outputs)} must be there and change; it has: "
+            f"{', '.join(recording)}; map it in channels.yaml",
+        )
     breaks = _clock(run, time, driven, missing, notes)
     return Measured(
         run,
@@ -285,7 +300,18 @@ def admit(
         held,
         unmoved,
         noise,
+        first=_first_readings(recording),
     )
+
+
+def _first_readings(recording: Recording) -> dict[str, FirstReading]:
+    found = {}
+    for name in recording:
+        good = np.isfinite(recording[name])
+        if good.any():
+            tick = int(np.argmax(good))
+            found[name] = FirstReading(float(recording[name][tick]), tick)
+    return found
 
 
 def _stuck(name: str, raw: FloatArray, resolution: float) -> BoolArray:

@@ -102,7 +102,7 @@ def gather(
         InputError: no run has anything to compare.
     """
     plant = dataset.model.plant
-    compared = plant.determined(dataset.inputs)
+    compared = dataset.driven(plant)
     measured: list[Measured] = []
     unread: list[RecordingError] = []
     for run in dataset.training:

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from eha_bench.core.atomic_file import replacing
+from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.channels import unit_of
+from eha_bench.core.finite import finite_or_none
 from eha_bench.core.output_folder import writable
+from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, pooled_noise
-from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles, said
 from eha_bench.diagnosis.fit.start_state import start_of
+from eha_bench.diagnosis.replay import first_sample
 from eha_bench.plants.model import Model, load_model
 
 FloatArray = NDArray[np.float64]
@@ -28,8 +32,8 @@ FloatArray = NDArray[np.float64]
 STEP = 1e-4
 """Integration step of a prediction, s: its error is below a tenth of usual noise."""
 
-_SPEEDS = ("motor_speed", "piston_velocity")
-_PRESSURES = ("pressure_a", "pressure_b")
+SCHEMA_VERSION = 1
+SUMMARY = "prediction.json"
 
 
 @dataclass(frozen=True)
@@ -37,85 +41,61 @@ class Prediction:
     """One run's simulated outputs at the log's time stamps.
 
     Attributes:
-        run: its name. time: (n,) s, as in the log. values: channel -> (n,) SI.
+        run: its name. time: (n,) s since `epoch_ns`, as `read` gives it for the log.
+        values: channel -> (n,) SI.
         notes: what was found in the log (gaps of an input that were bridged), and what was taken
             for its start and is not in the first sample, one sentence each.
+        errors: channel -> root mean square of measured less predicted, SI, where the log measures
+            it; infinite where the simulation diverges.
+        epoch_ns: time zero by the log's own clock, ns (a table's that starts at 5 s: 5e9).
     """
 
     run: str
     time: FloatArray
     values: Mapping[str, FloatArray]
     notes: tuple[str, ...] = ()
+    errors: Mapping[str, float] = field(default_factory=dict)
+    epoch_ns: int = 0
+
+    @property
+    def file(self) -> str:
+        """Name of its Parquet file."""
+        return f"{self.run}.parquet"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what prediction.json says of it; an error that is not computable is null."""
+        return {
+            "run": self.run,
+            "file": self.file,
+            "epoch_ns": self.epoch_ns,
+            "samples": int(self.time.size),
+            "channels": list(self.values),
+            "error": {
+                name: {"rms": finite_or_none(value), "unit": unit_of(name)}
+                for name, value in self.errors.items()
+            },
+            "notes": list(self.notes),
+        }
 
     def write(self, path: Path) -> None:
-        """Write Parquet: `time` in s, then one column a channel in SI; whole or not at all."""
+        """Write Parquet: `time` in s, then one column a channel in SI; whole or not at all.
+
+        A column's metadata hold its `unit`, the table's the `epoch_ns` that `time` counts from.
+        """
         columns = {"time": self.time, **self.values}
         units = {"time": "s", **{name: unit_of(name) for name in self.values}}
         schema = pa.schema(
-            [pa.field(name, pa.float64(), metadata={"unit": units[name]}) for name in columns]
+            [pa.field(name, pa.float64(), metadata={"unit": units[name]}) for name in columns],
+            metadata={"epoch_ns": str(self.epoch_ns)},
         )
         table = pa.table({name: pa.array(values) for name, values in columns.items()}, schema)
         with replacing(path) as part:
             pq.write_table(table, part)
 
 
-def first_state(measured: Measured, model: Model) -> dict[str, float]:
-    """Return the state at the first sample, from that sample alone.
-
-    One sample carries its sensor's noise. Where it cannot be told from rest (speeds of nothing,
-    both pressures at the charge pressure that the model declares), rest is taken.
-    """
-    state: dict[str, float] = {}
-    if not model.plant.states:
-        return state
-    noise = {name: noise_of(column) for name in measured.outputs
-             if (column := measured.column(name)) is not None}  # fmt: skip
-    for name in measured.outputs:
-        column = measured.column(name)
-        if column is None:
-            continue
-        good = np.flatnonzero(np.isfinite(column))
-        value = float(column[good[0]])
-        if name in _SPEEDS and abs(value) < 4.0 * noise.get(name, 0.0):
-            value = 0.0
-        state[name] = value
-    charge = _charge_pressure(model)
-    if all(name in state for name in _PRESSURES):
-        sigma = max(noise.get(name, 0.0) for name in _PRESSURES)
-        charged = charge is not None and all(
-            abs(state[name] - charge) < 4.0 * sigma for name in _PRESSURES
-        )
-        if charge is not None and charged:
-            state["pressure_a"] = state["pressure_b"] = charge
-        elif abs(state["pressure_a"] - state["pressure_b"]) < 4.0 * sigma:
-            middle = 0.5 * (state["pressure_a"] + state["pressure_b"])
-            state["pressure_a"] = state["pressure_b"] = middle
-    elif charge is not None:
-        for name in _PRESSURES:
-            state.setdefault(name, charge)
-    if "current" in state and abs(state["current"]) < 4.0 * noise.get("current", 0.0):
-        state["current"] = 0.0
-    if "piston_position" not in state and measured.run.locked:
-        state["piston_position"] = measured.held.get("piston_position", 0.0)
-    if measured.run.locked:
-        state["piston_velocity"] = 0.0
-    if measured.start.is_estimated:
-        state["shaft_angle"] = measured.start.value
-    return state
-
-
-def _charge_pressure(model: Model) -> float | None:
-    for effect in model.effects:
-        if effect.id == "anti_cavitation":
-            parameter = model.plant.layout.effect(effect.id).parameter("charge_pressure")
-            # a quantity's value and default are numbers; only a choice's are text
-            return float(effect.values.get("charge_pressure", parameter.default))  # type: ignore[arg-type]
-    return None
-
-
 def simulate_run(measured: Measured, model: Model, step: float = STEP) -> FloatArray:
     """Return the plant's outputs over a whole run, (n, outputs), from inputs and first sample."""
-    return simulate_from(measured, model, first_state(measured, model), step)
+    return simulate_from(measured, model, first_sample.first_sample(measured, model).state, step)
 
 
 def simulate_from(
@@ -150,18 +130,20 @@ def predict(
 ) -> tuple[Prediction, ...]:
     """Simulate every run of a dataset freely, from its inputs and its first sample.
 
-    Channels that nothing among the inputs drives are left out. No first sample says at which angle
+    Channels that nothing among the inputs drives are left out. What the log does not tell of a
+    run's start is assumed at rest, and said in its notes. No first sample says at which angle
     the shaft stands: where the model has something on that is periodic in it, and the run shows
     clearly that it does not begin at zero, that one number is estimated from the run.
 
     Args:
         dataset: dataset.yaml, or as loaded.
         model: model.yaml, or as loaded; the dataset's own where not given.
-        out: folder that gets one Parquet file a run.
+        out: folder that gets one Parquet file a run, and prediction.json.
         progress: called with the run's name and the fraction done.
 
     Raises:
-        InputError: a file is wrong or missing, or `out` cannot be used.
+        InputError: a file is wrong or missing, `out` cannot be used, or no output of the plant is
+            driven by the inputs.
         MissingChannelError: an input is not in a recording.
     """
     if not isinstance(dataset, Dataset):
@@ -170,34 +152,95 @@ def predict(
         model = dataset.model
     elif not isinstance(model, Model):
         model = load_model(Path(model))
+    determined = dataset.driven(model.plant)
     if out is not None:
         writable(Path(out))
-    plant = model.plant
-    determined = plant.determined(dataset.inputs)
     found = []
     for number, run in enumerate(dataset.runs):
         if progress:
             progress(run.name, number / len(dataset.runs))
         recording = run.read()
         measured = admit(run, recording, dataset.inputs, determined, strict=False)
-        measured = _at_its_angle(measured, model)
-        values = simulate_run(measured, model)
-        columns = {
-            name: np.ascontiguousarray(values[:, at])
-            for at, name in enumerate(plant.outputs)
-            if name in determined and name not in dataset.inputs
-        }
-        if "pressure_a" in columns and "pressure_b" in columns:
-            columns["pressure_difference"] = columns["pressure_a"] - columns["pressure_b"]
-        notes = measured.notes
-        if measured.start.is_estimated:
-            notes += (said({run.name: measured.start}),)
-        prediction = Prediction(run.name, np.array(recording.time), columns, notes)
+        prediction = _predicted(_at_its_angle(measured, model), recording, model)
         if out is not None:
             folder = Path(out)
             folder.mkdir(parents=True, exist_ok=True)
-            prediction.write(folder / f"{run.name}.parquet")
+            prediction.write(folder / prediction.file)
         found.append(prediction)
+    if out is not None:
+        write_text(Path(out) / SUMMARY, _summary(found))
     if progress:
         progress("done", 1.0)
     return tuple(found)
+
+
+def _predicted(measured: Measured, recording: Recording, model: Model) -> Prediction:
+    """Return the prediction of a run that passed the gate."""
+    plant = model.plant
+    start = first_sample.first_sample(measured, model)
+    values = simulate_from(measured, model, start.state, STEP)
+    determined = plant.determined(tuple(measured.inputs))
+    columns = {
+        name: np.ascontiguousarray(values[:, at])
+        for at, name in enumerate(plant.outputs)
+        if name in determined and name not in measured.inputs
+    }
+    if "pressure_a" in columns and "pressure_b" in columns:
+        columns["pressure_difference"] = columns["pressure_a"] - columns["pressure_b"]
+    derived = plant.derived(model.vector(), columns)
+    columns |= {n: v for n, v in derived.items() if n in recording and n not in measured.inputs}
+    notes = measured.notes + start.notes
+    if start.assumed:
+        begins = {name: float(columns[name][0]) for name in start.assumed}
+        notes += (first_sample.said(measured.run.name, begins),)
+    if measured.start.is_estimated:
+        notes += (said({measured.run.name: measured.start}),)
+    return Prediction(
+        measured.run.name,
+        np.array(recording.time),
+        columns,
+        notes,
+        _errors(columns, measured, recording),
+        recording.epoch_ns,
+    )
+
+
+def _errors(
+    columns: Mapping[str, FloatArray], measured: Measured, recording: Recording
+) -> dict[str, float]:
+    """Return the root mean square error of every channel that the log measures, SI.
+
+    What the gate does not believe has no say: an error against a dead sensor is none.
+    """
+    found = {}
+    for name, values in columns.items():
+        column = _believed(name, measured, recording)
+        if column is None or not (there := np.isfinite(column)).any():
+            continue
+        other = np.where(np.isfinite(values[there]), values[there], np.inf)
+        with np.errstate(over="ignore"):
+            found[name] = float(np.sqrt(np.mean((column[there] - other) ** 2)))
+    return found
+
+
+def _believed(name: str, measured: Measured, recording: Recording) -> FloatArray | None:
+    """Return what of a channel may be held against its prediction, (n,) with NaN, or None."""
+    if name in measured.outputs:
+        return measured.column(name)
+    if name in measured.still:
+        return measured.still[name]
+    if name in recording.values and name not in measured.first:
+        return None
+    if name in recording.values:
+        raw = recording[name]
+        return None if np.nanmax(raw) == np.nanmin(raw) else raw
+    first, second = (measured.column(part) for part in ("pressure_a", "pressure_b"))
+    if name == "pressure_difference" and first is not None and second is not None:
+        return first - second
+    return None
+
+
+def _summary(found: Sequence[Prediction]) -> str:
+    """Return prediction.json's text."""
+    content = {"schema_version": SCHEMA_VERSION, "runs": [item.to_dict() for item in found]}
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.effort import simulated
-from eha_bench.diagnosis.replay.prediction import STEP, first_state, simulate_from
+from eha_bench.diagnosis.replay.first_sample import first_sample, first_state
+from eha_bench.diagnosis.replay.prediction import STEP, simulate_from
 from eha_bench.plants.model import Model
 
 FloatArray = NDArray[np.float64]
@@ -109,15 +110,20 @@ def _one(measured: Measured, models: Sequence[Model], noise: Mapping[str, float]
          if (column := measured.column(name)) is not None}
     )  # fmt: skip
     starts = [first_state(measured, model) for model in models]
-    predicted = [
+    begun = [
         _simulated(measured, model, start, STEP)
         for model, start in zip(models, starts, strict=True)
     ]
+    predicted = [
+        values if (first := first_sample(measured, model).state) == start
+        else _simulated(measured, model, first, STEP)
+        for model, start, values in zip(models, starts, begun, strict=True)
+    ]  # fmt: skip
     moved = _moved(measured, models[-1], starts[-1], own, noise)
     loose = any(value > _LOOSE * noise[name] for name, value in moved.items() if name in noise)
     simulated = [
         _from_best_start(measured, model, start, values, own, noise) if loose else values
-        for model, start, values in zip(models, starts, predicted, strict=True)
+        for model, start, values in zip(models, starts, begun, strict=True)
     ]
     return Replay(
         measured.run.name,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import InputError
+from eha_bench.core.linkage import Linkage
 from eha_bench.plants.assembly import assemble, hook_names
 from eha_bench.plants.eha_knee import equations, hooks, kernel
 from eha_bench.plants.eha_knee.parameters import PARAMETERS, SIGNALS
@@ -157,6 +158,35 @@ class EhaKnee(Plant):
         pair = ("pressure_a", "pressure_b")
         read = [name for name in pair if name in measured]
         return {name: measured[read[0]] for name in pair if len(read) == 1 and name != read[0]}
+
+    def linkage(self, vector: FloatArray) -> Linkage:
+        """Return the triangle of the links and the actuator."""
+        a, b, c0, volume, area = (
+            float(vector[self.layout.index[name]])
+            for name in ("link_a", "link_b", "link_c0", "volume_a", "piston_area_a")
+        )
+        return Linkage(a, b, c0, volume / area)
+
+    def behind(self, vector: FloatArray, readings: Mapping[str, float]) -> dict[str, float]:
+        """Return the position behind a joint angle, and a pressure behind the other and P1 - P2."""
+        found = {}
+        if "joint_angle" in readings:
+            found["piston_position"] = self.linkage(vector).position_at(readings["joint_angle"])
+        if "pressure_difference" in readings:
+            difference = readings["pressure_difference"]
+            if "pressure_a" in readings:
+                found["pressure_b"] = readings["pressure_a"] - difference
+            if "pressure_b" in readings:
+                found["pressure_a"] = readings["pressure_b"] + difference
+        return found
+
+    def derived(
+        self, vector: FloatArray, outputs: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return the joint's angle, NaN where the triangle does not close, (n,) rad."""
+        if "piston_position" not in outputs:
+            return {}
+        return {"joint_angle": self.linkage(vector).angle(outputs["piston_position"])}
 
     def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
         """Return what the sensors would read: (n, 6) in the order of `outputs`, SI.

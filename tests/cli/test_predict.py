@@ -1,0 +1,57 @@
+"""`eha-bench predict` as a user calls it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+CHANNELS = """\
+time: {column: t, unit: s}
+channels:
+  current_command: {column: i, unit: A}
+  pressure_a:      {column: p, unit: bar}
+"""
+
+
+def write_dataset(folder: Path) -> None:
+    generator = np.random.default_rng(2)
+    for name in ("one", "two"):
+        pressure = 6.0 + 0.3 * generator.standard_normal(200)
+        rows = (f"{k / 1e3:.3f},0.0,{value:.4f}\n" for k, value in enumerate(pressure))
+        (folder / f"{name}.csv").write_text("t,i,p\n" + "".join(rows))
+    (folder / "channels.yaml").write_text(CHANNELS)
+    (folder / "model.yaml").write_text("model: eha_knee\n")
+    (folder / "dataset.yaml").write_text(
+        "model: model.yaml\nchannels: channels.yaml\nruns:\n"
+        "  - {log: one.csv, piston: locked}\n  - {log: two.csv, piston: locked, use: holdout}\n"
+    )
+
+
+def test_json_is_one_document_of_the_files_with_errors_and_notes(cli, tmp_path) -> None:
+    write_dataset(tmp_path)
+    arguments = ("predict", "dataset.yaml", "--model", "model.yaml", "--out", "out")
+    done = cli(*arguments, "--json", check=0)
+    found = json.loads(done.stdout)
+    assert [item["run"] for item in found["runs"]] == ["one", "two"]
+    for item in found["runs"]:
+        assert (tmp_path / "out" / item["file"]).exists()
+        assert item["error"]["pressure_a"]["unit"] == "Pa"
+        assert item["error"]["pressure_a"]["rms"] > 1e4
+        assert "motor_speed" not in item["error"]
+        assert any("assumed: motor_speed at 0 rad/s" in note for note in item["notes"])
+        # people read the same
+        assert all(note in done.stderr for note in item["notes"])
+    assert json.loads((tmp_path / "out" / "prediction.json").read_text()) == found
+    # without --json: the folder alone
+    assert cli(*arguments, check=0).stdout == "out\n"
+
+
+def test_inputs_that_drive_nothing_leave_no_folder(cli, tmp_path) -> None:
+    write_dataset(tmp_path)
+    path = tmp_path / "dataset.yaml"
+    path.write_text(path.read_text() + "inputs: [pressure_a]\n")
+    done = cli("predict", "dataset.yaml", "--model", "model.yaml", "--out", "out", check=2)
+    assert "dataset.yaml:6, key 'inputs': nothing that eha_knee gives is driven by" in done.stderr
+    assert not (tmp_path / "out").exists()
