@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from eha_bench.diagnosis.fit.evidence import Groups, compare, left_out
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Groups, compare, left_out
 from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.fit.uncertainty import spreads, undetermined
@@ -140,6 +140,29 @@ def test_a_real_regressor_is_found_on_runs_left_out():
     assert found.p_value < 1e-6
     assert found.share_out == pytest.approx(1.0, abs=0.25)
     assert left_out(after, blocks(n)).shape == (n,)
+
+
+def test_what_is_explained_on_runs_left_out_is_a_part():
+    """A parameter bent to imitate a cause, in each run another way, costs more where left out."""
+    rng = np.random.default_rng(4)
+    n = 8000
+    groups = blocks(n)
+    noise = rng.standard_normal(n)
+    shape = np.sin(np.arange(n) / 9.0)
+    cause = shape * np.repeat([3.0, -3.0, 3.0, -3.0], n // 4)
+    imitates = shape * np.repeat([1.0, 0.2, 1.0, 0.2], n // 4)
+    bent = float(imitates @ cause / (imitates @ imitates))
+    before = linear_fit(imitates[:, None], noise + cause - bent * imitates, ["a"], np.ones(1))
+    both = np.column_stack([imitates, cause])
+    after = linear_fit(both, noise, ["a", "x"], np.ones(2))
+    soft, _ = soften(before.residual)
+    found = compare(before, after, groups, float(soft @ soft) - SOFT_MEAN * n)
+    assert found.share_out > 1.05
+    assert 0.97 < found.explained_out <= 1.0
+    # half of a cause is a part of it, and what does harm is none
+    half = linear_fit(np.zeros((n, 0)), noise + 0.5 * cause, [], np.zeros(0))
+    assert 0.5 < compare(before, half, groups, 1.0).explained_out < 0.97
+    assert compare(half, before, groups, 1.0).explained_out < 0.0
 
 
 def test_soft_loss_is_quadratic_for_noise_and_linear_for_outliers():

@@ -221,9 +221,11 @@ class Comparison:
     Attributes:
         gain: fall of the cost on the data fitted.
         gain_out: fall of the cost on runs left out in turn.
-        share, share_out: both as a part of the excess before.
+        share, share_out: both over the excess before on the data fitted; what the fit without a
+            cause bends to costs more on runs left out, so share_out may well be above 1.
         p_value: of gain_out <= 0, by resampling blocks.
         runs_better: share of the runs (by count) that gain when left out, of those it changes.
+        explained_out: gain_out as a part of the excess before on the same runs left out, at most 1.
     """
 
     gain: float
@@ -232,9 +234,10 @@ class Comparison:
     share_out: float
     p_value: float
     runs_better: float
+    explained_out: float
 
 
-NOT_COMPARED = Comparison(0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+NOT_COMPARED = Comparison(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 """What stands where nothing has been compared yet: no gain."""
 
 
@@ -245,7 +248,8 @@ def compare(
     soft_b, _ = soften(before.residual, before.soft)
     soft_a, _ = soften(after.residual, after.soft)
     gain = float(soft_b @ soft_b - soft_a @ soft_a)
-    difference = left_out(before, groups) - left_out(after, groups)
+    out_before = left_out(before, groups)
+    difference = out_before - left_out(after, groups)
     gain_out = float(difference.sum())
     sums = np.array([float(difference[rows].sum()) for rows in groups.blocks])
     generator = np.random.default_rng(seed)
@@ -259,4 +263,14 @@ def compare(
     # runs in which a candidate does nothing have no say: a load does not act on a locked piston
     concerned = per_run[np.abs(per_run) > _CONCERNED * np.abs(per_run).max(initial=0.0)]
     better = float(np.mean(concerned > 0)) if concerned.size else 0.0
-    return Comparison(gain, gain_out, gain / scale, gain_out / scale, p_value, better)
+    floor = SOFT_MEAN * (before.residual.size - len(before.free))
+    scale_out = max(float(out_before.sum()) - floor, gain_out, 1.0)
+    return Comparison(
+        gain,
+        gain_out,
+        gain / scale,
+        gain_out / scale,
+        p_value,
+        better,
+        gain_out / scale_out,
+    )

@@ -35,7 +35,8 @@ class FoundEffect:
     Attributes:
         id: public name. equation: balance it acts in. parameters: with 95 % intervals, SI.
         settings: its words (which chamber, which sensor).
-        share: part of the excess that it explains on runs left out, when it was added.
+        share: part of the excess that it explains on runs left out in turn, when it was added; at
+            most 1, below 0 where it does harm there.
         p_value: that it gains nothing there.
     """
 

@@ -51,7 +51,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
                 str(effect.equation(layout.plant, numbers).value),
                 _numbers(effect, item.start.keys, values, numbers),
                 {p.name: str(p.decode(numbers[p.name])) for p in effect.parameters if p.choices},
-                item.comparison.share_out,
+                item.comparison.explained_out,
                 item.comparison.p_value,
             )
         )
