@@ -75,6 +75,10 @@ def test_what_was_found_is_kept(dataset, tmp_path, stage, share, verdict, says) 
     assert found["complete"] is False
     assert found["verdict"] == verdict
     assert found["effects"] == []
+    # nothing was located, and no equation is guessed
+    assert found["unknown"]["equation"] is None
+    assert found["unknown"]["variables"] == []
+    assert says in found["unknown"]["description"]
     # the runs are scored all the same, and the files are whole
     assert found["error"]["holdout"]["piston_position"]["after"] > 0.0
     assert "Interrupted" in (tmp_path / "diagnosis.html").read_text()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -15,9 +17,12 @@ from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.baseline import COARSE, no_progress
+from eha_bench.diagnosis.fit.evidence import Excess
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.short_windows import aligned_problem
+from eha_bench.diagnosis.outcome import decide as decide_module
+from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.unknown.curves import Located
 from eha_bench.diagnosis.unknown.free_input import Support
 from eha_bench.diagnosis.unknown.locator import (
@@ -31,6 +36,9 @@ from eha_bench.diagnosis.unknown.places import PLACES, Place, Template
 from eha_bench.plants.effects._curve import KNOTS
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive, Plant
+
+if TYPE_CHECKING:
+    from eha_bench.diagnosis.search.stepwise import Search
 
 FloatArray = NDArray[np.float64]
 
@@ -177,3 +185,21 @@ def test_a_leak_that_opens_and_closes_is_told_as_a_flow() -> None:
     told = _told(equation="flow", place="a_to_b", variable="time", period=0.7,
                  values=_bump(-2e-7))  # fmt: skip
     assert (told.equation, told.place) == ("flow", "a_to_b")
+
+
+def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no place can act there is no equation, and none is made up."""
+    left = Excess(1e4, 1000, {}, 50.0, {})
+    search = cast("Search", SimpleNamespace(
+        excess_left=left, excess_base=left, effects=[], fit=None, problem=None
+    ))  # fmt: skip
+    monkeypatch.setattr(decide_module, "locate", lambda *_: (None, "", []))
+    found = decide_module.decide(search, COARSE, no_progress)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.unknown is not None
+    assert found.unknown.equation is None
+    assert "nothing was located" in found.unknown.description
+    monkeypatch.setattr(decide_module, "locate", lambda *_: (None, "force", []))
+    found = decide_module.decide(search, COARSE, no_progress)
+    assert found.unknown is not None
+    assert found.unknown.equation == "force"

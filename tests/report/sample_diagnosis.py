@@ -116,4 +116,7 @@ def unknown_found() -> Diagnosis:
 
 def interrupted() -> Diagnosis:
     """Stopped while calibrating."""
-    return Diagnosis(Verdict.UNKNOWN, DECLARED, DECLARED, notes=("interrupted",), complete=False)
+    unknown = Unknown(None, (), "interrupted, so the verdict is open")
+    return Diagnosis(
+        Verdict.UNKNOWN, DECLARED, DECLARED, unknown=unknown, notes=("interrupted",), complete=False
+    )

@@ -84,6 +84,9 @@ def test_the_page_tells_all_parts(page: Path) -> None:
 def test_an_interrupted_diagnosis_has_a_page(tmp_path: Path) -> None:
     text = write_diagnosis_report(tmp_path, interrupted(), "x", DECLARED).read_text()
     assert "Interrupted" in text
+    assert "Interrupted, so the verdict is open." in text
+    assert "It depends on" not in text
+    assert "None" not in text
     assert "Errors before and after" not in text
 
 

@@ -100,7 +100,9 @@ def _say_verdict(found: Diagnosis) -> None:
     for effect in found.effects:
         values = ", ".join(f"{key} = {_interval(v)}" for key, v in effect.parameters.items())
         say(f"  {effect.id} in the {effect.equation} equation: {values}")
-    if found.unknown:
+    if found.unknown and found.unknown.equation is None:
+        say(f"  {found.unknown.description}")
+    elif found.unknown:
         variables = ", ".join(found.unknown.variables) or "nothing that was measured"
         say(f"  something in the {found.unknown.equation} equation, by {variables}")
     for group in found.equivalent:

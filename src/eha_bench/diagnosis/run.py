@@ -223,7 +223,7 @@ def _searched(
     except CalibrationInterrupted as stop:
         search = stepwise.begin(stop.baseline)
         note = "interrupted while calibrating: nothing was searched for, so the verdict is open"
-        decision = Decision(Verdict.UNKNOWN, search.fit, (note,), None)
+        decision = Decision(Verdict.UNKNOWN, search.fit, (note,), Unknown(None, (), note))
         return stop.baseline, search, decision, False
     search = stepwise.begin(base)
     complete = True
@@ -237,7 +237,8 @@ def _searched(
         verdict = Verdict.EFFECT if search.effects else Verdict.UNKNOWN
         if search.excess_base.significance < _NOTHING:
             verdict = Verdict.NONE
-        decision = Decision(verdict, search.fit, (note,), None)
+        unknown = Unknown(None, (), note) if verdict is Verdict.UNKNOWN else None
+        decision = Decision(verdict, search.fit, (note,), unknown)
     return base, search, decision, complete
 
 

@@ -57,7 +57,7 @@ class CauseView:
 
 @dataclass(frozen=True)
 class UnknownView:
-    """Something that no known effect explains."""
+    """Something that no known effect explains; `where` is empty where it was not located."""
 
     where: str
     description: str
@@ -117,7 +117,7 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
         "errors": _error_tables(found),
         "causes": _causes(found),
         "unknown": None if found.unknown is None else UnknownView(
-            where(found.unknown.equation),
+            "" if found.unknown.equation is None else where(found.unknown.equation),
             unknown_text(found.unknown),
             ", ".join(words_of(item) for item in found.unknown.variables) or "nothing measured",
             times(found.unknown.when),

@@ -78,7 +78,7 @@ def _verdict(found: Diagnosis) -> str:
     if found.verdict is Verdict.EFFECT:
         names = [f"{words_of(item.id)} (in {where(item.equation)})" for item in found.effects]
         return f"The model lacks {_listed(names)}"
-    if found.unknown is None:
+    if found.unknown is None or found.unknown.equation is None:
         return "Something is missing from the model; what it is remains open"
     on = _listed([words_of(name) for name in found.unknown.variables])
     depends = f" and depends on {on}" if on else ""

@@ -76,7 +76,7 @@ def decide(search: Search, step: float, progress: Progress) -> Decision:
     if not located:
         where = f"something acts in the {equation} balance" if equation else "nothing was located"
         text = f"{where}; what it could depend on is not measured"
-        unknown = Unknown(equation or "measurement", (), text)
+        unknown = Unknown(equation or None, (), text)
         return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
     progress("learn", 0.0)
     return _learned(search, locator, located[0], step, tuple(notes))

@@ -53,12 +53,13 @@ class Unknown:
     """Something missing that no known effect explains.
 
     Attributes:
-        equation: balance it acts in. variables: what it depends on.
+        equation: balance it acts in; None where it was not located, `description` says why.
+        variables: what it depends on.
         description: one sentence. share: part of the excess that the learned curve explains.
         period: of the variable where it is periodic, else 0. when: (start, stop) times in s.
     """
 
-    equation: str
+    equation: str | None
     variables: tuple[str, ...]
     description: str = ""
     share: float = math.nan
@@ -84,7 +85,7 @@ class Diagnosis:
     Attributes:
         verdict: effect, none or unknown.
         effects: what was added, the strongest first.
-        unknown: where something acts that nothing known explains.
+        unknown: where something acts that nothing known explains; always there with that verdict.
         equivalent: sets of candidates that these data cannot tell apart.
         separate: effect's id -> the experiment that would tell it from its look-alikes.
         ranking: all candidates, the best first.
