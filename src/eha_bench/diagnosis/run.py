@@ -28,10 +28,10 @@ from eha_bench.diagnosis.fit.baseline import (
 )
 from eha_bench.diagnosis.fit.effort import counted
 from eha_bench.diagnosis.fit.evidence import groups_of
-from eha_bench.diagnosis.fit.finish import finished
 from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
 from eha_bench.diagnosis.fit.start_angles import said, starts_of
 from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates, undetermined
+from eha_bench.diagnosis.outcome.at_rest import with_friction_at_rest
 from eha_bench.diagnosis.outcome.decide import Decision, decide
 from eha_bench.diagnosis.outcome.diagnosis import (
     SCHEMA_VERSION,
@@ -68,10 +68,11 @@ class Calibration:
     """Parameters under `calibrate`, estimated on all training runs.
 
     Attributes:
-        model: with the estimates. parameters: with 95 % intervals, SI.
+        model: with the estimates. parameters: with 95 % intervals, SI; friction at rest among them
+            where it was estimated.
         undetermined: directions that the data do not determine, in words.
         train: channel -> errors (before: declared; after: calibrated).
-        notes: what the data gate found.
+        notes: what the data gate found, and what was estimated beside `calibrate`.
         complete: False where it was interrupted.
     """
 
@@ -107,7 +108,9 @@ def calibrate(
 ) -> Calibration:
     """Estimate the parameters under `calibrate` on all training runs by simulation error.
 
-    Ctrl-C ends the fit and keeps what was found until then (`complete` is False).
+    How friction behaves at rest is estimated as well, and said in the notes; it keeps its declared
+    value where the data do not determine it. Ctrl-C ends the fit and keeps what was found until
+    then (`complete` is False).
 
     Args:
         dataset: dataset.yaml, or as loaded.
@@ -133,19 +136,23 @@ def calibrate(
                 base = calibrated(loaded, progress)
         except CalibrationInterrupted as stop:
             base, complete = stop.baseline, False
-        end = finished(base.problem, base.fit)
-        model = revised(loaded.model, end.fit.vector, base.keys)
+        groups, units = groups_of(base.problem), units_of(loaded.model)
+        ended = with_friction_at_rest(base, groups, units)
+        end = ended.end
+        model = revised(loaded.model, end.fit.vector, ended.keys)
         noise = base.problem.noise
         replays = replay(
             base.measured, [loaded.model, model], noise, lambda done: progress("replay", done)
         )
         errors = replay_errors(replays, floors(noise), places=(0, 0, 1))
-    notes = base.notes if complete else (*base.notes, "interrupted before the fit had ended")
+    notes = (*base.notes, *ended.notes)
+    if not complete:
+        notes = (*notes, "interrupted before the fit had ended")
     if begun := starts_of(base.problem):
         notes = (*notes, said(begun))
     found = Calibration(
         model,
-        estimates(end.fit, groups_of(base.problem), units_of(loaded.model), shift=end.shifts),
+        estimates(end.fit, groups, units, shift=end.shifts),
         undetermined(end.fit),
         errors,
         (*notes, *replay_notes(replays, errors)),
