@@ -15,7 +15,9 @@ from eha_bench.core.linkage import Linkage
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
 from eha_bench.diagnosis.fit.baseline import gather
-from eha_bench.diagnosis.replay.prediction import STEP, predict
+from eha_bench.diagnosis.replay.first_sample import first_state
+from eha_bench.diagnosis.replay.prediction import STEP, predict, simulate_from
+from eha_bench.diagnosis.replay.replay import replay
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 
@@ -212,6 +214,47 @@ def test_every_state_that_was_assumed_is_said_with_its_value():
     (found,) = predict(freely({"piston_position": np.full(100, 0.01)}, locked=True))
     (note,) = (note for note in found.notes if "assumed" in note)
     assert "piston" not in note
+
+
+@pytest.mark.parametrize("read", [{"pressure_a": 4e6}, {}])
+def test_what_is_assumed_is_what_is_simulated_from(read):
+    """Without a declared charge a chamber begins as the other, or as the model's rest."""
+    model = Model("eha_knee", {"initial_pressure": 5e5})
+    values = {"force": np.zeros(100), **{k: np.full(100, v) for k, v in read.items()}}
+    (found,) = predict(freely(values).with_model(model))
+    (note,) = (note for note in found.notes if "assumed" in note)
+    expected = next(iter(read.values()), 5e5)
+    assert found.values["pressure_b"][0] == pytest.approx(expected)
+    assert f"pressure_b at {expected:.6g} Pa" in note
+
+
+def test_a_voltage_that_is_assumed_is_the_state_and_not_what_is_asked_for():
+    recording = Recording(np.arange(50) * 1e-3, {"reference": np.full(50, 0.01)})
+    run = Run("one", Path("one.csv"), None, False, False, Use.TRAIN, lambda: recording)
+    (found,) = predict(Dataset(Model("linear_drive"), ("reference",), (run,)))
+    assert found.values["voltage"][0] > 100.0
+    (note,) = found.notes
+    assert "voltage at 0 V" in note
+
+
+def test_a_replay_gives_what_predict_gives_beside_a_dead_sensor():
+    """A diagnosis compares from what may be believed; beside that stands what `predict` gives."""
+    speed = 20.0 + 0.1 * np.random.default_rng(6).standard_normal(300)
+    values = {
+        "motor_speed": speed,
+        "pressure_a": np.full(300, 8e6),
+        "pressure_b": np.full(300, 3e6),
+    }
+    held = freely(values, locked=True)
+    (found,) = predict(held)
+    measured, _, noise, _ = gather(held)
+    (item,) = replay(measured, [MODEL], noise)
+    assert set(item.measured) == {"motor_speed"}
+    assert np.array_equal(item.predicted[0]["motor_speed"], found.values["motor_speed"])
+    believed = simulate_from(measured[0], MODEL, first_state(measured[0], MODEL), STEP)
+    at = MODEL.plant.outputs.index("motor_speed")
+    assert np.abs(item.simulated[0]["motor_speed"] - believed[:, at]).max() < 1.0
+    assert np.abs(item.simulated[0]["motor_speed"] - found.values["motor_speed"]).max() > 1.0
 
 
 def test_inputs_that_drive_nothing_are_refused(tmp_path):

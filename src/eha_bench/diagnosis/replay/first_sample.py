@@ -28,12 +28,11 @@ class FirstSample:
 
     Attributes:
         state: channel -> what its sensor reads first, SI; the plant takes the rest as at rest.
-        assumed: states that no reading tells, so that rest was taken.
-        notes: what was taken for the start and is not simply the first sample, one sentence each.
+        notes: what was taken for the start and is not simply the first sample, and what no reading
+            tells and was assumed, one sentence each.
     """
 
     state: Mapping[str, float]
-    assumed: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -89,17 +88,18 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
                 "neither chamber's pressure is in the log: they begin with the difference that was "
                 f"measured, the lower one at {_amount('pressure_a', rest)}, which is assumed"
             )
-    return FirstSample(
-        _state(measured, model, readings),
-        tuple(name for name in needed if name not in told),
-        tuple(f"{measured.run.name}: {note}" for note in notes),
-    )
+    state = _state(measured, model, readings)
+    assumed = [_assumed(name, state, model) for name in needed if name not in told]
+    if assumed:
+        notes.append(f"the log does not say where all states begin; assumed: {', '.join(assumed)}")
+    return FirstSample(state, tuple(f"{measured.run.name}: {note}" for note in notes))
 
 
-def said(run: str, assumed: Mapping[str, float]) -> str:
-    """Say at what the states begin that no reading tells, SI by channel."""
-    listed = ", ".join(f"{name} at {_amount(name, value)}" for name, value in assumed.items())
-    return f"{run}: the log does not say where all states begin; assumed: {listed}"
+def _assumed(name: str, state: Mapping[str, float], model: Model) -> str:
+    """Say at what a state begins that no reading tells."""
+    rest = _rest_pressure(model) if name in _PRESSURES else 0.0
+    value = {name: rest, **model.plant.at_rest(state), **state}[name]
+    return f"{name} at {_amount(name, value)}"
 
 
 def _about(measured: Measured, name: str) -> list[str]:

@@ -24,7 +24,7 @@ from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles, said
 from eha_bench.diagnosis.fit.start_state import start_of
-from eha_bench.diagnosis.replay import first_sample
+from eha_bench.diagnosis.replay.first_sample import first_sample
 from eha_bench.plants.model import Model, load_model
 
 FloatArray = NDArray[np.float64]
@@ -95,7 +95,7 @@ class Prediction:
 
 def simulate_run(measured: Measured, model: Model, step: float = STEP) -> FloatArray:
     """Return the plant's outputs over a whole run, (n, outputs), from inputs and first sample."""
-    return simulate_from(measured, model, first_sample.first_sample(measured, model).state, step)
+    return simulate_from(measured, model, first_sample(measured, model).state, step)
 
 
 def simulate_from(
@@ -177,7 +177,7 @@ def predict(
 def _predicted(measured: Measured, recording: Recording, model: Model) -> Prediction:
     """Return the prediction of a run that passed the gate."""
     plant = model.plant
-    start = first_sample.first_sample(measured, model)
+    start = first_sample(measured, model)
     values = simulate_from(measured, model, start.state, STEP)
     determined = plant.determined(tuple(measured.inputs))
     columns = {
@@ -190,9 +190,6 @@ def _predicted(measured: Measured, recording: Recording, model: Model) -> Predic
     derived = plant.derived(model.vector(), columns)
     columns |= {n: v for n, v in derived.items() if n in recording and n not in measured.inputs}
     notes = measured.notes + start.notes
-    if start.assumed:
-        begins = {name: float(columns[name][0]) for name in start.assumed}
-        notes += (first_sample.said(measured.run.name, begins),)
     if measured.start.is_estimated:
         notes += (said({measured.run.name: measured.start}),)
     return Prediction(
