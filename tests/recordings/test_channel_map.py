@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eha_bench.core.errors import InputError
-from eha_bench.recordings import load_channel_map
+from eha_bench.recordings import load_channel_map, read
 from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, NamedElement
 
 
@@ -27,6 +27,7 @@ channels:
   current_command: {topic: /drive/current_cmd, field: data, unit: A}
   motor_speed:     {topic: /drive/state, field: "velocity[0]", unit: rpm}
   pressure_a: {topic: /block/p_a, field: fluid_pressure, unit: bar, scale: 1.0, offset: 0.0}
+  piston_position: {column: pos_mm, unit: mm}          # CSV / Parquet / MAT
 """,
     )
     assert mapping.to_si("pressure_a") == (pytest.approx(1e5), 0.0)
@@ -64,11 +65,6 @@ def test_the_reference_takes_any_unit(tmp_path: Path, unit: str, si: str) -> Non
         ("base: x\nchannels: {current: {topic: /a, field: d, unit: A}}", "base", 0),
         ("time: {column: t, unit: bar}\nchannels: {current: {column: c, unit: A}}", "dimension", 1),
         ("sample_rate: -1 Hz\nchannels: {current: {column: c, unit: A}}", "positive", 1),
-        (
-            "channels:\n  current: {topic: /a, field: d, unit: A}\n  force: {column: c, unit: N}",
-            "either all channels",
-            0,
-        ),
         ("channels: {time: {topic: /a, field: d, unit: s}}", "cannot be the name", 1),
         ("repair: {gaps: fill}\nchannels: {current: {column: c, unit: A}}", "'nan'", 1),
         ("channels:\n  current: {topic: /a, field: d, unit: A, scale: .nan}", "finite", 2),
@@ -83,6 +79,40 @@ def test_a_mistake_is_told_with_its_place(
         load(tmp_path, text)
     assert "channels.yaml" in str(caught.value)
     assert caught.value.where.line >= line
+
+
+GOOD = "  motor_speed: {topic: /a, field: d, unit: rpm}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "key", "message"),
+    [
+        (f"channels:\n{GOOD}  current: {{topic: /a, field: d, unit: bar}}\n", 3,
+         "channels.current.unit", "wrong dimension"),
+        (f"channels:\n{GOOD}  current:\n    topic: /a\n    field: d\n    unit: bar\n", 6,
+         "channels.current.unit", "wrong dimension"),
+        (f"channels:\n{GOOD}  reference: {{topic: /a, field: d}}\n", 3,
+         "channels.reference.unit", "needs a unit"),
+        (f"channels:\n{GOOD}  probe: {{topic: /a, field: d, unit: 9**9}}\n", 3,
+         "channels.probe.unit", "unit"),
+        (f"channels:\n{GOOD}  time: {{topic: /a, field: d, unit: s}}\n", 3,
+         "channels.time", "cannot be the name"),
+        (f"clock: log\nbase: motor_sped\nchannels:\n{GOOD}", 2, "base",
+         "did you mean 'motor_speed'"),
+        (f"channels:\n{GOOD}  force: {{column: f, unit: N}}\nbase: force\n", 4, "base",
+         "is a column"),
+        ("time: {column: t, unit: ms}\nsample_rate: 1 kHz\nchannels:\n  force: {column: f}\n", 2,
+         "sample_rate", "not both"),
+        ("time:\n  column: t\n  unit: bar\nchannels:\n  force: {column: f}\n", 3, "time.unit",
+         "dimension"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_told_with_its_line_and_key(
+    tmp_path: Path, text: str, line: int, key: str, message: str
+) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        load(tmp_path, text)
+    assert (caught.value.where.line, caught.value.where.key) == (line, key)
 
 
 def test_a_missing_map_is_an_error(tmp_path: Path) -> None:
@@ -143,3 +173,45 @@ def test_misspelt_keys_and_channels_are_guessed() -> None:
 def test_a_sample_rate_that_cannot_be_is_refused(rate):
     with pytest.raises(InputError, match="must be positive, and at most 1 GHz"):
         load_channel_map({"sample_rate": rate, "channels": {"current": {"column": "i"}}})
+
+
+ONE_MAP = {
+    "time": {"column": "t", "unit": "ms"},
+    "base": "current",
+    "channels": {
+        "current": {"topic": "/i", "field": "data", "unit": "A"},
+        "piston_position": {"column": "pos_mm", "unit": "mm"},
+        "forse": {"column": "f", "unit": "N"},
+    },
+}
+
+
+def test_one_map_for_a_log_and_a_table(tmp_path: Path, float_log: Any) -> None:
+    log = float_log({"/i": [(k * 1_000_000, k) for k in range(20)]})
+    table = tmp_path / "piston.csv"
+    table.write_text("t,pos_mm,f\n" + "".join(f"{k},{2 * k},1\n" for k in range(20)))
+    from_log, from_table = read(log, channels=ONE_MAP), read(table, channels=ONE_MAP)
+    assert tuple(from_log.values) == ("current",)
+    assert from_log["current"].tolist() == list(range(20))
+    assert tuple(from_table.values) == ("piston_position", "forse")
+    assert from_table["piston_position"][1] == pytest.approx(0.002)
+    assert any("piston_position, forse from columns" in note for note in from_log.notes)
+    assert any("current from topics" in note for note in from_table.notes)
+    assert any("did you mean 'force'" in note for note in from_table.notes)
+
+
+@pytest.mark.parametrize("tables", [True, False])
+def test_a_map_of_the_other_kind_alone_is_refused(
+    tmp_path: Path, float_log: Any, tables: bool
+) -> None:
+    log = float_log({"/i": [(k * 1_000_000, k) for k in range(20)]})
+    (tmp_path / "a.csv").write_text("t,p\n0,1\n1,2\n")
+    column = {"column": "p", "unit": "A"}
+    topic = {"topic": "/i", "field": "data", "unit": "A"}
+    path, entry, what = (
+        (tmp_path / "a.csv", topic, "names topics, but the recording is a table")
+        if tables
+        else (log, column, "names columns, but the recording has topics")
+    )
+    with pytest.raises(InputError, match=what):
+        read(path, channels={"sample_rate": "1 kHz", "channels": {"current": entry}})

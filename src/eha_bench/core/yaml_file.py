@@ -27,6 +27,18 @@ class StrictModel(BaseModel):
     )
 
 
+class WrongAt(ValueError):
+    """What a validator raises that knows better than pydantic where the mistake stands.
+
+    Attributes:
+        keys: lead from what is being validated to the key that is wrong, or missing.
+    """
+
+    def __init__(self, what: str, *keys: int | str) -> None:
+        super().__init__(what)
+        self.keys = keys
+
+
 def _number(value: Any) -> Any:
     if isinstance(value, bool):  # which is a number to Python, and a slip of the pen in a file
         raise ValueError(f"'{str(value).lower()}' is not a number")
@@ -193,15 +205,21 @@ def validate(
     try:
         return model.model_validate(plain(content), context=context)
     except ValidationError as error:
-        details = error.errors(include_url=False, include_context=False, include_input=False)
+        details = error.errors(include_url=False, include_input=False)
         first = min(details, key=_rank)
         # a value that may be written in several ways is wrong in each of them, and still one
         wrong = {tuple(_key_path(content, detail["loc"])) for detail in details}
         raise InputError(
             _sentence(first["type"], first["msg"], first["loc"]) + _others(len(wrong) - 1),
-            where=place(first["loc"]),
+            where=place(_location(first)),
             hint=_way_out(model, first["type"], first["loc"]),
         ) from error
+
+
+def _location(detail: Any) -> tuple[int | str, ...]:
+    raised = detail.get("ctx", {}).get("error")
+    further = raised.keys if isinstance(raised, WrongAt) else ()
+    return (*detail["loc"], *further)
 
 
 def _rank(detail: Any) -> tuple[bool, int]:

@@ -13,7 +13,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import UnitError
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.units import Unit, base_unit, factor_and_offset
-from eha_bench.core.yaml_file import Real, StrictModel, load_model
+from eha_bench.core.yaml_file import Real, StrictModel, WrongAt, load_model
 from eha_bench.recordings.encodings.field_path import FieldPath
 
 
@@ -153,27 +153,43 @@ class ChannelMapFile(StrictModel):
             raise ValueError("there is no channel: map at least one")
         for name, entry in channels.items():
             if name == "time" or not name.isprintable() or not name.strip():
-                raise ValueError(f"'{name}' cannot be the name of a channel")
+                raise WrongAt(f"'{name}' cannot be the name of a channel", name)
             try:
                 _check_channel_unit(name, entry)
             except ValueError as error:
-                raise ValueError(f"channel '{name}': {error}") from error
+                raise WrongAt(f"channel '{name}': {error}", name, "unit") from error
         return channels
 
     @model_validator(mode="after")
     def _consistent(self) -> ChannelMapFile:
         if self.time is not None and self.sample_rate is not None:
-            raise ValueError("give either time or sample_rate, not both")
-        if self.base is not None and self.base not in self.channels:
-            raise ValueError(f"base: '{self.base}' is not one of the channels")
-        if len({entry.column is None for entry in self.channels.values()}) > 1:
-            raise ValueError("either all channels have a topic, or all have a column")
+            raise WrongAt("give either time or sample_rate, not both", "sample_rate")
+        if self.base is None:
+            return self
+        if self.base not in self.channels:
+            hint = suggest(self.base, self.channels)
+            raise WrongAt(f"'{self.base}' is not one of the channels; {hint}", "base")
+        topics = self.of_kind(tables=False)
+        if topics and self.base not in topics:
+            raise WrongAt(
+                f"'{self.base}' is a column, and the common clock is that of a topic; "
+                f"{suggest(self.base, topics)}",
+                "base",
+            )
         return self
 
-    @property
-    def is_table(self) -> bool:
-        """Whether the channels are columns of a table."""
-        return any(entry.column is not None for entry in self.channels.values())
+    def of_kind(self, *, tables: bool) -> dict[str, ChannelEntry]:
+        """Return the channels that a table holds, or those that a log of topics holds."""
+        return {
+            name: entry
+            for name, entry in self.channels.items()
+            if (entry.column is not None) is tables
+        }
+
+    def part(self, *, tables: bool) -> ChannelMapFile:
+        """Return the map with the channels `of_kind` only; a table has one clock and no base."""
+        channels = self.of_kind(tables=tables)
+        return self.model_copy(update={"channels": channels, "base": None if tables else self.base})
 
     def strangers(self) -> list[str]:
         """Say which channels may be meant to be called otherwise."""

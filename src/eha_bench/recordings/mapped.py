@@ -34,14 +34,8 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
         RecordingError: as `read`.
     """
     where = Place(file=source.path)
-    if isinstance(source, TableSource) != mapping.is_table:
-        raise RecordingError(
-            "the channel map names columns, but the recording has topics"
-            if mapping.is_table
-            else "the channel map names topics, but the recording is a table with columns",
-            where=where,
-            hint="use topic and field for logs, column for CSV, Parquet and MAT",
-        )
+    strangers = mapping.strangers()
+    mapping, left_out = _of_kind(source, mapping)
     keys, wanted = _wanted(source, mapping)
     tracks, zero = _tracks(source, mapping, wanted, span)
     aligned = align(mapping, tracks, keys, source.path)
@@ -49,7 +43,7 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
     if isinstance(source, TableSource) and epoch < 0:
         epoch = 0  # a table's time that starts below zero has its zero at an event: keep it
     time = _time(aligned.stamps, epoch)
-    notes = [*source.notes, *source.skipped(), *mapping.strangers(), *aligned.notes]
+    notes = [*source.notes, *source.skipped(), *strangers, *left_out, *aligned.notes]
     values: dict[str, Column] = {}
     for name, entry in mapping.channels.items():
         topic, column = keys[name]
@@ -81,6 +75,29 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
         notes=tuple(notes),
         source=source.path,
     )
+
+
+def _of_kind(source: Source, mapping: ChannelMap) -> tuple[ChannelMap, list[str]]:
+    """Return what of the map a source may hold, and a note on the channels of another log.
+
+    Raises:
+        RecordingError: it is all for the other kind of log.
+    """
+    tables = isinstance(source, TableSource)
+    others = mapping.of_kind(tables=not tables)
+    if not others:
+        return mapping, []
+    if len(others) == len(mapping.channels):
+        raise RecordingError(
+            "the channel map names topics, but the recording is a table with columns"
+            if tables
+            else "the channel map names columns, but the recording has topics",
+            where=Place(file=source.path),
+            hint="use topic and field for logs, column for CSV, Parquet and MAT",
+        )
+    kinds = "topics of a log, and this is a table" if tables else "columns, and this is no table"
+    names = ", ".join(others)
+    return mapping.part(tables=tables), [f"the channel map has {names} from {kinds}: left out"]
 
 
 def _tracks(
