@@ -143,10 +143,7 @@ def test_it_begins_at_the_first_sample_whatever_follows(column):
 
 def test_readings_that_are_stuck_at_first_are_begun_with():
     """A speed stuck for the first 60 samples is not believed there, but it is what was read."""
-    noise = np.random.default_rng(3).standard_normal(400)
-    speed = 20.0 + 0.1 * noise + np.linspace(0.0, 30.0, 400)
-    speed[:60] = 12.0
-    (found,) = predict(freely({"motor_speed": speed}))
+    (found,) = predict(freely({"motor_speed": stuck_at_first(12.0)}))
     assert found.values["motor_speed"][0] == pytest.approx(12.0)
 
 
@@ -237,24 +234,32 @@ def test_a_voltage_that_is_assumed_is_the_state_and_not_what_is_asked_for():
     assert "voltage at 0 V" in note
 
 
-def test_a_replay_gives_what_predict_gives_beside_a_dead_sensor():
+def stuck_at_first(value: float = 12.0) -> np.ndarray:
+    noise = np.random.default_rng(3).standard_normal(400)
+    speed = 20.0 + 0.1 * noise + np.linspace(0.0, 30.0, 400)
+    speed[:60] = value
+    return speed
+
+
+def test_a_replay_gives_what_predict_gives_beside_what_may_be_believed():
     """A diagnosis compares from what may be believed; beside that stands what `predict` gives."""
-    speed = 20.0 + 0.1 * np.random.default_rng(6).standard_normal(300)
-    values = {
-        "motor_speed": speed,
-        "pressure_a": np.full(300, 8e6),
-        "pressure_b": np.full(300, 3e6),
-    }
-    held = freely(values, locked=True)
+    held = freely({"motor_speed": stuck_at_first()}, locked=True)
     (found,) = predict(held)
     measured, _, noise, _ = gather(held)
     (item,) = replay(measured, [MODEL], noise)
-    assert set(item.measured) == {"motor_speed"}
     assert np.array_equal(item.predicted[0]["motor_speed"], found.values["motor_speed"])
     believed = simulate_from(measured[0], MODEL, first_state(measured[0], MODEL), STEP)
     at = MODEL.plant.outputs.index("motor_speed")
     assert np.abs(item.simulated[0]["motor_speed"] - believed[:, at]).max() < 1.0
     assert np.abs(item.simulated[0]["motor_speed"] - found.values["motor_speed"]).max() > 1.0
+
+
+def test_nothing_begins_at_what_a_dead_sensor_reads():
+    """It reads the same however the rest moves: no pressure of the oil, only of the sensor."""
+    moving = 8e6 + 1e4 * np.random.default_rng(7).standard_normal(400)
+    (found,) = predict(freely({"pressure_a": moving, "pressure_b": np.zeros(400)}))
+    assert found.values["pressure_b"][0] == pytest.approx(0.6e6)
+    assert any("assumed" in note and "pressure_b at 600000 Pa" in note for note in found.notes)
 
 
 def test_inputs_that_drive_nothing_are_refused(tmp_path):

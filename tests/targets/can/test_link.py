@@ -50,10 +50,11 @@ def link_to(drive: Drive) -> tuple[Link, FakeBus, LoopHealth]:
     return Link(drive, bus, 1e-3), bus, LoopHealth(100, 1e-3, messages)  # type: ignore[arg-type]  # a fake
 
 
-def tick(link: Link, health: LoopHealth) -> bool:
-    now = time.monotonic()
-    health.tick(now, 0.0, 0)
-    return link.exchange(now, now + 0.2, health)  # long: a busy machine must not decide
+def tick(link: Link, health: LoopHealth, now: float | None = None) -> bool:
+    """Exchange a tick's frames; the answers have long to come: a busy machine must not decide."""
+    at = time.monotonic() if now is None else now
+    health.tick(at, 0.0, 0)
+    return link.exchange(at, time.monotonic() + 0.2, health)
 
 
 def test_answers_in_time_are_read_with_the_stamp_of_their_tick(eha_drive: Drive) -> None:
@@ -81,12 +82,13 @@ def test_what_comes_a_tick_later_is_late_and_older(eha_drive: Drive) -> None:
 
 def test_a_late_answer_never_replaces_a_newer_one(eha_drive: Drive) -> None:
     link, bus, health = link_to(eha_drive)
+    begun = time.monotonic()
     for number in range(1, 5):
         bus.answers.append(answers(eha_drive, number))
-        tick(link, health)
+        tick(link, health, begun + number * 1e-3)
     before = dict(link.stamps)
     bus.answers.append(answers(eha_drive, 2))
-    tick(link, health)
+    tick(link, health, begun + 5e-3)
     assert link.stamps == before
 
 

@@ -44,10 +44,11 @@ _NUMBER = re.compile(r"(?<![\w.#])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 
 @dataclass(frozen=True)
 class FirstReading:
-    """The first finite reading of a channel, SI, and the sample that it is of."""
+    """The first finite reading of a channel, SI, the sample that it is of, and if all are it."""
 
     value: float
     tick: int
+    frozen: bool
 
 
 @dataclass(frozen=True)
@@ -310,7 +311,9 @@ def _first_readings(recording: Recording) -> dict[str, FirstReading]:
         good = np.isfinite(recording[name])
         if good.any():
             tick = int(np.argmax(good))
-            found[name] = FirstReading(float(recording[name][tick]), tick)
+            read = recording[name][good]
+            frozen = read.size > 1 and float(np.ptp(read)) == 0.0
+            found[name] = FirstReading(float(read[0]), tick, frozen)
     return found
 
 

@@ -1,8 +1,9 @@
 """The state at which a whole run begins, from what its sensors read first.
 
 A diagnosis begins where readings begin that may be believed (`first_state`). A prediction begins
-at the first sample as it was logged (`first_sample`): that a channel stands still, or has no other
-reading, says nothing against its first one. What no reading tells is assumed, and said.
+at the first sample as it was logged (`first_sample`): that a channel stands still for a while, or
+has no other reading, says nothing against its first one. One that never changes while others do is
+dead, and tells nothing. What no reading tells is assumed, and said.
 """
 
 from __future__ import annotations
@@ -60,16 +61,16 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
     determined = plant.determined(tuple(measured.inputs))
     needed = [n for n in plant.states if n in determined and n not in measured.inputs]
     locked = measured.run.locked
+    first = _trusted(measured)
     readings, notes = {}, []
     for name in needed:
-        if name not in measured.first or (locked and name in _LOCKED):
+        if name not in first or (locked and name in _LOCKED):
             continue
-        readings[name] = measured.first[name].value
+        readings[name] = first[name]
         notes += _about(measured, name)
     told = {*readings, *(measured.held if locked else ())}
     if locked:
         told.add("piston_velocity")
-    first = {name: item.value for name, item in measured.first.items()}
     behind = plant.behind(model.vector(), first)
     for name in needed:
         if name in behind and name not in told:
@@ -93,6 +94,15 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
     if assumed:
         notes.append(f"the log does not say where all states begin; assumed: {', '.join(assumed)}")
     return FirstSample(state, tuple(f"{measured.run.name}: {note}" for note in notes))
+
+
+def _trusted(measured: Measured) -> dict[str, float]:
+    """Return the first readings, without those of channels that are dead."""
+    dead = {n for n, item in measured.first.items() if item.frozen and measured.outputs}
+    if dead.intersection(_PRESSURES):
+        # it may have been derived from both
+        dead.add("pressure_difference")
+    return {n: item.value for n, item in measured.first.items() if n not in dead}
 
 
 def _assumed(name: str, state: Mapping[str, float], model: Model) -> str:
