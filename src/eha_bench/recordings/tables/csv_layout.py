@@ -16,6 +16,8 @@ _WINDOW = 200
 _HEADERS = 4
 """Lines above the numbers that may hold names, units and descriptions."""
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+_TIME = re.compile(r"\d+([-/.:])\d{1,2}\1\d")
+"""How a date or a time of day begins."""
 MISSING = ("-", "--")
 """What stands in a cell where nothing was measured, besides what pandas knows."""
 _NOTHING = {"", "nan", "-nan", "na", "n/a", "<na>", "none", "null", "inf", "-inf", "+inf", *MISSING}
@@ -113,21 +115,47 @@ class CsvLayout:
 
 def _first_row(table: list[tuple[int, list[str]]], cells: int) -> int:
     """Return which line is the first whose cells are of the kinds that the table's cells are."""
-    kinds = [tuple(map(_is_number, line)) if len(line) == cells else () for _, line in table]
-    counts = Counter(kind for kind in kinds if any(kind))
-    if not counts:  # no number at all: the names are all that can be told from the rest
-        return next(k for k, (_, line) in enumerate(table) if len(line) == cells) + 1
-    usual = max(counts, key=lambda kind: (counts[kind], sum(kind)))
-    return next(
-        k
-        for k, (_, line) in enumerate(table)
-        if len(line) == cells
-        and any(kinds[k])
-        and all(
-            same == wanted or _is_nothing(cell)
-            for cell, same, wanted in zip(line, kinds[k], usual, strict=True)
-        )
-    )
+    lines = [(k, line) for k, (_, line) in enumerate(table) if len(line) == cells]
+    telling = [(k, line) for k, line in lines if any(map(_is_number, line))]
+    if not telling:  # no number at all: the names are all that can be told from the rest
+        return lines[0][0] + 1
+    kinds = Counter(tuple(map(_is_number, line)) for _, line in telling)
+    usual = max(kinds, key=lambda kind: (kinds[kind], sum(kind)))
+    numeric = _kinds([line for _, line in telling], usual)
+    found = [k for k, line in telling if _is_of_kinds(line, numeric)]
+    first = found[0] if found else next(k for k, line in telling if _is_of_kinds(line, usual))
+    while first and _is_time_alone(table[first - 1][1], numeric):
+        first -= 1
+    return first
+
+
+def _kinds(lines: list[list[str]], usual: tuple[bool, ...]) -> tuple[bool, ...]:
+    """Return whether each column holds numbers, by the cells in which anything stands.
+
+    Most lines do without the number of a sensor slower than the others: what they have in common,
+    `usual`, tells only where there are numbers for sure, and so what is a row and what a heading.
+    """
+    sure = [column for column, wanted in enumerate(usual) if wanted]
+    rows = [line for line in lines if all(_is_kind(line[column], True) for column in sure)]
+    found = list(usual)
+    for column in set(range(len(usual))).difference(sure):
+        written = [row[column] for row in rows if not _is_nothing(row[column])]
+        found[column] = 0 < len(written) <= 2 * sum(map(_is_number, written))
+    return tuple(found)
+
+
+def _is_kind(cell: str, number: bool) -> bool:
+    return _is_number(cell) is number or _is_nothing(cell)
+
+
+def _is_of_kinds(line: list[str], numeric: tuple[bool, ...]) -> bool:
+    return len(line) == len(numeric) and all(map(_is_kind, line, numeric))
+
+
+def _is_time_alone(line: list[str], numeric: tuple[bool, ...]) -> bool:
+    """Whether a line is a row in which nothing was measured: a written time, empty cells, words."""
+    written = next((cell for cell in line if not _is_nothing(cell)), "")
+    return _TIME.match(written) is not None and _is_of_kinds(line, numeric)
 
 
 def _units_row(heads: list[tuple[int, list[str]]], cells: int) -> int | None:
