@@ -103,18 +103,11 @@ def _opened(suite: str | Path, target: str | Path | None) -> tuple[Suite, Target
     """Return the suite, and the target that it is to be run on."""
     loaded = load_suite(Path(suite))
     opened = open_target(
-        target or _beside(loaded, loaded.target) or "simulator",
-        model=_beside(loaded, loaded.model),
-        controller=_beside(loaded, loaded.controller),
+        target or loaded.file("target") or "simulator",
+        model=loaded.file("model"),
+        controller=loaded.file("controller"),
     )
     return loaded, opened
-
-
-def _beside(suite: Suite, name: str) -> Path | None:
-    """Return a file that a suite names, relative to the suite; None where it names none."""
-    if not name or name == "simulator":
-        return None
-    return suite.path.parent / name
 
 
 def score_files(

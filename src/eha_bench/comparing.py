@@ -76,11 +76,11 @@ def opened(suite: Suite, target: str | Path | None) -> Target:
     Raises:
         EhaBenchError: there is no such target, or its file is wrong.
     """
-    model, controller, own = (
-        suite.path.parent / name if name and name != "simulator" else None
-        for name in (suite.model, suite.controller, suite.target)
+    return open_target(
+        target or suite.file("target") or "simulator",
+        model=suite.file("model"),
+        controller=suite.file("controller"),
     )
-    return open_target(target or own or "simulator", model=model, controller=controller)
 
 
 def run_trials(

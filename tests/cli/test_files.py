@@ -63,3 +63,57 @@ def test_a_dataset_is_only_as_valid_as_its_channels(cli: Cli, tmp_path: Path) ->
     done = cli("validate", tmp_path / "dataset.yaml", check=2)
     assert "channels.yaml:1" in done.stderr
     assert "unit 'bar' has the wrong dimension" in done.stderr
+
+
+SUITE = """\
+name: a
+{key}: {name}
+trials: [{{id: a, mode: current, duration: 1 s, signal: {{kind: constant, value: 1 A}}}}]
+"""
+
+
+@pytest.mark.parametrize("key", ["model", "controller", "target"])
+def test_a_suite_is_only_as_valid_as_the_files_it_names(cli: Cli, tmp_path: Path, key: str) -> None:
+    (tmp_path / "s.yaml").write_text(SUITE.format(key=key, name="none.yaml"))
+    for command in (("validate", "s.yaml"), ("run", "s.yaml", "--out", "o", "--dry-run")):
+        said = cli(*command, check=2).stderr
+        assert f"s.yaml:2, key '{key}': there is no file 'none.yaml'" in said
+
+
+@pytest.mark.parametrize("key", ["model", "controller"])
+def test_a_target_is_only_as_valid_as_the_files_it_names(
+    cli: Cli, tmp_path: Path, key: str
+) -> None:
+    (tmp_path / "m.yaml").write_text("model: eha_knee\n")
+    rest = "" if key == "model" else "model: m.yaml\n"
+    (tmp_path / "t.yaml").write_text(f"target: simulator\n{key}: none.yaml\n{rest}")
+    said = cli("validate", "t.yaml", check=2).stderr
+    assert f"t.yaml:2, key '{key}': there is no file 'none.yaml'" in said
+
+
+@pytest.mark.parametrize("mapped", [True, False])
+def test_an_input_that_nobody_has_is_told(cli: Cli, tmp_path: Path, mapped: bool) -> None:
+    (tmp_path / "m.yaml").write_text("model: eha_knee\n")
+    (tmp_path / "log.mcap").touch()
+    (tmp_path / "c.yaml").write_text(
+        "channels:\n  current_command: {topic: /i, field: data}\n"
+        "  valve: {topic: /v, field: d, unit: ''}\n"
+    )
+    text = "model: m.yaml\ninputs:\n  - motor_speed\n  - {}\nruns: [{{log: log.mcap}}]\n"
+    text += "channels: c.yaml\n" if mapped else ""
+    (tmp_path / "d.yaml").write_text(text.format("current_comand"))
+    said = cli("validate", "d.yaml", check=2).stderr
+    assert "d.yaml:4, key 'inputs.1'" in said
+    assert "did you mean 'current_command'" in said
+    (tmp_path / "d.yaml").write_text(text.format("valve"))
+    cli("validate", "d.yaml", check=0)
+
+
+def test_what_is_valid_as_json(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("model: eha_knee\nparameters: {leakage: 3 kg}\n", "utf-8")
+    (tmp_path / "b.yaml").write_text("model: eha_knee\n", "utf-8")
+    found = json.loads(cli("validate", "a.yaml", "b.yaml", "--json", check=2).stdout)
+    first, second = found["files"]
+    assert (first["valid"], first["kind"], first["error"]["line"]) == (False, "model", 2)
+    assert first["error"]["key"] == "parameters.leakage"
+    assert second == {"file": "b.yaml", "kind": "model", "valid": True}

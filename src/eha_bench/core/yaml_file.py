@@ -153,6 +153,22 @@ def line_of(content: Any, keys: Sequence[int | str]) -> int:
     return line
 
 
+def named_file(folder: Path, name: str, where: Place) -> Path:
+    """Return the path of a file that a key names, relative to a folder.
+
+    Raises:
+        InputError: it is not there; `where` is the key.
+    """
+    path = folder / name
+    if not path.is_file():
+        raise InputError(
+            f"there is no file '{name}'",
+            where=where,
+            hint="name it relative to the file that the key stands in",
+        )
+    return path
+
+
 def plain(content: Any) -> Any:
     """Return the content as plain dicts, lists, str, int, float, bool, None."""
     if isinstance(content, dict):

@@ -11,7 +11,10 @@ from eha_bench.core.file_kind import FileKind
 def _check(path: Path) -> object:
     from eha_bench.suites.load import load_suite
 
-    return load_suite(path)
+    suite = load_suite(path)
+    for key in ("model", "controller", "target"):
+        suite.file(key)
+    return suite
 
 
 def _schema() -> dict[str, Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.trial import Trial
+from eha_bench.core.yaml_file import line_of, named_file, parse
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,21 @@ class Suite:
     model: str = ""
     controller: str = ""
     target: str = ""
+
+    def file(self, key: str) -> Path | None:
+        """Return the file that `model`, `controller` or `target` names; None where it names none.
+
+        Raises:
+            InputError: there is no such file; with file, line and key.
+        """
+        name = {"model": self.model, "controller": self.controller, "target": self.target}[key]
+        if not name or name == "simulator":
+            return None
+        path = self.path.parent / name
+        if path.is_file():
+            return path
+        line = line_of(parse(self.text, str(self.path)), [key])
+        return named_file(self.path.parent, name, Place(str(self.path), line, key))
 
     def trial(self, name: str) -> Trial:
         """Return the trial with this id.

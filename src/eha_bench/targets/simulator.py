@@ -61,7 +61,8 @@ class Simulator(Target):
         if not isinstance(plant, EhaKnee):
             raise InputError(
                 f"the simulator runs suites on eha_knee, not on {model.plant_id}",
-                hint="use `eha-bench predict` to simulate recordings of that plant",
+                hint="a model of that plant is for datasets: give it to `eha-bench predict`, "
+                "`calibrate` or `diagnose`",
             )
         self._plant = plant
         self._model = model
@@ -188,10 +189,16 @@ def simulator_from_file(path: Path) -> Simulator:
         except UnitError as error:
             where = Place(file=str(path), line=line, key=f"sensors.{channel}")
             raise InputError(error.what, where=where, hint=error.hint) from error
-    controller = folder / file.controller if file.controller else shipped("controllers/paper.yaml")
+
+    def beside(key: str, name: str) -> Path:
+        where = Place(file=str(path), line=yaml_file.line_of(content, [key]), key=key)
+        return yaml_file.named_file(folder, name, where)
+
+    model = beside("model", file.model)
+    own = beside("controller", file.controller) if file.controller else None
     return Simulator(
-        load_model(folder / file.model),
-        load_controllers(controller),
+        load_model(model),
+        load_controllers(own or shipped("controllers/paper.yaml")),
         sensors=file.sensors,
         step=file.step,
         name=f"simulator:{path.stem}",

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from eha_bench.core.file_kind import FileKind
+
+if TYPE_CHECKING:
+    from eha_bench.diagnosis.data.dataset import Dataset
 
 
 def _check(path: Path) -> object:
@@ -13,9 +16,35 @@ def _check(path: Path) -> object:
     from eha_bench.recordings.channel_map import load_channel_map
 
     dataset = load_dataset(path)
+    mapped: set[str] = set()
     for channels in dict.fromkeys(run.channels for run in dataset.runs if run.channels):
-        load_channel_map(channels)
+        mapped.update(load_channel_map(channels).channels)
+    _check_inputs(path, dataset, mapped)
     return dataset
+
+
+def _check_inputs(path: Path, dataset: Dataset, mapped: set[str]) -> None:
+    """Raise an InputError for an input that neither plant nor channel map knows.
+
+    Our own recordings may hold channels of any name: beside them only a near miss is a mistake.
+    """
+    from eha_bench.core.channels import CHANNELS
+    from eha_bench.core.errors import InputError, Place
+    from eha_bench.core.near_miss import suggest
+    from eha_bench.core.yaml_file import line_of, load
+
+    plant = dataset.model.plant
+    known = dict.fromkeys((*sorted(mapped), *plant.outputs, *plant.states, *CHANNELS))
+    all_mapped = all(run.channels for run in dataset.runs)
+    for number, name in enumerate(dataset.inputs):
+        hint = suggest(name, known)
+        if name not in known and (all_mapped or hint.startswith("did you mean")):
+            line = line_of(load(path), ["inputs", number])
+            raise InputError(
+                f"no channel map and no plant has an input '{name}'",
+                where=Place(file=str(path), line=line, key=f"inputs.{number}"),
+                hint=hint,
+            )
 
 
 def _schema() -> dict[str, Any]:

@@ -92,7 +92,12 @@ class _Reader:
 
     def beside(self, key: str, name: str) -> Path | None:
         """Return a file that a key names, relative to the file in which the key stands."""
-        return Path(self.place((key,)).file).resolve().parent / name if name else None
+        if not name:
+            return None
+        where = self.place((key,))
+        folder = Path(where.file).resolve().parent
+        # what is wrong with the DBC is told by its reader
+        return folder / name if key == "dbc" else yaml_file.named_file(folder, name, where)
 
     def error(self, what: str, keys: Sequence[int | str], hint: str = "") -> InputError:
         return InputError(what, where=self.place(keys), hint=hint)

@@ -73,9 +73,17 @@ class FmuTarget(Target):
         self._piston = self._setup_variable("piston")
         self._bypass = self._setup_variable("bypass")
         self._check_sensors()
-        self._model: Model | None = load_model(folder / file.model) if file.model else None
+        self._model: Model | None = (
+            load_model(yaml_file.named_file(folder, file.model, self._place("model")))
+            if file.model
+            else None
+        )
         self._linkage = _linkage(self._model)
-        controller = folder / file.controller if file.controller else None
+        controller = (
+            yaml_file.named_file(folder, file.controller, self._place("controller"))
+            if file.controller
+            else None
+        )
         self._controllers = load_controllers(controller or shipped("controllers/paper.yaml"))
 
     # --- target.yaml ----------------------------------------------------------
