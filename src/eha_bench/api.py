@@ -61,7 +61,8 @@ def run(
     Raises:
         EhaBenchError: bad input, or the folder cannot be used.
     """
-    loaded, opened = _opened(suite, target)
+    loaded = load_suite(Path(suite))
+    opened = target_for(loaded, target)
     folder = Path(out) if out else Path("reports") / loaded.name
     result = run_suite(
         loaded, opened, folder,
@@ -92,22 +93,21 @@ def preview(suite: str | Path, target: str | Path | None = None) -> dict[str, tu
     Raises:
         EhaBenchError: bad input, or the target cannot run the suite.
     """
-    loaded, opened = _opened(suite, target)
+    loaded = load_suite(Path(suite))
+    opened = target_for(loaded, target)
     with crashes_as_faults():
         for trial in loaded.trials:
             opened.check(trial)
         return {trial.id: opened.preview(trial) for trial in loaded.trials}
 
 
-def _opened(suite: str | Path, target: str | Path | None) -> tuple[Suite, Target]:
-    """Return the suite, and the target that it is to be run on."""
-    loaded = load_suite(Path(suite))
-    opened = open_target(
-        target or loaded.file("target") or "simulator",
-        model=loaded.file("model"),
-        controller=loaded.file("controller"),
-    )
-    return loaded, opened
+def target_for(suite: Suite, target: str | Path | None) -> Target:
+    """Return the target that a suite is run on: the one given, the suite's own, or the simulator.
+
+    Raises:
+        EhaBenchError: there is no such target, or its file is wrong.
+    """
+    return open_target(target or suite.file("target") or "simulator", suite.file)
 
 
 def score_files(

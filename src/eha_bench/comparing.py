@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from eha_bench.api import tell_step_summary, write_reports
+from eha_bench.api import target_for, tell_step_summary, write_reports
 from eha_bench.bench.interleaved import Interleaved, Plan, run_interleaved
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
@@ -25,8 +25,6 @@ from eha_bench.report.comparison_markdown import comparison_markdown
 from eha_bench.report.comparison_report import write_comparison
 from eha_bench.report.trend_site import write_site
 from eha_bench.suites import Suite, load_suite
-from eha_bench.targets.resolve import open_target
-from eha_bench.targets.target import Target
 from eha_bench.trends.history import History, history_of
 from eha_bench.trends.index import update
 
@@ -70,19 +68,6 @@ def write_comparison_files(folder: Path, comparison: Comparison) -> Path:
     return page
 
 
-def opened(suite: Suite, target: str | Path | None) -> Target:
-    """Return the target that a suite is run on: the one given, the suite's own, or the simulator.
-
-    Raises:
-        EhaBenchError: there is no such target, or its file is wrong.
-    """
-    return open_target(
-        target or suite.file("target") or "simulator",
-        model=suite.file("model"),
-        controller=suite.file("controller"),
-    )
-
-
 def run_trials(
     suite: Suite, trials: Collection[str], target: str | Path | None, folder: Path
 ) -> Result:
@@ -92,7 +77,7 @@ def run_trials(
         EhaBenchError: bad input, or the folder cannot be used.
     """
     chosen = tuple(trial for trial in suite.trials if trial.id in trials)
-    result = run_suite(replace(suite, trials=chosen), opened(suite, target), folder)
+    result = run_suite(replace(suite, trials=chosen), target_for(suite, target), folder)
     by_id = {trial.id: trial for trial in chosen}
     by_run = {(run.id, run.repeat): by_id[run.id] for run in result.trials}
     write_reports(folder, result, by_run, folder)
@@ -171,7 +156,7 @@ def ab(
         raise InputError(f"a seed of {seed} is negative", hint="give 0 or more")
     loaded = load_suite(Path(suite))
     folder = Path(out) if out else Path("reports") / f"{loaded.name}-ab"
-    openers = {"a": partial(opened, loaded, a), "b": partial(opened, loaded, b)}
+    openers = {"a": partial(target_for, loaded, a), "b": partial(target_for, loaded, b)}
     names = (openers["a"]().identity.name, openers["b"]().identity.name)
     plan = Plan(loaded.sha256, names, repeats, seed)
     looks = shares(repeats)

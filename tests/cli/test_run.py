@@ -240,3 +240,14 @@ def test_a_result_of_before_has_one_limit(tmp_path: Path) -> None:
     found.write(path)
     again = result_of(tmp_path)["trials"][0]["scores"][0]
     assert (again["limit"], again["limit_written"]) == ("<= 2 mA", "<= 2 mA")
+
+
+def test_a_target_that_brings_its_model_does_not_ask_for_the_suites(
+    cli: Cli, suite: Path, tmp_path: Path
+) -> None:
+    suite.write_text(f"model: gone.yaml\n{suite.read_text()}", encoding="utf-8")
+    done = cli("run", suite, "--out", "out", check=2)
+    assert f"{suite.name}:1, key 'model'" in done.stderr
+    (tmp_path / "own.yaml").write_text("model: eha_knee\n", encoding="utf-8")
+    cli("run", suite, "--target", "own.yaml", "--out", "out")
+    assert result_of(tmp_path / "out")["trials"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from eha_bench.core import plugins, yaml_file
@@ -11,22 +12,23 @@ from eha_bench.targets.simulator import default_simulator
 from eha_bench.targets.target import Target
 
 
-def open_target(
-    target: str | Path, *, model: Path | None = None, controller: Path | None = None
-) -> Target:
+def _names_nothing(_key: str) -> None:
+    return None
+
+
+def open_target(target: str | Path, named: Callable[[str], Path | None] = _names_nothing) -> Target:
     """Return the target that a name or a file stands for.
 
     Args:
         target: `simulator`, the path of a target.yaml (key `target:`) or of a model.yaml.
-        model: the model that the suite names for the simulator; a model.yaml given as the target
-            takes its place.
-        controller: the controller file that the suite names for the simulator.
+        named: the file that a suite names as `model` or `controller`, which a target that brings
+            its own is not asked for.
 
     Raises:
         InputError: no such target, or its file is wrong.
     """
     if str(target) == "simulator":
-        return default_simulator(model, controller)
+        return default_simulator(named("model"), named("controller"))
     path = Path(target)
     if path.suffix not in (".yaml", ".yml"):
         names = ", ".join(plugins.names("targets"))
@@ -38,7 +40,7 @@ def open_target(
     if isinstance(content, dict) and "target" in content:
         return _from_file(path, content)
     if isinstance(content, dict) and "model" in content:
-        return default_simulator(path, controller)
+        return default_simulator(path, named("controller"))
     raise InputError(
         "neither a target nor a model", where=Place(file=str(path)), hint="expected 'target:'"
     )
