@@ -136,7 +136,7 @@ class Plant(ABC):
     def behind(
         self,
         vector: FloatArray,  # noqa: ARG002 - for plants with other sensors than of their states
-        readings: Mapping[str, float],  # noqa: ARG002
+        readings: Mapping[str, float],  # noqa: ARG002 - for these as well
     ) -> dict[str, float]:
         """Return states that other readings tell of, SI: a position behind a joint's angle.
 
@@ -148,7 +148,7 @@ class Plant(ABC):
     def derived(
         self,
         vector: FloatArray,  # noqa: ARG002 - for plants with other sensors than of their outputs
-        outputs: Mapping[str, FloatArray],  # noqa: ARG002
+        outputs: Mapping[str, FloatArray],  # noqa: ARG002 - for these as well
     ) -> dict[str, FloatArray]:
         """Return channels that follow from the outputs alone, (n,) SI.
 

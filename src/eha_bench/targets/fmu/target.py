@@ -73,17 +73,10 @@ class FmuTarget(Target):
         self._piston = self._setup_variable("piston")
         self._bypass = self._setup_variable("bypass")
         self._check_sensors()
-        self._model: Model | None = (
-            load_model(yaml_file.named_file(folder, file.model, self._place("model")))
-            if file.model
-            else None
-        )
+        model = self._beside("model", file.model)
+        self._model: Model | None = load_model(model) if model else None
         self._linkage = _linkage(self._model)
-        controller = (
-            yaml_file.named_file(folder, file.controller, self._place("controller"))
-            if file.controller
-            else None
-        )
+        controller = self._beside("controller", file.controller)
         self._controllers = load_controllers(controller or shipped("controllers/paper.yaml"))
 
     # --- target.yaml ----------------------------------------------------------
@@ -91,6 +84,11 @@ class FmuTarget(Target):
     def _place(self, *keys: str) -> Place:
         line = yaml_file.line_of(self._content, keys)
         return Place(file=str(self._path), line=line, key=".".join(keys))
+
+    def _beside(self, key: str, name: str) -> Path | None:
+        """Return the file that a key names, relative to target.yaml; None where it names none."""
+        folder = self._path.resolve().parent
+        return yaml_file.named_file(folder, name, self._place(key)) if name else None
 
     def _at(self, *keys: str) -> Places:
         return lambda *more: self._place(*keys, *more)
