@@ -6,9 +6,7 @@ it, followed by the kernel's own source; Numba compiles it and caches the result
 effect's parameters live in the one parameter vector `P`, so trying another candidate is another
 vector, never another compilation. An effect is skipped by a branch where its strength is neutral.
 
-Inside the kernel `P` and `S` are records over the vectors' memory: a record is one bare pointer,
-while Numba counts the references of every array that it passes on, which took longer than the
-equations.
+Inside the kernel `P` and `S` are bare pointers to the vectors (`plants.pointer` says why).
 """
 
 from __future__ import annotations
@@ -33,8 +31,8 @@ from eha_bench.plants.compiled import load_numba
 from eha_bench.plants.composition import compose, modules_of
 from eha_bench.plants.layout import Layout
 
-# functions of a hooks module that are no hooks: written anew for each layout
-_GENERATED = ("parameter_record", "memory_record", "activate")
+# functions of a hooks module that are no hooks: others stand in for them
+_GENERATED = ("pointer", "activate")
 _LOG = logging.getLogger("eha_bench")
 
 

@@ -3,8 +3,8 @@
 Numba takes a third of a second to import, and who reads a model file or lists parameters needs none
 of it. SciPy's linear algebra, which Numba imports only to see that it is there, takes another sixth
 and is left to those who need it. A marked function is compiled when it is first called, or when
-compiled code calls it: Numba asks a global for its type (`_numba_type_`), and gets that of the
-compiled function.
+compiled code calls it: Numba asks a global for its type (`_numba_type_`), and gets that of an inner
+function, which is compiled with its caller.
 """
 
 from __future__ import annotations
@@ -47,12 +47,19 @@ class Compiled(Generic[Args, Value_co]):
 
     @cached_property
     def dispatcher(self) -> Any:
-        """Numba's own object for the function."""
+        """Numba's own object for the function, to call from Python."""
         return load_numba().njit(**self._options)(self.py_func)
+
+    @cached_property
+    def _inner(self) -> Any:
+        load_numba()
+        from eha_bench.plants.inner_function import inner
+
+        return inner(self.py_func, **self._options)
 
     @property
     def _numba_type_(self) -> Any:
-        return self.dispatcher._numba_type_
+        return self._inner._numba_type_
 
     def __call__(self, *args: Args.args, **kwargs: Args.kwargs) -> Value_co:
         """Call the compiled function."""

@@ -19,22 +19,22 @@ from eha_bench.plants.layout import Layout
 
 _VECTORS = ("P", "S")
 
-# Inner functions need no way in from Python, and dividing needs no test for zero: both halve the
-# time that compiling takes.
+# Dividing needs no test for zero: all of them together take long to compile. What is cached is what
+# Python calls; the rest is compiled into it.
 _HEAD = """import math
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.plants.compiled import njit as inner
+from eha_bench.plants.pointer import behind, pointer
+
 
 def njit(function=None, **options):
-    if function is None and not options:
-        return njit
-    if function is None:
-        return numba.njit(error_model="numpy", **options)
-    lean = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-    return lean(function)
+    kind = numba.njit if "cache" in options else inner
+    mark = kind(error_model="numpy", **options)
+    return mark if function is None else mark(function)
 
 """
 
@@ -46,12 +46,10 @@ def compose(layout: Layout, modules: tuple[ModuleType, ...], hooks: ModuleType) 
         for name in layout.hooks
     }
     lines = ['"""Generated: the kernel with all registered effects in its hooks."""', "", _HEAD]
-    lines += [*_record("parameter_record", [p.size for _, p in layout.items()])]
-    lines += [*_record("memory_record", [1] * layout.memory)]
     bodies: dict[str, list[str]] = {name: [] for name in signatures}
     guards: dict[str, list[str]] = {name: [] for name in signatures}
     for number, effect in enumerate(sorted(layout.effects, key=lambda e: (e.order, e.id))):
-        strength = layout.ordinals[f"{effect.id}.{effect.strength.name}"]
+        strength = layout.index[f"{effect.id}.{effect.strength.name}"]
         guard = f"P[{strength}] != {effect.neutral!r}"
         for serial, (hook, changed, function) in enumerate(_uses(layout, effect, signatures)):
             alias = f"_e{number}_{serial}"
@@ -89,19 +87,6 @@ def _uses(
     for hook, functions in (("start_states", start), ("advance_states", advance)):
         for state, function in functions.items():
             yield hook, f"S[{layout.states[f'{effect.id}.{state}']}]", function
-
-
-def _record(name: str, sizes: list[int]) -> list[str]:
-    """Return the lines of a function that lays a record over a vector."""
-    fields = [
-        f'("f{number}", "f8")' if size == 1 else f'("f{number}", "f8", ({size},))'
-        for number, size in enumerate(sizes)
-    ]
-    kind = f"_{name.upper()}"
-    return [
-        f"{kind} = np.dtype([{', '.join(fields)}])",
-        *("", "", "@njit", f"def {name}(vector):", f"    return vector.view({kind})[0]", "", ""),
-    ]
 
 
 def _hook(name: str, arguments: list[str], body: list[str], flag: int) -> list[str]:
@@ -176,13 +161,19 @@ def _bound(layout: Layout, effect: Effect, name: str, have: list[str]) -> str | 
     key = f"{effect.id}.{name}"
     if key in layout.states:
         return f"S[{layout.states[key]}]"
-    if key in layout.ordinals:
-        return f"P[{layout.ordinals[key]}]"
+    if key in layout.index:
+        return _parameter(layout, key)
     if name in have and name not in _VECTORS:
         return name
     if name in layout.signals:
         return f"S[{layout.signals.index(name)}]"
-    return f"P[{layout.ordinals[name]}]" if name in layout.ordinals else None
+    return _parameter(layout, name) if name in layout.index else None
+
+
+def _parameter(layout: Layout, key: str) -> str:
+    """Return a parameter's value in `P`, as an array where it has several."""
+    place, size = layout.index[key], layout.by_key[key].size
+    return f"P[{place}]" if size == 1 else f"numba.carray(behind(P, {place}), {size})"
 
 
 def modules_of(layout: Layout) -> set[str]:

@@ -76,11 +76,6 @@ class Layout:
         """Length of `S`: signals, flags of the hooks, effects' states."""
         return max(1, len(self.signals) + len(self.hooks) + len(self.states))
 
-    @cached_property
-    def ordinals(self) -> dict[str, int]:
-        """Number of each parameter among the fields of the record over `P`."""
-        return {key: number for number, (key, _) in enumerate(self.items())}
-
     @property
     def size(self) -> int:
         """Length of `P`."""

@@ -66,8 +66,7 @@ from eha_bench.plants.eha_knee.hooks import (
     initial_pressure_a,
     initial_pressure_b,
     longest_step,
-    memory_record,
-    parameter_record,
+    pointer,
     start_states,
     volume_b,
 )
@@ -278,8 +277,8 @@ def settle(read: Flags, parameters: Vector, memory: Vector, Y: Vector) -> None:
         read: (7,) whether Y holds a reading of what may be imposed (else: the state).
         parameters, memory, Y: vectors `P` and `S` of the layout; state (7,), changed.
     """
-    P = parameter_record(parameters)
-    S = memory_record(memory)
+    P = pointer(parameters)
+    S = pointer(memory)
     activate(P, S)
     if read[IMPOSE_A]:
         Y[PRESSURE_A] = initial_pressure_a(Y[PRESSURE_A], P, S)
@@ -331,8 +330,8 @@ def simulate(
     """
     if fresh:
         memory[:] = 0.0
-    P = parameter_record(parameters)
-    S = memory_record(memory)
+    P = pointer(parameters)
+    S = pointer(memory)
     activate(P, S)
     bypass = P[G_BYPASS] if bypass_open else 0.0
     area = area_b(P[A_B], P, S)

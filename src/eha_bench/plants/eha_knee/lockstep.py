@@ -47,7 +47,7 @@ from eha_bench.plants.eha_knee.equations import (
     J,
     M,
 )
-from eha_bench.plants.eha_knee.hooks import memory_record, parameter_record
+from eha_bench.plants.eha_knee.hooks import pointer
 from eha_bench.plants.eha_knee.kernel import _GAMMA, _substep
 
 Vector = NDArray[np.float64]
@@ -210,11 +210,11 @@ def _step_marked(
     Y: Vector, imposed: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """Do the step of the marked lanes by the scalar integrator."""
-    S = memory_record(memory)
+    S = pointer(memory)
     S[FORCE] = force
     for n in range(LANES):
         if B[MARK + n] != 0.0:
-            P = parameter_record(parameters[n])
+            P = pointer(parameters[n])
             for row in range(7):
                 Y[row] = B[row * LANES + n]
             bypass = B[G + n] - P[L_IN]

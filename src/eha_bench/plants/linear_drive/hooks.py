@@ -1,8 +1,8 @@
 """The places of the kernel where effects act, here with nothing in them.
 
-`assembly` replaces these functions with chains of the registered effects' own. `P` is the
-record of parameters, `S` that of measured signals, flags of the hooks and effects' states; the
-first argument is what an effect changes, the rest is what it may look at: voltage, position and
+`assembly` replaces these functions with chains of the registered effects' own. `P` points
+at the parameters, `S` at measured signals, flags of the hooks and effects' states; the first
+argument is what an effect changes, the rest is what it may look at: voltage, position and
 velocity of the carriage, time. Names are those of the knee's hooks where an effect may serve both:
 `current` is what the drive is told, here in V. Units SI.
 """
@@ -117,12 +117,6 @@ def activate(P: Vector, S: Vector) -> None:
 
 
 @njit()
-def parameter_record(vector: Vector) -> Vector:
-    """The parameter vector as the record `P`."""
-    return vector
-
-
-@njit()
-def memory_record(vector: Vector) -> Vector:
-    """The vector of signals, flags and effects' states as the record `S`."""
+def pointer(vector: Vector) -> Vector:
+    """The vector as a bare pointer: `P` of the parameters, `S` of the memory."""
     return vector

@@ -36,8 +36,7 @@ from eha_bench.plants.linear_drive.hooks import (
     initial_position,
     measured_position,
     measured_velocity,
-    memory_record,
-    parameter_record,
+    pointer,
     start_states,
 )
 
@@ -94,8 +93,8 @@ def settle(read: Flags, parameters: Vector, memory: Vector, Y: Vector) -> None:
         read: (3,) whether Y holds a reading of position, velocity, voltage (else: the state).
         parameters, memory, Y: vectors `P` and `S` of the layout; state (3,), changed.
     """
-    P = parameter_record(parameters)
-    S = memory_record(memory)
+    P = pointer(parameters)
+    S = pointer(memory)
     activate(P, S)
     if read[POSITION]:
         Y[POSITION] = initial_position(Y[POSITION], Y[VELOCITY], P, S)
@@ -130,8 +129,8 @@ def simulate(
         parameters, memory, Y: vectors `P` and `S` of the layout; state (3,). out: (n, 3).
     """
     memory[:] = 0.0
-    P = parameter_record(parameters)
-    S = memory_record(memory)
+    P = pointer(parameters)
+    S = pointer(memory)
     activate(P, S)
     start_states(Y[VOLTAGE], Y[POSITION], Y[VELOCITY], P, S)
     before = older = math.nan
