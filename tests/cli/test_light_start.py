@@ -61,6 +61,15 @@ def test_validate_needs_neither_compiler_nor_libraries_of_figures(name: str) -> 
     assert imported(COMMAND, "validate", f"suites/{name}") & HEAVY == set()
 
 
+def test_validate_of_a_suite_needs_no_arrays() -> None:
+    assert "numpy" not in imported(COMMAND, "validate", "suites/paper.yaml")
+
+
+def test_a_model_made_in_python_needs_no_readers_of_files() -> None:
+    code = "from eha_bench.plants.model import Model\nassert Model('eha_knee').vector().size"
+    assert imported(code) & (HEAVY | {"pydantic", "ruamel"}) == set()
+
+
 def test_validate_of_a_dataset_needs_no_reader(tmp_path: Path) -> None:
     (tmp_path / "dataset.yaml").write_text(DATASET)
     (tmp_path / "channels.yaml").write_text(CHANNELS)

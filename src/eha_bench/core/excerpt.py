@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from eha_bench.core.signal import Edge, FloatArray, FromRecording, Lines, Signal, Sweep, Tone
 
 
@@ -28,6 +26,8 @@ class Excerpt(Signal):
 
     def __call__(self, time: FloatArray) -> FloatArray:
         """Return the reference at `time`, shape (n,) -> (n,)."""
+        import numpy as np
+
         return self.whole(np.asarray(time, dtype=np.float64))
 
     @property

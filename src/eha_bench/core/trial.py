@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
 from eha_bench.core.channels import unit_of
 from eha_bench.core.limit import AcceptanceLimit, SafetyLimit
 from eha_bench.core.margin import Margin
-from eha_bench.core.signal import Signal
+from eha_bench.core.signal import FloatArray, Signal
 
 
 class ControlMode(StrEnum):
@@ -106,13 +103,15 @@ class Trial:
         """The measured channel that should follow the reference."""
         return self.mode.channel
 
-    def clock(self) -> NDArray[np.float64]:
+    def clock(self) -> FloatArray:
         """Return the ticks of the run, from -settle to duration (exclusive), shape (n,), s."""
+        import numpy as np
+
         before = round(self.settle * self.sample_rate)
         after = round(self.duration * self.sample_rate)
-        ticks: NDArray[np.float64] = np.arange(-before, after, dtype=np.float64) / self.sample_rate
+        ticks: FloatArray = np.arange(-before, after, dtype=np.float64) / self.sample_rate
         return ticks
 
-    def reference(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def reference(self, time: FloatArray) -> FloatArray:
         """Return the reference at `time` (s, negative while settling), shape (n,) -> (n,)."""
         return self.signal(time)

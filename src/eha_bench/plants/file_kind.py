@@ -15,7 +15,7 @@ def _check(path: Path) -> object:
 
 
 def _schema() -> dict[str, Any]:
-    from eha_bench.plants.model import ModelFile
+    from eha_bench.plants.model_file import ModelFile
 
     return ModelFile.model_json_schema()
 

@@ -11,39 +11,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import StringIO
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
-from eha_bench.core import units, yaml_file
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.yaml_file import Real, StrictModel
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.plant import Plant, get_plant
 
 FloatArray = NDArray[np.float64]
 Value = float | str | list[float]
-
-
-class ModelFile(StrictModel):
-    """model.yaml: a plant, what differs from its defaults, and its declared effects."""
-
-    model: Annotated[str, Field(description="plant: eha_knee, linear_drive, or a plug-in's")]
-    parameters: dict[str, Real | str] = Field(
-        default_factory=dict,
-        description="what differs from the plant's defaults, SI or with a unit",
-    )
-    calibrate: list[str] = Field(
-        default_factory=list, description="parameters that calibration may estimate"
-    )
-    effects: list[dict[str, Real | str | list[Real]]] = Field(
-        default_factory=list, description="declared effects, in the order they were added"
-    )
 
 
 @dataclass(frozen=True)
@@ -141,11 +122,17 @@ def load_model(path: Path) -> Model:
     Raises:
         InputError: unknown plant, parameter or effect, or a wrong unit, with file, line and key.
     """
+    from eha_bench.core import yaml_file
+
     return parse_model(yaml_file.load(path), str(path))
 
 
 def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Model:
     """Return the model that a YAML mapping holds; `name` is the file for messages."""
+    # a third of what a first simulation imports, which one of a model made in Python does without
+    from eha_bench.core import yaml_file
+    from eha_bench.plants.model_file import ModelFile
+
     file = yaml_file.validate(ModelFile, content, name, prefix)
 
     def place(*keys: int | str) -> Place:
@@ -217,6 +204,8 @@ def _checked(
             wanted = "one number" if parameter.size == 1 else f"a list of {parameter.size} numbers"
             raise InputError(f"expected {wanted}", where=where)
         return [float(_checked(replace(parameter, size=1), item, where)) for item in raw]
+    from eha_bench.core import units
+
     try:
         value = units.parse(raw, parameter.unit)
     except UnitError as error:

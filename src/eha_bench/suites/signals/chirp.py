@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from eha_bench.core.signal import FloatArray, Spacing, Sweep
@@ -48,6 +47,8 @@ class Chirp(SignalModel):
 
     def __call__(self, time: FloatArray) -> FloatArray:
         """Return the reference at `time` in s, shape (n,) -> (n,)."""
+        import numpy as np
+
         elapsed = within(time, self.at, self.duration) - self.at
         if self.spacing is Spacing.LINEAR:
             slope = (self.f_stop - self.f_start) / self.span

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-import numpy as np
-
 from eha_bench.core.signal import FloatArray
 from eha_bench.suites.signals.signal_model import Level, SignalModel
 
@@ -24,4 +22,6 @@ class Constant(SignalModel):
 
     def __call__(self, time: FloatArray) -> FloatArray:
         """Return the reference at `time` in s, shape (n,) -> (n,)."""
+        import numpy as np
+
         return np.full(np.shape(time), self.value)

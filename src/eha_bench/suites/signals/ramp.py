@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
-
 from eha_bench.core.signal import FloatArray
 from eha_bench.suites.signals.signal_model import Level, Moment, Seconds, SignalModel
 
@@ -26,6 +24,8 @@ class Ramp(SignalModel):
 
     def __call__(self, time: FloatArray) -> FloatArray:
         """Return the reference at `time` in s, shape (n,) -> (n,)."""
+        import numpy as np
+
         ends = [self.at, self.at + self.over]
         values: FloatArray = np.interp(time, ends, [self.initial, self.final])
         return values

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from pydantic import (
     AfterValidator,
     Discriminator,
@@ -131,4 +130,6 @@ OneOrEachTime = Annotated[
 
 def within(time: FloatArray, start: float, stop: float) -> FloatArray:
     """Return `time` (s) clipped to [start, stop], so that values are held outside, (n,) -> (n,)."""
+    import numpy as np
+
     return np.clip(np.asarray(time, dtype=np.float64), start, stop)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field
 
 from eha_bench.core.signal import FloatArray, Tone
@@ -41,6 +40,8 @@ class Sine(SignalModel):
 
     def __call__(self, time: FloatArray) -> FloatArray:
         """Return the reference at `time` in s, shape (n,) -> (n,)."""
+        import numpy as np
+
         elapsed = within(time, self.at, self.duration) - self.at
         angle = 2 * np.pi * self.frequency * elapsed + self.phase
         values: FloatArray = self.offset + self.amplitude * np.sin(angle)

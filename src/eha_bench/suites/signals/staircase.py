@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
-import numpy as np
-
 from eha_bench.core.signal import Edge, FloatArray
 from eha_bench.suites.signals.signal_model import TICK
 
@@ -29,6 +27,8 @@ class Staircase:
 
     def __call__(self, time: FloatArray) -> FloatArray:
         """Return the level at `time` in s, shape (n,) -> (n,)."""
+        import numpy as np
+
         index = np.searchsorted(self.times, np.asarray(time) + TICK, side="right")
         values: FloatArray = np.array([self.initial, *self.levels], dtype=np.float64)[index]
         return values
