@@ -102,4 +102,6 @@ $(BIN)/python:
 	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	$(PIP) check >/dev/null || { $(PIP) check; \
 	  echo "The lock does not fit pyproject.toml: run make lock." >&2; exit 1; }
+	# bytecode, as any installation has it: where Python may not write it, every start compiles all
+	$(BIN)/python -m compileall -q src
 	touch $@

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Groups, compare, left_out
 from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import soften
-from eha_bench.diagnosis.fit.uncertainty import spreads, undetermined
+from eha_bench.diagnosis.fit.uncertainty import estimates, spreads, undetermined
 
 
 def linear_fit(matrix: np.ndarray, residual: np.ndarray, names: list[str], values: np.ndarray):
@@ -50,6 +50,18 @@ def test_runs_that_ask_for_other_values_widen_the_interval():
     own = linear_fit(column[:, None], rng.standard_normal(n), ["a"], np.ones(1))
     other = linear_fit(column[:, None], own.residual + wanted * column, ["a"], np.ones(1))
     assert spreads(other, groups)["a"].half_width > 4 * spreads(own, groups)["a"].half_width
+
+
+def test_no_size_of_an_effect_is_exact_to_more_than_a_thousandth():
+    rng = np.random.default_rng(0)
+    matrix = 1e5 * rng.standard_normal((20000, 2))
+    names = ["leakage", "external_leakage.leakage_coefficient"]
+    fit = linear_fit(matrix, rng.standard_normal(20000), names, np.array([3.0, 3.0]))
+    noise = spreads(fit, blocks(20000))
+    found = estimates(fit, blocks(20000), {})
+    half = {key: 0.5 * (item.high - item.low) for key, item in found.items()}
+    assert half["leakage"] == pytest.approx(noise["leakage"].half_width)
+    assert half[names[1]] == pytest.approx(1.96e-3 * 3.0, rel=1e-3)
 
 
 def correlated(rng: np.random.Generator, shape: tuple[int, int], memory: float) -> np.ndarray:
