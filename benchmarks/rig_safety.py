@@ -182,6 +182,18 @@ def read_back(path: Path) -> str:
     return f"{len(recording)} ticks, {recording.metadata.get('ending', 'no ending')}"
 
 
+def recorded(path: Path) -> tuple[float, str]:
+    """Return the time of a recording's last tick, s, and how it says that it ended.
+
+    One that was stopped before its first tick was written holds none: all of them are missing.
+    """
+    try:
+        recording = eb.read(path)
+    except EhaBenchError:
+        return 0.0, "before the first tick"
+    return float(recording.time[-1]), recording.metadata.get("ending", "")
+
+
 def faults(folder: Path) -> bool:
     """Run every fault; return whether every one that has to stop the torque did so in time."""
     print("| fault | torque off after | exit | reason | recording |\n|---|---|---|---|---|")
@@ -238,10 +250,10 @@ def interrupted(folder: Path, rounds: int, how: signal.Signals, seed: int) -> bo
         statuses.add(run.returncode)
         path = here / f"out{index}" / "recordings" / "trial-0.mcap"
         wait_for(lambda p=path: "ticks, " in read_back(p) and "no ending" not in read_back(p))
-        recording = eb.read(path)
         on = number(last(rig.events(), "torque on"), "t")
-        ticks.append((number(off, "last_command") - on) - recording.time[-1])
-        endings.add(recording.metadata.get("ending", ""))
+        until, ending = recorded(path)
+        ticks.append((number(off, "last_command") - on) - until)
+        endings.add(ending)
         if how is signal.SIGKILL:
             again = rig.start(suite, here / "again")
             statuses.add(f"next run {again.wait(30)}")

@@ -71,6 +71,7 @@ def _row(entry: Mapping[str, Any]) -> Row:
         str(entry.get("better", "<")),
         math.nan if target is None else float(target),
         str(entry.get("note", "")),
+        entry.get("met"),
     )
 
 
@@ -109,7 +110,9 @@ def _blind(content: Any) -> Iterable[Row]:
 def _comparison(content: Any) -> Iterable[Row]:
     for entry in content:
         note = f"wanted {entry['wanted']}" if entry["wanted"] else ""
-        yield Row(entry["what"], 100 * entry["share"], "%", note=note, met=entry["kept"])
+        # what was tried once is a figure, not a share of many
+        value, unit = (entry["share"], "") if entry["tried"] == 1 else (100 * entry["share"], "%")
+        yield Row(entry["what"], value, unit, note=note, met=entry["kept"])
 
 
 _READERS = {

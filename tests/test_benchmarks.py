@@ -36,8 +36,21 @@ def test_a_row_says_whether_its_target_is_met(main: Any, tmp_path: Path) -> None
         Row("judged elsewhere", 0.5, "%", met=False),
     ]
     assert [row.verdict for row in rows] == ["met", "missed", "missed", "", "missed"]
-    write_rows(tmp_path / "rows.json", rows[:4])
-    assert rows_of("startup", json.loads((tmp_path / "rows.json").read_text()))[:3] == rows[:3]
+    write_rows(tmp_path / "rows.json", rows)
+    again = rows_of("startup", json.loads((tmp_path / "rows.json").read_text()))
+    assert again[:3] == rows[:3]
+    assert [row.verdict for row in again] == [row.verdict for row in rows]
+
+
+def test_a_share_of_many_is_in_percent_and_what_was_tried_once_is_not(main: Any) -> None:
+    from benchmarks.table import rows_of
+
+    line = {"what": "kept", "wanted": ">= 90%", "kept": True, "tried": 300, "share": 0.94}
+    once = line | {"what": "built, s", "wanted": "< 10", "tried": 1, "share": 5.8}
+    assert [(row.value, row.unit) for row in rows_of("comparison", [line, once])] == [
+        (94.0, "%"),
+        (5.8, ""),
+    ]
 
 
 def test_what_cannot_run_is_counted_and_what_misses_is_not(
