@@ -52,7 +52,7 @@ class Compiled(Generic[Args, Value_co]):
 
     @cached_property
     def _inner(self) -> Any:
-        load_numba()
+        load_numba()  # before what imports Numba by itself
         from eha_bench.plants.inner_function import inner
 
         return inner(self.py_func, **self._options)

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping, MutableSequence, Sequence, Set
 from typing import Any
 
 # protobuf ships neither types nor stubs
-from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet  # type: ignore[import-untyped]
-from google.protobuf.descriptor_pool import DescriptorPool  # type: ignore[import-untyped]
-from google.protobuf.message import DecodeError, Message  # type: ignore[import-untyped]
-from google.protobuf.message_factory import GetMessageClass  # type: ignore[import-untyped]
+from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message import DecodeError, Message
+from google.protobuf.message_factory import GetMessageClass
 
 from eha_bench.recordings.encodings.decoder import Column, Decoder, Encoded, UnreadableTopic, number
 from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, lists_names
