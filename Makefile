@@ -1,14 +1,15 @@
 # Everything runs in .venv, which `setup` fills from the lock. Variables:
 #   PYTHON=python3.12   the interpreter that .venv is made with
 #   WORKERS=2           processes that run the tests
-#   SUITE=, REPORT=     what `make bench` runs, and the folder it writes
+#   SUITE=, REPORT=     what `make bench` runs, and the folder it writes (default:
+#                       reports/<suite>/<time>)
 #   BENCHMARKS=--quick  a small version of every benchmark
 #   PYTEST_ARGS=, V=1   more arguments for pytest; show every command
 
 PYTHON  ?= python3
 WORKERS ?= 2
 SUITE   ?= suites/paper.yaml
-REPORT  ?= reports/$(basename $(notdir $(SUITE)))
+REPORT  ?=
 
 BIN  := .venv/bin
 LOCK := requirements/dev.txt
@@ -26,7 +27,7 @@ help: ## show this list
 setup: .venv/.installed ## make .venv and install the locked packages and eha-bench into it
 
 bench: setup ## run the paper's suite on the simulator; the last line is the report's path
-	$(BIN)/eha-bench run $(SUITE) --out $(REPORT)
+	$(BIN)/eha-bench run $(SUITE) $(if $(REPORT),--out $(REPORT))
 
 test: setup ## run the fast tests
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal $(PYTEST_ARGS)

@@ -22,10 +22,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fixtures.rig.__main__ import conditions_from, parser
-from fixtures.rig.case import record_case
+from fixtures.rig.__main__ import parser, set_from
 from fixtures.rig.hidden import LEVELS
-from fixtures.rig.plans import make_plans
 from ruamel.yaml import YAML
 
 from eha_bench.core.workers import workers_from
@@ -54,6 +52,7 @@ class Outcome:
     verdict: str
     named: tuple[str, ...]
     equations_right: bool
+    places_right: tuple[bool, ...]
     equivalent: bool
     false: tuple[str, ...]
     covered: tuple[bool, ...]
@@ -131,6 +130,7 @@ def compare(truth: Mapping[str, Any], out: Path) -> Outcome:
         verdict=str(found.get("verdict", "failed")) if found.get("complete", True) else "stopped",
         named=named,
         equations_right=bool(hidden) and all(eq in right for eq in said),
+        places_right=tuple(_places_right(effects, hidden)),
         equivalent=any(group & set(ids) and group & set(named[:1]) for group in sets),
         false=tuple(name for name in named if name not in ids),
         covered=tuple(_covered(found, truth)),
@@ -138,6 +138,18 @@ def compare(truth: Mapping[str, Any], out: Path) -> Outcome:
         seconds=float(took["seconds"]),
         failure=str(took["failure"]),
     )
+
+
+def _places_right(
+    effects: Sequence[Mapping[str, Any]], hidden: Sequence[Mapping[str, Any]]
+) -> Iterable[bool]:
+    """Whether a right effect is said to be where it is; nothing where a side names no place."""
+    for item in hidden:
+        for effect in effects:
+            at, places = effect.get("at"), item.get("at")
+            if effect["id"] == item["id"] and at and places:
+                said = {at} if isinstance(at, str) else set(at)
+                yield bool({place.partition(".")[0] for place in said} & set(places))
 
 
 def _holdout_ratio(found: Mapping[str, Any]) -> float:
@@ -204,6 +216,7 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "two: one of them first": rate([o.first_right for o in two]),
         "accuses what is not there": rate([bool(o.false) for o in outcomes]),
         "accuses where nothing is missing": rate([bool(o.named) for o in none]),
+        "right effect, at its place": rate([hit for o in outcomes for hit in o.places_right]),
         "crashed": rate([bool(o.failure) for o in outcomes]),
         "interval holds the true size": rate([hit for o in outcomes for hit in o.covered]),
         "held-out after within 1.3 of the floor, where right": rate(
@@ -316,12 +329,12 @@ def main() -> None:
     data: Path = args.data or args.out
     workers = workers_from(args.workers or args.jobs)
     if args.data is None:
-        plans = make_plans(
-            args.seed, args.cases, args.two, args.none, args.foreign, args.effects, args.strength
-        )
-        conditions = conditions_from(args)
+        try:
+            plans, record = set_from(args)
+        except ValueError as error:
+            sys.exit(str(error))
         missing = [p for p in plans if not (data / "truth" / f"{p.name}.yaml").exists()]
-        workers.map(partial(record_case, out=data, conditions=conditions), missing)
+        workers.map(partial(record, out=data), missing)
     cases = sorted(path.parent for path in (data / "cases").glob("*/dataset.yaml"))
     if not cases:
         sys.exit(f"no cases in {data}: ask for --cases, --two, --none or --foreign, or give --data")

@@ -17,11 +17,22 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from benchmarks.hard_pairs import hard_pairs
 from benchmarks.line import Line, rate
-from benchmarks.nights import METRICS, NOISES, changed_histories, flat_histories
+from benchmarks.nights import (
+    METRICS,
+    NOISES,
+    changed_histories,
+    flat_histories,
+    lost_metrics,
+    newest_nights,
+    seasons,
+    units,
+)
 
 import eha_bench as eb
 from eha_bench.comparison.compare import compare_sides
@@ -243,7 +254,7 @@ def looked_at(sequences: int) -> Iterator[Line]:
 def planned(sequences: int) -> Iterator[Line]:
     """As many repeats as are said to decide: how often they do (80 % is meant)."""
     rng = np.random.default_rng(0)
-    for difference, margin in ((1.0, 0.5), (0.8, 0.5), (0.0, 1.0), (0.5, 1.0)):
+    for difference, margin in ((1.0, 0.5), (2.0, 0.5), (0.0, 1.0), (0.5, 1.0)):
         for metrics in (1, 20):
             alpha = ALPHA / metrics
             more = more_repeats(difference, margin, 1.0, 4, alpha=alpha)
@@ -252,8 +263,7 @@ def planned(sequences: int) -> Iterator[Line]:
             for _ in range(sequences):
                 a, b = rng.normal(size=(2, 4 + more))
                 found = evidence(Sample.of(a), Sample.of(b + difference), margin, family=metrics)
-                differs = found.p_difference <= alpha and abs(found.difference) >= margin
-                hits.append(differs or found.p_same <= alpha)
+                hits.append(min(found.p_beyond, found.p_same) <= alpha)
             what = f"{difference:g} sigma, {margin:g} matter, {metrics} metrics"
             yield rate(f"decided after {more} more repeats than 4, {what}", hits)
 
@@ -302,7 +312,7 @@ def main() -> int:
         "--only",
         action="append",
         metavar="PART",
-        help="null, slower, ab, looks, planned, flat, changed or building",
+        help="null, hard, slower, ab, looks, planned, flat, newest, seasons, changed or building",
     )
     parser.add_argument(
         "--workers", default="", help="of histories: processes, dask://host:port, ray://host:port"
@@ -315,23 +325,27 @@ def main() -> int:
     nights = (100, 20) if chosen.quick else (1000, 100)
     sections: dict[str, Callable[[], Iterator[Line]]] = {
         "null": lambda: no_difference(whole(), pairs),
+        "hard": lambda: hard_pairs(4 if chosen.quick else max(1000, pairs)),
         "slower": lambda: slow_downs(whole(), max(1, pairs // 2)),
         "ab": lambda: interleaved(whole(), max(1, pairs // 8)),
         "looks": lambda: looked_at(max(1, pairs * 4 // 5)),
         "planned": lambda: planned(max(1, pairs // 2)),
         "flat": lambda: flat_histories(histories, workers),
+        "newest": lambda: newest_nights(5 * histories, workers),
+        "seasons": lambda: chain(seasons(histories, workers), [lost_metrics(histories)]),
+        "units": lambda: units(histories),
         "changed": lambda: changed_histories(histories, workers),
         "building": lambda: building(*nights),
     }
     names = chosen.only or list(sections)
     lines = []
-    print(f"{'':66} {'tried':>6} {'share':>7}  wanted")
+    print(f"{'':78} {'tried':>6} {'share':>7}  wanted")
     for name in names:
         for line in sections[name]():
             lines.append(line)
             mark = {True: "kept", False: "MISSED", None: ""}[line.kept]
             share = f"{line.share:7.2f}" if line.tried == 1 else f"{line.share:7.1%}"
-            print(f"{line.what:66} {line.tried:6} {share}  {line.wanted:7} {mark:6} {line.also}",
+            print(f"{line.what:78} {line.tried:6} {share}  {line.wanted:7} {mark:6} {line.also}",
                   flush=True)  # fmt: skip
     if chosen.json:
         chosen.json.write_text(json.dumps([asdict(line) for line in lines], indent=1) + "\n")

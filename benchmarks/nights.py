@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from eha_bench.core.workers import Here, Workers
-from eha_bench.trends.trend import judge
+from eha_bench.trends.specimens import kin_of
+from eha_bench.trends.trend import Trend, judge
 
 FloatArray = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], FloatArray]
@@ -77,8 +78,8 @@ def _flat(task: tuple[str, int, int]) -> Line:
     found: list[tuple[bool, bool]] = []
     for _ in range(tried * METRICS):
         values = 100.0 + NOISES[noise](rng, count)
-        course, _, _, state = judge(values, family=METRICS, margin=0.05, scored=True)
-        found.append((bool(course.changes), state.drifted))
+        judged = judge(values, family=METRICS, margin=0.05)
+        found.append((bool(judged.course.changes), judged.state.drifted))
     each = np.array(found).reshape(tried, METRICS, 2)
     false = each[..., 0] | each[..., 1]
     what = f"flat history, {noise}, {count} nights"
@@ -89,6 +90,147 @@ def _flat(task: tuple[str, int, int]) -> Line:
         f"{(each[..., 1] & ~each[..., 0]).mean():.2%}; of {tried} dashboards of {METRICS} "
         f"{np.mean(false.any(axis=1)):.1%}",
     )
+
+
+def weekends(rng: np.random.Generator, count: int) -> FloatArray:
+    """Return normal noise whose Saturdays and Sundays lie 1 sigma higher (a warmer hall)."""
+    return rng.normal(size=count) + np.isin(np.arange(count) % 7, (5, 6))
+
+
+def doubled(rng: np.random.Generator, count: int) -> FloatArray:
+    """Return normal noise whose variance doubles half-way."""
+    return rng.normal(size=count) * np.where(np.arange(count) < count // 2, 1.0, np.sqrt(2.0))
+
+
+SHORT: dict[str, Draw] = {
+    "normal": NOISES["normal"],
+    "neighbours alike by 0.3": alike(0.3),
+    "neighbours alike by 0.5": alike(0.5),
+    "neighbours alike by 0.8": alike(0.8),
+    "2 % outliers": lambda rng, count: (
+        rng.normal(size=count) * np.where(rng.random(count) < 0.02, 8.0, 1.0)
+    ),
+    "weekends 1 sigma higher": weekends,
+    "doubled variance": doubled,
+}
+_SIGMA = {"neighbours alike by 0.3": 1.048, "neighbours alike by 0.5": 1.155,
+          "neighbours alike by 0.8": 1.667}  # fmt: skip
+
+
+def newest_nights(histories: int, workers: Workers = _HERE) -> Iterator[Line]:
+    """Short histories as they are every morning: is a flat one left alone, is a step found.
+
+    A flat history is false where its newest night drifted. A step of three standard deviations of a
+    night is found where the first or the second night after it drifted. Own intervals are
+    those of the nights' whole scatter, a third of it, or none.
+
+    Args:
+        histories: of each kind. workers: where they are drawn and judged.
+    """
+    flat = [
+        (noise, count, own, family, 0.0, histories)
+        for count in (8, 15, 30, 60)
+        for noise in SHORT
+        for own, family in ((np.nan, 1), (1.0, 1), (np.nan, METRICS))
+    ]
+    steps = [
+        ("normal", count, own, family, 3.0, histories)
+        for count in (8, 15, 30, 60)
+        for own, family in ((np.nan, 1), (0.33, 1), (1.0, 1), (1.0, METRICS))
+    ]
+    for outcome in workers.ordered(_newest, [*flat, *steps]):
+        yield outcome.get()
+
+
+def _newest(task: tuple[str, int, float, int, float, int]) -> Line:
+    noise, count, own, family, size, histories = task
+    rng = np.random.default_rng(count)
+    hits = []
+    for _ in range(histories):
+        values = 100.0 + SHORT[noise](rng, count + (2 if size else 0))
+        values[count:] += size * _SIGMA.get(noise, 1.0)
+        spread = own * _SIGMA.get(noise, 1.0)
+        ends = (count + 1, count + 2) if size else (count,)
+        hits.append(any(
+            judge(values[:end], family=family, margin=0.05, own=spread).state.drifted
+            for end in ends
+        ))  # fmt: skip
+    told = "no" if np.isnan(own) else "true" if own == 1.0 else f"{own:g} of the"
+    about = f"{noise}, {count} nights, {told} own intervals, 1 metric of {family}"
+    if size:
+        least = 0.9 if family == 1 else None
+        return rate(f"step of 3 sigma after {count} nights, {told} own intervals, of {family}",
+                    hits, least=least)  # fmt: skip
+    return rate(f"flat, {about}", hits, most=0.01)
+
+
+def seasons(histories: int, workers: Workers = _HERE) -> Iterator[Line]:
+    """A season of 90 nights is no drift; a drift beside it is one.
+
+    Args:
+        histories: of each kind. workers: where they are drawn and judged.
+    """
+    tasks = [
+        (amplitude, count, drift, histories)
+        for amplitude in (1.0, 2.0, 4.0)
+        for count, drift in ((180, 0.0), (365, 0.0), (365, 0.1))
+    ]
+    for outcome in workers.ordered(_season, tasks):
+        yield outcome.get()
+
+
+def _season(task: tuple[float, int, float, int]) -> Line:
+    amplitude, count, drift, histories = task
+    rng = np.random.default_rng(count)
+    hits = []
+    for _ in range(histories):
+        turn = 2.0 * np.pi * (np.arange(count) / 90.0 + rng.random())
+        values = 100.0 + rng.normal(size=count) + amplitude * np.sin(turn)
+        values[-60:] += drift * np.arange(1, 61)
+        hits.append(judge(values, family=1, margin=0.05).state.drifted)
+    what = f"season of 90 nights of {amplitude:g} sigma, {count} nights"
+    if drift:
+        return rate(f"{what}, a drift of {drift:g} sigma a night beside it", hits, least=0.9)
+    return rate(f"{what}, alarms", hits, most=0.05)
+
+
+def lost_metrics(histories: int) -> Line:
+    """A metric that dies for ten nights has drifted."""
+    rng = np.random.default_rng(0)
+    hits = [
+        judge(rng.normal(100.0, 1.0, 20), family=1, margin=0.05, missing=(10, 0)).state.drifted
+        for _ in range(histories)
+    ]
+    return rate("a metric not scored for ten nights: drifted", hits, least=1.0)
+
+
+def units(kinds: int) -> Iterator[Line]:
+    """Five units side by side, one metric: is an odd one called so, and none where there is none.
+
+    Args:
+        kinds: how often five units are drawn.
+    """
+    rng = np.random.default_rng(5)
+    for noise in ("normal", "neighbours alike by 0.5"):
+        for wear, differ in ((0.0, 0.0), (0.0, 2.0), (6.0, 0.0)):
+            hits = []
+            for _ in range(kinds):
+                trends = []
+                for name in range(5):
+                    values = 100.0 * rng.uniform(0.5, 2.0) + SHORT[noise](rng, 40)
+                    own = differ * rng.normal() + (wear if name == 2 else 0.0)
+                    values += own * np.arange(40) / 40.0
+                    judged = judge(values, family=1, margin=0.05)
+                    trends.append(Trend("s", f"rig {name}", "t", "m", "", "s", -1, np.nan, (),
+                                        values, judged, 0.05, 0))  # fmt: skip
+                (kin,) = kin_of(trends)
+                odd = [one.trend.target for one in kin.specimens if one.odd]
+                hits.append(odd == ["rig 2"] if wear else bool(odd))
+            if wear:
+                yield rate(f"one of five units wears by {wear:g} sigma, {noise}: named", hits)
+            else:
+                kind = "wearing differently" if differ else "of one kind"
+                yield rate(f"five units {kind}, {noise}: any called odd", hits, most=0.02)
 
 
 def changed_histories(histories: int, workers: Workers = _HERE) -> Iterator[Line]:
@@ -118,7 +260,7 @@ def _changed(task: tuple[str, str, float, int, int]) -> Line:
         values = NOISES[noise](rng, count)
         start = int(rng.integers(15, count - (15 if kind == "step" else 25)))
         values = 100.0 + (values - values.mean()) / values.std() + shape(kind, size, start, count)
-        course, *_ = judge(values, family=METRICS, margin=0.05, scored=True)
+        course = judge(values, family=METRICS, margin=0.05).course
         nearest = min(course.changes, key=lambda c: abs(c.start - start), default=None)
         near.append(nearest is not None and abs(nearest.start - start) <= 2)
         anything.append(nearest is not None)

@@ -4,8 +4,8 @@
 
 The recording has twelve channels at 1 kHz, one wide message a tick, which is the least work that it
 can be for rosbags. It is scored under every kind of signal by all metrics that are installed, asked
-for by name, so that none is left out; a line says how many of them found a value. Wanted: less time
-than rosbags takes to read and deserialize the same file.
+for by name, so that none is left out; a line says how many of them found a value. Wanted: less
+than half of the time that rosbags takes to read and deserialize the same file.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ from eha_bench.core.trial import Trial
 from eha_bench.metrics import all_metrics, score
 from eha_bench.recordings import write
 from eha_bench.suites import load_suite
+
+WANTED = 0.5
+"""Share of the time of reading."""
 
 SUITE = """\
 name: long
@@ -170,22 +173,22 @@ def run(seconds: float) -> list[Line]:
 
 
 def main() -> int:
-    """Print the table; return 1 if a line takes longer than reading."""
+    """Print the table; return 1 if a line takes longer than it may."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     lines = run(options.seconds)
-    print(f"{'scored as':18}{'time':>10}{'of reading':>12}  values   < 1")
+    print(f"{'scored as':18}{'time':>10}{'of reading':>12}  values   < 50 %")
     for line in lines:
-        verdict = "met" if line.of_reading < 1.0 else "missed"
+        verdict = "met" if line.of_reading < WANTED else "missed"
         print(
             f"{line.trial:18}{line.seconds:9.2f}s{100 * line.of_reading:11.1f}%"
             f"  {line.found:2} of {line.metrics}  {verdict}"
         )
     if options.json:
         options.json.write_text(json.dumps([asdict(line) for line in lines], indent=1) + "\n")
-    return 0 if all(line.of_reading < 1.0 for line in lines) else 1
+    return 0 if all(line.of_reading < WANTED for line in lines) else 1
 
 
 if __name__ == "__main__":

@@ -2,10 +2,11 @@
 
     python -m benchmarks.simulation [--rounds 25] [--no-cold] [--json FILE]
 
-`knee.c` is compiled by the system's compiler (`cc -O3`, or $CC); it holds the same equations and
-takes the same steps, and its results must agree, or nothing is printed. Times are the processor's,
-of one thread; ours and C's rounds alternate, and the best of each is taken. SciPy and JAX stand
-beside where they are installed.
+Two plants, each with a reference in C that holds the same equations and takes the same steps:
+`knee.c`, and `valve_cylinder.c` for the rig in `fixtures/rigs/valve_cylinder`. They are compiled by
+the system's compiler (`cc -O3`, or $CC), and their results must agree, or nothing is printed. Times
+are the processor's, of one thread; ours and C's rounds alternate, and the best of each is taken.
+SciPy and JAX stand beside where they are installed.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,57 +29,117 @@ import numpy as np
 from benchmarks.table import Row, write_rows
 from numpy.typing import NDArray
 
-from eha_bench.plants.eha_knee import equations
-from eha_bench.plants.eha_knee.plant import EhaKnee
-from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.network.file import load_plant, shipped_plant
+from eha_bench.plants.network.plant import NetworkPlant
+from eha_bench.plants.plant import Drive
 
 FloatArray = NDArray[np.float64]
 
 STEP = 25e-6
 SETS = 64
-MOST_C, LEAST_SWEEP = 1.1, 3.0
-COLD_S, WARM_S = 30.0, 1.0
+MOST_C, LEAST_SWEEP = 1.1, 4.0
+COLD_S, WARM_S = 15.0, 0.8
 LATER = 3
 """Later starts, of which the fastest counts: the first finds its files on the disk."""
 
-
-def drives(seconds: float) -> dict[str, Drive]:
-    """Inputs that move freely, that reverse against a locked piston, and with an open bypass."""
-    t = np.arange(round(1000 * seconds) + 1) / 1000.0
-    return {
-        "free rod": Drive(t, {"current_command": 6.0 * np.sin(4 * np.pi * t)}),
-        "locked": Drive(t, {"current_command": 12.0 * np.sign(np.sin(6 * np.pi * t))}, locked=True),
-        "bypass": Drive(
-            t, {"current_command": 6.0 * np.sin(2 * np.pi * t)}, locked=True, bypass_open=True
-        ),
-    }
+_ROOT = Path(__file__).parent
+_VECTOR = np.ctypeslib.ndpointer(np.float64, flags="C")
 
 
-class PlainC:
-    """The reference, compiled anew."""
+@dataclass(frozen=True)
+class Case:
+    """A plant with its reference in C.
 
-    def __init__(self, folder: Path) -> None:
-        library = folder / "knee.so"
-        compiler = os.environ.get("CC", "cc")
-        command = [compiler, "-O3", "-shared", "-fPIC", "-o", str(library)]
-        subprocess.run([*command, str(Path(__file__).with_name("knee.c")), "-lm"], check=True)
-        self._simulate = ctypes.CDLL(str(library)).simulate
-        array = np.ctypeslib.ndpointer(np.float64, flags="C")
-        self._simulate.argtypes = [
-            ctypes.c_int, array, array, array, ctypes.c_int, ctypes.c_int, ctypes.c_double, array,
-            array, array,
-        ]  # fmt: skip
+    Attributes:
+        plant: as the bench compiles it. drives: name -> inputs, of a number of seconds.
+        c: what C computes for parameters and a drive, (n, outputs).
+        swept: parameters that a sweep draws. effect: strength of one to switch on.
+    """
 
-    def __call__(self, plant: EhaKnee, vector: FloatArray, drive: Drive) -> FloatArray:
+    plant: NetworkPlant
+    drives: Callable[[float], dict[str, Drive]]
+    c: Callable[[FloatArray, Drive], FloatArray]
+    swept: tuple[str, ...]
+    effect: str
+
+
+def c_function(folder: Path, name: str, arguments: list[Any]) -> Callable[..., None]:
+    """Return `simulate` of a C file, compiled anew."""
+    library = folder / f"{name}.so"
+    compiler = os.environ.get("CC", "cc")
+    command = [compiler, "-O3", "-shared", "-fPIC", "-o", str(library)]
+    subprocess.run([*command, str(_ROOT / f"{name}.c"), "-lm"], check=True)
+    simulate: Callable[..., None] = ctypes.CDLL(str(library)).simulate
+    simulate.argtypes = arguments  # type: ignore[attr-defined]  # a function of ctypes
+    return simulate
+
+
+def _ticks(seconds: float) -> FloatArray:
+    return np.arange(round(1000 * seconds) + 1) / 1000.0
+
+
+def knee(folder: Path) -> Case:
+    """The knee: moving freely, reversing against a locked piston, and with an open bypass."""
+    plant = shipped_plant("eha_knee")
+    simulate = c_function(folder, "knee", [
+        ctypes.c_int, _VECTOR, _VECTOR, _VECTOR, ctypes.c_int, ctypes.c_int, ctypes.c_double,
+        _VECTOR, _VECTOR, _VECTOR,
+    ])  # fmt: skip
+    rest = plant.layout.index["initial_pressure"]
+
+    def drives(seconds: float) -> dict[str, Drive]:
+        t = _ticks(seconds)
+        reversing, slow = 12.0 * np.sign(np.sin(6 * np.pi * t)), 6.0 * np.sin(2 * np.pi * t)
+        return {
+            "free rod": Drive(t, {"current_command": 6.0 * np.sin(4 * np.pi * t)}),
+            "locked": Drive(t, {"current_command": reversing}, locked=True),
+            "bypass": Drive(t, {"current_command": slow}, locked=True, bypass_open=True),
+        }
+
+    def c(vector: FloatArray, drive: Drive) -> FloatArray:
         n = drive.time.size
-        out, state = np.empty((n, 6)), plant.start_state(vector, drive.initial)
-        command = drive.inputs["current_command"]
-        self._simulate(
-            n, drive.time, command, np.zeros(n), drive.locked, drive.bypass_open, STEP, vector,
-            state, out,
+        out, state = np.empty((n, 6)), np.zeros(7)
+        state[2:4] = vector[rest]
+        simulate(
+            n, drive.time, drive.inputs["current_command"], np.zeros(n), drive.locked,
+            drive.bypass_open, STEP, vector, state, out,
         )  # fmt: skip
         return out
+
+    swept = ("torque_constant", "rotor_inertia", "viscous_torque", "coulomb_torque", "leakage",
+             "bulk_modulus", "load_mass", "rod_viscous")  # fmt: skip
+    return Case(plant, drives, c, swept, "entrained_air.air_fraction")
+
+
+def valve_cylinder(folder: Path) -> Case:
+    """The valve-driven cylinder: strokes, small square waves, and against a locked rod."""
+    plant = load_plant(_ROOT.parent / "fixtures" / "rigs" / "valve_cylinder" / "plant.yaml")
+    simulate = c_function(folder, "valve_cylinder", [
+        ctypes.c_int, _VECTOR, _VECTOR, ctypes.c_int, ctypes.c_double, _VECTOR, _VECTOR, _VECTOR,
+    ])  # fmt: skip
+    rest = [plant.layout.index[f"{name}.pressure"] for name in ("inlet", "chamber_a", "chamber_b")]
+
+    def drives(seconds: float) -> dict[str, Drive]:
+        t = _ticks(seconds)
+        square = np.sign(np.sin(6 * np.pi * t + 0.1))
+        return {
+            "stroke": Drive(t, {"valve_command": 3.0 * np.sin(4 * np.pi * t)}),
+            "square": Drive(t, {"valve_command": square}),
+            "locked rod": Drive(t, {"valve_command": 2.0 * np.sin(60 * np.pi * t)}, locked=True),
+        }
+
+    def c(vector: FloatArray, drive: Drive) -> FloatArray:
+        n = drive.time.size
+        out, state = np.empty((n, 4)), np.zeros(5)
+        state[2:] = vector[rest]
+        simulate(
+            n, drive.time, drive.inputs["valve_command"], drive.locked, STEP, vector, state, out
+        )
+        return out
+
+    swept = ("oil.bulk_modulus", "rod.mass", "valve.flow_gain", "valve.natural_frequency",
+             "valve.damping_ratio", "rod_friction.coulomb", "rod_friction.viscous")  # fmt: skip
+    return Case(plant, drives, c, swept, "entrained_air.air_fraction")
 
 
 def best(acts: Sequence[Callable[[], object]], rounds: int) -> list[float]:
@@ -93,13 +155,12 @@ def best(acts: Sequence[Callable[[], object]], rounds: int) -> list[float]:
     return found
 
 
-def parameter_sets(plant: EhaKnee) -> FloatArray:
-    """A fifth around the paper's parameters, up and down."""
+def parameter_sets(case: Case) -> FloatArray:
+    """A fifth around the declared parameters, up and down."""
     rng = np.random.default_rng(0)
-    vectors = np.repeat(plant.layout.defaults()[None], SETS, axis=0)
-    for name in ("torque_constant", "rotor_inertia", "viscous_torque", "coulomb_torque",
-                 "leakage", "bulk_modulus", "load_mass", "rod_viscous"):  # fmt: skip
-        vectors[:, plant.layout.index[name]] *= rng.uniform(0.8, 1.2, SETS)
+    vectors = np.repeat(case.plant.layout.defaults()[None], SETS, axis=0)
+    for name in case.swept:
+        vectors[:, case.plant.layout.index[name]] *= rng.uniform(0.8, 1.2, SETS)
     return vectors
 
 
@@ -111,18 +172,19 @@ def agrees(found: FloatArray, wanted: FloatArray, tolerance: float) -> None:
         raise SystemExit(f"the results differ by {worst:.2g} of the range: nothing is comparable")
 
 
-def against_c(plant: EhaKnee, c: PlainC, rounds: int) -> Iterator[Row]:
+def against_c(case: Case, rounds: int) -> Iterator[Row]:
     """Yield one run and a sweep beside C."""
+    plant = case.plant
     vector = plant.layout.defaults()
-    air = Model("eha_knee", effects=(DeclaredEffect("entrained_air", {"air_fraction": 0.01}),))
-    with_effect = air.vector()
+    with_effect = vector.copy()
+    with_effect[plant.layout.index[case.effect]] = 0.01
     # all inputs in every round: a moment in which the machine is slow is in no figure alone
-    long = drives(5.0)
+    long = case.drives(5.0)
     acts: list[Callable[[], object]] = []
     for drive in long.values():
-        agrees(plant.simulate(vector, drive, STEP), c(plant, vector, drive), 1e-9)
+        agrees(plant.simulate(vector, drive, STEP), case.c(vector, drive), 1e-9)
         acts += [
-            partial(c, plant, vector, drive),
+            partial(case.c, vector, drive),
             partial(plant.simulate, vector, drive, STEP),
             partial(plant.simulate, with_effect, drive, STEP),
         ]
@@ -130,76 +192,84 @@ def against_c(plant: EhaKnee, c: PlainC, rounds: int) -> Iterator[Row]:
     steps = 5.0 / STEP
     for name, plain, ours, effect in zip(long, found[::3], found[1::3], found[2::3], strict=True):
         note = f"{ours / steps * 1e9:.0f} ns a step"
-        yield Row(f"one run / plain C, {name}", ours / plain, "", "<", MOST_C, note)
-        yield Row(f"one run with an effect / plain C without, {name}", effect / plain)
-    vectors = parameter_sets(plant)
-    short = drives(1.0)
+        what = f"{plant.id}, {name}"
+        yield Row(f"{what}: one run / plain C", ours / plain, "", "<", MOST_C, note)
+        yield Row(f"{what}: one run with an effect / plain C without", effect / plain)
+    vectors = parameter_sets(case)
+    short = case.drives(1.0)
     acts = []
     for drive in short.values():
-        wanted = np.stack([c(plant, v, drive) for v in vectors])
+        wanted = np.stack([case.c(v, drive) for v in vectors])
         agrees(plant.sweep(vectors, drive, STEP), wanted, 1e-8)
         acts += [
-            lambda d=drive: [c(plant, v, d) for v in vectors],  # type: ignore[misc]
+            lambda d=drive: [case.c(v, d) for v in vectors],  # type: ignore[misc]
             partial(plant.sweep, vectors, drive, STEP),
         ]
     found = best(acts, rounds)
     for name, plain, ours in zip(short, found[::2], found[1::2], strict=True):
         note = f"{ours / SETS * 1e3:.2f} ms a set and second"
-        yield Row(f"sweep, plain C / ours a set, {name}", plain / ours, "", ">", LEAST_SWEEP, note)
+        what = f"{plant.id}, {name}: sweep, plain C / ours a set"
+        yield Row(what, plain / ours, "", ">", LEAST_SWEEP, note)
 
 
-def by_scipy(plant: EhaKnee, vector: FloatArray, drive: Drive) -> FloatArray:
-    """LSODA on the same compiled equations, an interval of held input at a time.
+def by_scipy(plant: NetworkPlant, vector: FloatArray, drive: Drive) -> FloatArray:
+    """LSODA on the same compiled equations of the knee, an interval of held input at a time.
 
     With friction that creeps: with friction that sticks it would hardly come off the ground.
     """
+    import numba
     from scipy.integrate import solve_ivp
 
-    memory = np.zeros(plant.layout.memory)
-    area = vector[equations.A_B]
+    from eha_bench.plants.pointer import pointer
 
-    def slopes(t: float, y: FloatArray, i: float) -> list[float]:
-        f = equations.rates(
-            1e-6, i, y[0], y[1], y[2], y[3], y[4], y[5], t, 1.0, 1.0, 0.0, area, vector, memory
-        )  # fmt: skip
-        return [f[0], y[0], f[1], f[2], y[5], f[3]]
+    kernel, parameters, memory = plant.kernel_for(vector)
+    rates = kernel.rates
+    current = plant.system.signals["motor.current"]
 
-    y = plant.start_state(vector, drive.initial)[:6]
+    @numba.njit  # type: ignore[misc]  # numba has no types
+    def slopes(t, y, i, own, signals, shown):  # type: ignore[no-untyped-def]
+        signals[current] = i
+        P, S, X = pointer(own), pointer(signals), pointer(shown)
+        f = rates(1e-6, 1.0, 1.0, y[0], y[1], y[2], y[3], y[4], y[5], t, X, P, S)
+        return np.array([f[0], y[0], f[2], y[2], f[4], f[6]])
+
+    y = np.zeros(6)
     found = [y]
     for k in range(drive.time.size - 1):
         span = (drive.time[k], drive.time[k + 1])
-        i = float(drive.inputs["current_command"][k])
-        y = solve_ivp(slopes, span, y, "LSODA", args=(i,), rtol=1e-6, atol=1e-9).y[:, -1]
+        own = (float(drive.inputs["current_command"][k]), parameters, memory, np.zeros(7))
+        y = solve_ivp(slopes, span, y, "LSODA", args=own, rtol=1e-6, atol=1e-9).y[:, -1]
         found.append(y)
     return np.array(found)
 
 
-def by_jax(vectors: FloatArray, drive: Drive) -> Callable[[], object]:
-    """The same steps, vectorised over the sets and compiled by XLA; stops are not located."""
+def by_jax(plant: NetworkPlant, vectors: FloatArray, drive: Drive) -> Callable[[], object]:
+    """The same steps of the knee over all sets, compiled by XLA; stops are not located."""
     import jax
     import jax.numpy as jnp
 
     jax.config.update("jax_enable_x64", True)
-    e = equations
-    P = jnp.asarray(vectors.T)
+    P = {name: jnp.asarray(vectors[:, place]) for name, place in plant.bare.index.items()}
     count = round(float(drive.time[1] - drive.time[0]) / STEP)
     gamma = 1.0 - 1.0 / np.sqrt(2.0)
 
     def rates(y: Any, i: Any) -> Any:
         w, a, b, x, v = y
-        level = P[e.T_CF] + (P[e.T_SF] - P[e.T_CF]) * jnp.exp(-((w / P[e.W_S]) ** 2))
-        net = P[e.K_T] * i - P[e.D_P] * (a - b) - P[e.B_PM] * w
-        c_a = P[e.BETA] / (P[e.V_A] + P[e.A_A] * x)
-        c_b = P[e.BETA] / (P[e.V_B] - P[e.A_B] * x)
-        q = P[e.D_P] * w - P[e.L_IN] * (a - b)
-        force = P[e.A_A] * a - P[e.A_B] * b - P[e.B_ROD] * v - P[e.F_ROD] * jnp.sign(v)
-        slopes = ((net - jnp.sign(w) * level) / P[e.J], c_a * (q - P[e.A_A] * v),
-                  c_b * (P[e.A_B] * v - q), v, force / P[e.M])  # fmt: skip
+        fade = jnp.exp(-((w / P["stribeck_speed"]) ** 2))
+        level = P["coulomb_torque"] + (P["static_torque"] - P["coulomb_torque"]) * fade
+        d_p, a_a, a_b = P["pump_displacement"], P["piston_area_a"], P["piston_area_b"]
+        net = P["torque_constant"] * i - d_p * (a - b) - P["viscous_torque"] * w
+        c_a = P["bulk_modulus"] / (P["volume_a"] + a_a * x)
+        c_b = P["bulk_modulus"] / (P["volume_b"] - a_b * x)
+        q = d_p * w - P["leakage"] * (a - b)
+        force = a_a * a - a_b * b - P["rod_viscous"] * v - P["rod_coulomb"] * jnp.sign(v)
+        f_w = (net - jnp.sign(w) * level) / P["rotor_inertia"]
+        slopes = (f_w, c_a * (q - a_a * v), c_b * (a_b * v - q), v, force / P["load_mass"])
         return slopes, c_a, c_b
 
     def step(y: Any, i: Any) -> Any:
         (f_w, f_a, f_b, f_x, f_v), c_a, c_b = rates(y, i)
-        s, g = gamma * STEP, P[e.L_IN]
+        s, g = gamma * STEP, P["leakage"]
         m_aa, m_ab, m_ba, m_bb = 1 + s * c_a * g, s * c_a * g, s * c_b * g, 1 + s * c_b * g
         det = m_aa * m_bb - m_ab * m_ba
         k_a, k_b = (m_bb * f_a + m_ab * f_b) / det, (m_aa * f_b + m_ba * f_a) / det
@@ -216,7 +286,7 @@ def by_jax(vectors: FloatArray, drive: Drive) -> Callable[[], object]:
         def tick(y: Any, i: Any) -> Any:
             return jax.lax.fori_loop(0, count, lambda _, z: step(z, i), y), jnp.stack(y)
 
-        rest = jnp.broadcast_to(P[e.P_INITIAL], (vectors.shape[0],))
+        rest = jnp.broadcast_to(P["initial_pressure"], (vectors.shape[0],))
         zero = jnp.zeros(vectors.shape[0])
         return jax.lax.scan(tick, (zero, rest, rest, zero, zero), commands)[1]
 
@@ -224,12 +294,13 @@ def by_jax(vectors: FloatArray, drive: Drive) -> Callable[[], object]:
     return lambda: run(commands).block_until_ready()
 
 
-def peers(plant: EhaKnee, rounds: int) -> Iterator[Row]:
-    """Yield other ways to simulate the same."""
+def peers(case: Case, rounds: int) -> Iterator[Row]:
+    """Yield other ways to simulate the knee."""
+    plant = case.plant
     vector = plant.layout.defaults()
     vector[plant.layout.index["rod_creep_speed"]] = 1e-3
     vector[plant.layout.index["pump_creep_speed"]] = 1.0
-    short = drives(0.05)["free rod"]
+    short = case.drives(0.05)["free rod"]
     ours, theirs = best(
         [
             lambda: plant.simulate(vector, short, STEP),
@@ -241,8 +312,8 @@ def peers(plant: EhaKnee, rounds: int) -> Iterator[Row]:
     if importlib.util.find_spec("jax") is None:
         print("JAX is not installed: not compared", file=sys.stderr)
         return
-    vectors, drive = parameter_sets(plant), drives(0.2)["free rod"]
-    run = by_jax(vectors, drive)
+    vectors, drive = parameter_sets(case), case.drives(0.2)["free rod"]
+    run = by_jax(plant, vectors, drive)
     found = [float("inf"), float("inf")]
     for _ in range(rounds + 1):  # XLA computes on threads of its own: the clock on the wall
         for place, act in enumerate((lambda: plant.sweep(vectors, drive, STEP), run)):
@@ -297,11 +368,14 @@ def main() -> int:
     parser.add_argument("--no-cold", action="store_true", help="leave the first start out")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    plant = get_plant("eha_knee")
-    assert isinstance(plant, EhaKnee)
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as name:
-        parts = [against_c(plant, PlainC(Path(name)), given.rounds), peers(plant, given.rounds)]
+        ours, other = knee(Path(name)), valve_cylinder(Path(name))
+        parts = [
+            against_c(ours, given.rounds),
+            against_c(other, given.rounds),
+            peers(ours, given.rounds),
+        ]
         if not given.no_cold:
             parts.append(starts(Path(name)))
         for part in parts:

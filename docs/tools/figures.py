@@ -15,9 +15,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import eha_bench as eb
-from eha_bench.plants.eha_knee.parameters import PARAMETERS
 from eha_bench.plants.model import load_model
-from eha_bench.plants.plant import Drive
+from eha_bench.plants.plant import Drive, get_plant
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0068b5", "#b26a00", "#0a7d5d", "#bd2217", "#59636f"
 _STYLE: dict[Any, Any] = {
@@ -35,7 +34,7 @@ _STYLE: dict[Any, Any] = {
     "figure.facecolor": "white",
     "text.parse_math": False,
 }
-DEFAULT = {parameter.name: parameter.default for parameter in PARAMETERS}
+DEFAULT = {item.name: item.default for item in get_plant("eha_knee").layout.parameters}
 
 
 def make(gallery: Path) -> None:

@@ -73,3 +73,6 @@ if __name__ == "__main__":
     import figures
 
     figures.make(target.resolve())
+    import terminal
+
+    terminal.make(target.resolve() / "terminal")

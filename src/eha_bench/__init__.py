@@ -10,13 +10,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eha_bench.api import diagnose, run
+    from eha_bench.api import diagnose, run, score_files
     from eha_bench.comparing import ab, compare, history
     from eha_bench.core.recording import Recording
+    from eha_bench.core.result import Result
     from eha_bench.diagnosis.replay.prediction import predict
     from eha_bench.diagnosis.run import calibrate
     from eha_bench.metrics import score
     from eha_bench.recordings import read, write
+    from eha_bench.suites import load_suite
 
 __version__ = "0.1.0"
 
@@ -30,22 +32,28 @@ _HOME = {
     "compare": "eha_bench.comparing",
     "history": "eha_bench.comparing",
     "predict": "eha_bench.diagnosis.replay.prediction",
+    "load_suite": "eha_bench.suites",
+    "Result": "eha_bench.core.result",
     "run": "eha_bench.api",
+    "score_files": "eha_bench.api",
     "score": "eha_bench.metrics",
 }
 
 __all__ = [
     "Recording",
+    "Result",
     "__version__",
     "ab",
     "calibrate",
     "compare",
     "diagnose",
     "history",
+    "load_suite",
     "predict",
     "read",
     "run",
     "score",
+    "score_files",
     "write",
 ]
 
@@ -55,3 +63,8 @@ def __getattr__(name: str) -> Any:
     if home is None:
         raise AttributeError(f"module 'eha_bench' has no attribute '{name}'")
     return getattr(importlib.import_module(home), name)
+
+
+def __dir__() -> list[str]:
+    """Return the public names, those not imported yet included: completion shows them."""
+    return sorted(__all__)

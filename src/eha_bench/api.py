@@ -5,13 +5,15 @@ from __future__ import annotations
 import logging
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeAlias
 
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.scoring import RECORDINGS, score_recordings
+from eha_bench.bench.store import Shelf
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place, TargetFault
 from eha_bench.core.output_folder import writable
@@ -31,13 +33,15 @@ from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
 
 Loader = Callable[[], Recording]
+Given: TypeAlias = str | Path | Mapping[str, Any]
+"""A file, the name of a shipped one, or a dict of what the file would hold."""
 
 _LOG = logging.getLogger("eha_bench")
 
 
 def run(
-    suite: str | Path,
-    target: str | Path | None = None,
+    suite: Given,
+    target: Given | None = None,
     out: str | Path | None = None,
     *,
     resume: bool = False,
@@ -49,10 +53,13 @@ def run(
     """Run a suite on a target; write recordings, result.json and the reports.
 
     Args:
-        suite: path of a suite.yaml.
-        target: `simulator`, a target.yaml or a model.yaml; the suite's own target if None.
-        out: result folder; reports/<suite name> if None.
-        resume: do only what an earlier, interrupted run of the same left undone.
+        suite: path of a suite.yaml, name of a shipped suite (`paper`), or a dict of what a
+            suite.yaml would hold.
+        target: `simulator`, a target.yaml or a model.yaml, also by a shipped name or as a dict; the
+            suite's own target if None.
+        out: result folder, an earlier run in it is set aside; `reports/<suite>/<time>` if None.
+        resume: do only what an earlier, interrupted run of the same left undone: the one in `out`,
+            or the suite's latest.
         retries: how often a trial is run again whose infrastructure failed (not its limits).
         time_limit: s after which the run stops.
         workers: number of processes, dask://host:port or ray://host:port, for simulated targets.
@@ -61,14 +68,15 @@ def run(
     Raises:
         EhaBenchError: bad input, or the folder cannot be used.
     """
-    loaded = load_suite(Path(suite))
+    loaded = load_suite(suite)
     opened = target_for(loaded, target)
-    folder = Path(out) if out else Path("reports") / loaded.name
     result = run_suite(
-        loaded, opened, folder,
+        loaded, opened, Path(out) if out else Shelf(loaded.name),
         resume=resume, retries=retries, time_limit=time_limit, workers=workers_from(workers),
         progress=progress,
     )  # fmt: skip
+    folder = result.folder
+    assert folder is not None
     trials = {trial.id: trial for trial in loaded.trials}
     by_repeat = {(item.id, item.repeat): trials[item.id] for item in result.trials}
     try:
@@ -87,13 +95,13 @@ def run(
     return result
 
 
-def preview(suite: str | Path, target: str | Path | None = None) -> dict[str, tuple[str, ...]]:
+def preview(suite: Given, target: Given | None = None) -> dict[str, tuple[str, ...]]:
     """Return what a run would do to its target, lines by trial id; nothing is opened or sent.
 
     Raises:
         EhaBenchError: bad input, or the target cannot run the suite.
     """
-    loaded = load_suite(Path(suite))
+    loaded = load_suite(suite)
     opened = target_for(loaded, target)
     with crashes_as_faults():
         for trial in loaded.trials:
@@ -101,7 +109,7 @@ def preview(suite: str | Path, target: str | Path | None = None) -> dict[str, tu
         return {trial.id: opened.preview(trial) for trial in loaded.trials}
 
 
-def target_for(suite: Suite, target: str | Path | None) -> Target:
+def target_for(suite: Suite, target: Given | None) -> Target:
     """Return the target that a suite is run on: the one given, the suite's own, or the simulator.
 
     Raises:
@@ -112,7 +120,7 @@ def target_for(suite: Suite, target: str | Path | None) -> Target:
 
 def score_files(
     recordings: Sequence[str | Path],
-    suite: str | Path | None = None,
+    suite: Given | None = None,
     channels: str | Path | None = None,
     out: str | Path | None = None,
     *,
@@ -127,7 +135,7 @@ def score_files(
         EhaBenchError: a recording cannot be read, or belongs to no trial; `out` cannot be used.
     """
     folder = None if out is None else _for_scores(Path(out))
-    loaded = load_suite(Path(suite)) if suite else None
+    loaded = load_suite(suite) if suite else None
     map_file = Path(channels) if channels else None
     paths = [Path(item) for item in recordings]
     result, trials = score_recordings(
@@ -140,6 +148,7 @@ def score_files(
         )
         result.write(folder / "result.json")
         write_reports(folder, result, trials, folder, channels=map_file)
+        result = replace(result, folder=folder)
     return result
 
 
@@ -205,7 +214,7 @@ def _loader(base: Path, item: TrialResult, channels: Path | None) -> Loader:
 
 
 def diagnose(
-    dataset: Dataset | str | Path,
+    dataset: Dataset | Given,
     out: str | Path | None = None,
     progress: Callable[[str, float], None] | None = None,
     *,
@@ -216,7 +225,7 @@ def diagnose(
     Ctrl-C ends the search and keeps what was found until then (`complete` is False).
 
     Args:
-        dataset: dataset.yaml, or as loaded.
+        dataset: dataset.yaml, a dict of what it would hold, or as loaded.
         out: folder that gets diagnosis.html, diagnosis.json, revised.yaml and recalibrated.yaml.
         progress: called with the stage and the fraction of it done.
         workers: number of processes, dask://host:port or ray://host:port, to fit candidates on;
@@ -226,7 +235,7 @@ def diagnose(
         InputError: a file is wrong or missing, or nothing can be compared.
         WorkError: a worker could not do what it was given.
     """
-    loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    loaded = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
     tell = progress or (lambda _stage, _fraction: None)
     found = close_the_loop(loaded, out, tell, workers_from(workers))
     if out is not None:

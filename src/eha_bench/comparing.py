@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from eha_bench.api import target_for, tell_step_summary, write_reports
+from eha_bench.api import Given, target_for, tell_step_summary, write_reports
 from eha_bench.bench.interleaved import Interleaved, Plan, run_interleaved
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
+from eha_bench.bench.store import Shelf
 from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Comparison
 from eha_bench.comparison.sequential import shares
@@ -23,6 +24,7 @@ from eha_bench.core.result import Result, Status
 from eha_bench.core.workers import workers_from
 from eha_bench.report.comparison_markdown import comparison_markdown
 from eha_bench.report.comparison_report import write_comparison
+from eha_bench.report.history_markdown import history_markdown
 from eha_bench.report.trend_site import write_site
 from eha_bench.suites import Suite, load_suite
 from eha_bench.trends.history import History, history_of
@@ -91,7 +93,7 @@ def history(
     rebuild: bool = False,
     workers: str | int | None = None,
 ) -> History:
-    """Follow every metric over many results; write a static site, history.json and an index.
+    """Follow every metric over many results; write a static site, history.json, .md and an index.
 
     Args:
         folder: every result.json below it is a run.
@@ -107,22 +109,27 @@ def history(
     index = update(site / "index.sqlite", watched, rebuild=rebuild)
     found = history_of(index, str(folder), workers_from(workers))
     found.write(site / "history.json")
+    write_text(site / "history.md", history_markdown(found))
     write_site(site, found, watched)
     return found
 
 
 @dataclass(frozen=True)
 class AbResult:
-    """What an interleaved run found: the two results, and the comparison of what was finished."""
+    """What an interleaved run found: the two results, and the comparison of what was finished.
+
+    `folder` is where they lie.
+    """
 
     run: Interleaved
     comparison: Comparison | None
+    folder: Path
 
 
 def ab(
-    suite: str | Path,
-    a: str | Path,
-    b: str | Path,
+    suite: Given,
+    a: Given,
+    b: Given,
     out: str | Path | None = None,
     *,
     repeats: int = 10,
@@ -137,9 +144,11 @@ def ab(
     Stops before `repeats` pairs where every metric is decided; its error rate holds however early.
 
     Args:
-        suite: path of a suite.yaml; its own `repeats` do not count.
-        a, b: `simulator`, a target.yaml or a model.yaml; A is the baseline.
-        out: gets folders a and b, comparison.html, .json and .md; reports/<suite>-ab if None.
+        suite: a suite.yaml, a shipped name or a dict; its own `repeats` do not count.
+        a, b: `simulator`, a target.yaml or a model.yaml, a shipped name or a dict; A is the
+            baseline.
+        out: gets folders a and b, comparison.html, .json and .md, an earlier run in it is set
+            aside; `reports/<suite>-ab/<time>` if None.
         repeats: pairs, at most.
         seed: of the order.
         warm_up: passes through the suite that are not scored.
@@ -154,11 +163,12 @@ def ab(
         raise InputError(f"{repeats} repeats are too few", hint="give 1 or more; 10 tell a lot")
     if seed < 0:
         raise InputError(f"a seed of {seed} is negative", hint="give 0 or more")
-    loaded = load_suite(Path(suite))
-    folder = Path(out) if out else Path("reports") / f"{loaded.name}-ab"
+    loaded = load_suite(suite)
     openers = {"a": partial(target_for, loaded, a), "b": partial(target_for, loaded, b)}
     names = (openers["a"]().identity.name, openers["b"]().identity.name)
     plan = Plan(loaded.sha256, names, repeats, seed)
+    shelf = Shelf(f"{loaded.name}-ab")
+    folder = Path(out) if out else (shelf.latest() if resume else None) or shelf.claim()
     looks = shares(repeats)
 
     def compared(results: Mapping[str, Result]) -> Comparison:
@@ -178,7 +188,7 @@ def ab(
         by_run = {(item.id, item.repeat): trials[item.id] for item in result.trials}
         write_reports(folder / side, result, by_run, folder / side)
     if run.pairs == 0:
-        return AbResult(run, None)
+        return AbResult(run, None, folder)
     why = "every metric was decided" if run.decided else "the last was reached"
     if run.status in (Status.FAULT, Status.INCOMPLETE):
         why = f"the run was stopped ({run.status.value})"
@@ -186,4 +196,4 @@ def ab(
     stopped = f"{run.pairs} of {repeats} pairs were run ({order}): {why}."
     found = replace(compared(run.results), stopped=stopped)
     write_comparison_files(folder, found)
-    return AbResult(run, found)
+    return AbResult(run, found, folder)

@@ -26,7 +26,7 @@ def test_a_result_compared_with_itself_is_no_regression(cli: Cli, runs: Path) ->
     done = cli("compare", runs, runs, "--json", check=0)
     content = json.loads(done.stdout)
     assert (content["schema_version"], content["status"]) == (1, "no_regression")
-    assert {item["verdict"] for item in content["metrics"]} <= {"same", "undecided", "not_compared"}
+    assert {item["verdict"] for item in content["metrics"]} <= {"same", "not_compared"}
     assert (
         cli("compare", runs, runs, check=0).stdout.strip() == "reports/comparison/comparison.html"
     )
@@ -88,8 +88,9 @@ def test_ab_runs_in_turn_stops_and_resumes(cli: Cli, suite: Path, tmp_path: Path
 def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
     cli: Cli, suite: Path, tmp_path: Path
 ) -> None:
-    # long enough that the pairs after the third take longer than a busy machine takes to notice it
-    longer = SUITE.replace("duration: 0.1 s", "duration: 10 s")
+    # long enough that the third pair takes longer than a busy machine takes to notice the second;
+    # after it, both sides being the same simulator, all is decided
+    longer = SUITE.replace("duration: 0.1 s", "duration: 6 s")
     suite.write_text(longer.partition("  - id: sine")[0], encoding="utf-8")
     wanted = ["ab", suite, "--a", "simulator", "--b", "simulator", "--out", "ab", "--warm-up", "0"]
     words = [str(word) for word in (*wanted, "--repeats", "60")]
@@ -98,8 +99,8 @@ def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
     with process:
-        third = [tmp_path / "ab" / side / "002-hold" / "result.json" for side in "ab"]
-        while not all(file.is_file() for file in third):
+        second = [tmp_path / "ab" / side / "001-hold" / "result.json" for side in "ab"]
+        while not all(file.is_file() for file in second):
             assert process.poll() is None, process.communicate()[1]
             time.sleep(0.01)
         process.send_signal(signal.SIGINT)
@@ -114,7 +115,7 @@ def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
         assert content["status"] == "incomplete"
         # the run that was interrupted is there, and not scored
         ended.append(sum(trial["status"] == "passed" for trial in content["trials"]))
-    assert min(ended) >= 2
+    assert min(ended) >= 1
     found = json.loads((tmp_path / "ab" / "comparison.json").read_text(encoding="utf-8"))
     assert max(item["baseline"]["runs"] for item in found["metrics"]) == min(ended)
     first = sorted((tmp_path / "ab").glob("?/000-hold/recordings/*.mcap"))
@@ -125,12 +126,10 @@ def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
     with resumed:
-        further = tmp_path / "ab" / "b" / f"{max(ended) + 1:03d}-hold" / "result.json"
-        while not further.is_file():
-            assert resumed.poll() is None, resumed.communicate()[1]
-            time.sleep(0.01)
-        resumed.send_signal(signal.SIGINT)
-        resumed.communicate(timeout=60)
+        said = resumed.communicate(timeout=120)
+    assert resumed.returncode == 0, said[1]
+    assert "3 of 60 pairs were run" in said[1]
+    assert "every metric was decided" in said[1]
     assert [file.stat().st_mtime_ns for file in first] == kept
 
 

@@ -97,8 +97,10 @@ def test_resume_does_not_trust_another_suite_or_a_changed_recording(
     kept = tmp_path / "out" / "recordings" / "hold-0.mcap"
     before = kept.stat().st_mtime_ns
     suite.write_text(SUITE.replace("8 A", "9 A"), encoding="utf-8")
-    cli("run", suite, "--out", "out", "--resume", check=0)
-    assert kept.stat().st_mtime_ns != before
+    refused = cli("run", suite, "--out", "out", "--resume", check=2)
+    assert "out: holds a run of another suite, which cannot be resumed" in refused.stderr
+    assert kept.stat().st_mtime_ns == before
+    suite.write_text(SUITE, encoding="utf-8")
     kept.write_bytes(b"not what it was")
     cli("run", suite, "--out", "out", "--resume", check=0)
     assert len(eb.read(kept)) == 100
@@ -220,7 +222,7 @@ def test_limits_are_si_in_the_result_and_as_written_for_people(
 ) -> None:
     suite.write_text(SUITE.replace("max: 12 A", "max: 1200 mA"), encoding="utf-8")
     done = cli("run", suite, "--out", "out", check=1)
-    assert "(limit <= 1200 mA)" in done.stderr
+    assert "(≤ 1200 mA, " in done.stderr
     (first, *_) = result_of(tmp_path / "out")["trials"][0]["scores"]
     assert (first["limit"], first["limit_written"]) == ("<= 1.2 A", "<= 1200 mA")
     (read, *_) = Result.read(tmp_path / "out" / "result.json").trials[0].scores

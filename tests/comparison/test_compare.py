@@ -12,10 +12,14 @@ import pytest
 import eha_bench as eb
 from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Compared, Comparison
+from eha_bench.comparison.sequential import shares
 from eha_bench.comparison.side import Side, load_side
 from eha_bench.comparison.verdict import Verdict
 from eha_bench.core.errors import InputError
 from eha_bench.core.result import Result, Status, TrialResult
+from eha_bench.core.score import Measure
+from eha_bench.report.comparison_markdown import comparison_markdown
+from eha_bench.report.comparison_rows import row_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from results import folder, result, score
@@ -80,12 +84,78 @@ def test_undecided_says_how_many_more_repeats() -> None:
     assert item.more_repeats is None or item.more_repeats > 0
 
 
-def test_one_run_on_each_side() -> None:
-    found = only(compare(result([0.0400]), result([0.0500])))
-    assert found.verdict is Verdict.WORSE
-    assert "one run" in found.method
-    near = only(compare(result([0.0400]), result([0.0401])))
-    assert near.verdict in (Verdict.SAME, Verdict.UNDECIDED)
+def test_one_run_on_each_side_decides_nothing() -> None:
+    found = compare(result([0.0400]), result([0.0500]))
+    item = only(found)
+    assert item.verdict is Verdict.UNDECIDED
+    assert item.reason == "one run a side"
+    assert found.exit_status == 0
+    assert "one run a side" in comparison_markdown(found).lower()
+    assert "one run a side" in row_of(item).note.lower()
+
+
+@pytest.mark.parametrize("values", [[0.04], [0.04, 0.05], [3.0, 7.0, 1.0], [0.0] * 4, BASE])
+def test_a_result_is_the_same_as_itself(values: list[float]) -> None:
+    for matters in ("", "0 s"):
+        item = only(compare(result(values, matters=matters), result(values, matters=matters)))
+        assert item.verdict is Verdict.SAME
+        assert "identical" in item.method
+
+
+def test_deterministic_repeats_are_named() -> None:
+    for factor, verdict in ((1.1, Verdict.WORSE), (1.001, Verdict.SAME)):
+        item = only(compare(result([0.04] * 3), result([factor * 0.04] * 3)))
+        assert item.verdict is verdict
+        assert "deterministic" in item.method
+    # one metric that does not scatter among others that do is only rounded
+    rounded = [replace(result([value] * 3), trials=()) for value in (1.0, 2.0)]
+    sides = []
+    for content, value in zip(rounded, (1.0, 2.0), strict=True):
+        runs = tuple(
+            TrialResult("step", i, Status.PASSED, "", "",
+                        (replace(score("rise_time", value), measure=Measure(value)),
+                         score("peak_time", 0.1 * value + 0.01 * i)))
+            for i in range(3)
+        )  # fmt: skip
+        sides.append(replace(content, trials=runs))
+    found = compare(*sides)
+    assert {item.metric: item.verdict for item in found.items}["rise_time"] is Verdict.UNDECIDED
+
+
+def test_what_matters_does_not_grow_with_the_scatter() -> None:
+    for scatter in (0.001, 0.1):
+        noisy = list(1.0 + scatter * RNG.normal(size=6))
+        item = only(compare(result(noisy), result(noisy[::-1])))
+        assert item.margin == pytest.approx(0.02 * np.mean(noisy))
+    near_zero = only(compare(
+        result(BASE, "steady_state_error", unit="Pa"), result(BASE, "steady_state_error", unit="Pa")
+    ))  # fmt: skip
+    assert near_zero.margin == pytest.approx(50_000.0)
+
+
+def test_a_difference_that_need_not_matter_is_not_worse() -> None:
+    other = [1.021 * value for value in 1.0 + 0.004 * RNG.normal(size=8)]
+    item = only(compare(result(BASE), result(other)))
+    assert item.difference > item.margin > item.low
+    assert item.verdict is Verdict.UNDECIDED
+    assert "not shown to be as large as what matters" in item.reason
+
+
+def test_repeats_that_are_alike_are_said() -> None:
+    rng = np.random.default_rng(4)
+    walks = [list(10.0 + np.cumsum(rng.normal(size=20))) for _ in range(2)]
+    item = only(compare(result(walks[0], matters="0 s"), result(walks[1], matters="0 s")))
+    assert item.verdict is Verdict.UNDECIDED
+    assert "neighbouring repeats are alike" in item.reason
+
+
+def test_what_a_side_of_pairs_loses_is_worse() -> None:
+    values = [*BASE, *BASE, *BASE[:4]]
+    lost = [math.nan if i % 9 < 5 else value for i, value in enumerate(values)]
+    found = compare_sides(side(result(values)), side(result(lost)), looks=shares(20))
+    item = only(found)
+    assert item.verdict is Verdict.WORSE
+    assert item.reason == "not scored any more (not scored: 12 of 20 in the candidate)"
 
 
 def test_what_is_lost_is_worse() -> None:

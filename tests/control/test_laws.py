@@ -13,7 +13,7 @@ from eha_bench.control.speed_pi import SpeedGains, SpeedPI
 from eha_bench.core.errors import InputError
 from eha_bench.core.linkage import Linkage
 
-CONTEXT = Context(period=1e-3, current_limit=30.0, linkage=Linkage(0.3208, 0.0462, 0.28, 0.04))
+CONTEXT = Context(period=1e-3, command_limit=30.0, linkage=Linkage(0.3208, 0.0462, 0.28, 0.04))
 
 
 def pressure(**changes: float) -> PressurePI:

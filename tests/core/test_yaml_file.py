@@ -52,8 +52,14 @@ def test_yaml_is_1_2() -> None:
     ("text", "line", "key", "what", "hint"),
     [
         ("name: a\ncuont: 2\n", 2, "cuont", "unknown key 'cuont'", "did you mean 'count'?"),
-        ("count: 2\n", 0, "name", "key 'name' is missing", ""),
-        ("name: a\npumps:\n  - speed: 3\n", 3, "pumps.0.displacement", "is missing", ""),
+        ("count: 2\n", 0, "name", "key 'name' is missing", "add a line 'name: ...'"),
+        (
+            "name: a\npumps:\n  - speed: 3\n",
+            3,
+            "pumps.0.displacement",
+            "is missing",
+            "add a line 'displacement: ...'",
+        ),
         (
             "name: a\npumps:\n  - displacement: 1e-7\n    sped: 1\n",
             4,
@@ -66,7 +72,7 @@ def test_yaml_is_1_2() -> None:
             4,
             "pumps.0.speed",
             "unit 'm' has the wrong dimension",
-            "",
+            "expected a unit of the dimension of rad/s",
         ),
         ("name: a\ncount: 0\n", 2, "count", "greater than or equal to 1", ""),
         ("name: a\ncount: [1]\n", 2, "count", "valid integer", ""),
@@ -75,7 +81,7 @@ def test_yaml_is_1_2() -> None:
             4,
             "pumps.0.kind",
             "'gear' or 'piston'",
-            "",
+            "known: gear, piston",
         ),
     ],
 )
@@ -91,7 +97,10 @@ def test_problem_is_placed(
 
 def test_several_problems_are_counted_and_the_misspelt_key_comes_first(tmp_path: Path) -> None:
     error = refusal(tmp_path, "nmae: a\ncount: 0\n")
-    assert error.what == "unknown key 'nmae' (and 2 more)"
+    assert error.what == "unknown key 'nmae'"
+    assert str(error).endswith("(and 1 more)")
+    # 'name' is missing because it is misspelt: that is one mistake
+    assert [item.where.key for item in error.also] == ["count"]
     assert error.hint == "did you mean 'name'?"
 
 
@@ -169,9 +178,9 @@ class Numbers(StrictModel):
         ("by_name: {x: true}", r"key 'by_name.x': 'true' is not a number$"),
         ("ratio: .nan", r"key 'ratio': 'nan' is not a finite number$"),
         ("ratio: -.inf", r"key 'ratio': '-inf' is not a finite number$"),
-        ("names: []", r"key 'names': 'names' is empty: it needs at least 1$"),
-        ("names: a", r"key 'names': expected a list, as in \[a, b\]$"),
-        ("by_name: [1]", r"key 'by_name': expected keys and values$"),
+        ("names: []", r"key 'names': 'names' is empty: it needs at least 1; write"),
+        ("names: a", r"key 'names': expected a list; write \[a, b\], or a line '- a' for each$"),
+        ("by_name: [1]", r"key 'by_name': expected keys and values; write it as"),
     ],
 )
 def test_what_is_no_number_or_no_list_is_said_in_words_of_a_file(text, said):

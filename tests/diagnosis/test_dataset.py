@@ -36,7 +36,7 @@ def test_runs_are_not_read_on_loading(tmp_path):
     )
     assert [run.name for run in dataset.runs] == ["a", "a-2"]
     assert dataset.training[0].locked
-    assert dataset.holdout[0].bypass_open
+    assert dataset.held_out[0].bypass_open
 
 
 def test_every_run_has_a_name_of_its_own(tmp_path):
@@ -92,3 +92,71 @@ def test_a_log_of_more_than_a_day_has_another_unit_of_time(tmp_path):
     channels.write_text(channels.read_text().replace("column: t, unit: s", "column: t, unit: week"))
     with pytest.raises(RecordingError, match=r"train\.csv: .* more than a day; check the unit"):
         gather(load_dataset(path))
+
+
+def drive(tmp_path, runs: str, **options) -> Path:
+    path = write_drive(tmp_path, seconds=1.0, **options)
+    head = path.read_text().split("runs:")[0]
+    path.write_text(f"{head}runs:\n{runs}")
+    return path
+
+
+def test_a_run_may_be_a_window_of_its_log(tmp_path):
+    run = load_dataset(drive(tmp_path, "  - {log: train.csv, from: 0.2 s, to: 600 ms}\n")).runs[0]
+    time = run.read().time
+    assert (time[0], time[-1]) == pytest.approx((0.2, 0.598), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ("{log: train.csv, from: 2 s, to: 1 s}", r"dataset\.yaml:5.*runs\.0\.to.*begins at 2 s"),
+        ("{log: train.csv, from: -1 s}", r"runs\.0\.from.*greater than or equal to 0"),
+        ("{log: train.csv, to: 3 m}", r"runs\.0\.to.*wrong dimension"),
+        ("{log: 'x*.csv'}", r"runs\.0\.log.*no log matches 'x\*\.csv'"),
+        ("{log: train.csv, parameters: {mas: 3}}", r"runs\.0\.parameters\.mas.*did you mean"),
+        ("{log: train.csv, parameters: {mass: 3 m}}", r"runs\.0\.parameters\.mass.*dimension"),
+    ],
+)
+def test_a_wrong_run_is_told_with_line_and_key(tmp_path, entry, says):
+    with pytest.raises(InputError, match=says):
+        load_dataset(drive(tmp_path, f"  - {entry}\n"))
+
+
+def test_a_window_beyond_the_log_is_told(tmp_path):
+    dataset = load_dataset(drive(tmp_path, "  - {log: train.csv, from: 7 s}\n"))
+    with pytest.raises(RecordingError, match="only 0 samples from 7 s on"):
+        dataset.runs[0].read()
+
+
+def test_parts_of_one_log_may_be_fitted_and_held_out(tmp_path):
+    runs = "  - {log: train.csv, to: 0.5 s}\n  - {log: train.csv, from: 0.5 s, use: unseen}\n"
+    dataset = load_dataset(drive(tmp_path, runs))
+    assert [run.use for run in dataset.runs] == ["train", "unseen"]
+    overlapping = runs.replace("from: 0.5", "from: 0.4")
+    with pytest.raises(InputError, match="both for training and held out"):
+        load_dataset(drive(tmp_path, overlapping))
+
+
+def test_a_pattern_names_several_runs_in_order(tmp_path):
+    dataset = load_dataset(drive(tmp_path, "  - {log: '*.csv', use: train}\n"))
+    assert [run.name for run in dataset.runs] == ["held", "train"]
+
+
+def test_channels_may_be_computed_for_all_runs(tmp_path):
+    path = drive(tmp_path, "  - {log: train.csv, channels: channels.yaml}\n")
+    path.write_text(path.read_text().replace(
+        "channels: channels.yaml\ninputs: [reference]",
+        "channels:\n  half: {expression: voltage / 2, unit: V}\ninputs: [half]",
+    ))  # fmt: skip
+    recording = load_dataset(path).runs[0].read()
+    assert recording["half"] == pytest.approx(recording["voltage"] / 2)
+
+
+def test_a_run_knows_parameters_of_its_own(tmp_path):
+    runs = "  - {log: train.csv, parameters: {mass: 100 kg}}\n  - {log: held.csv}\n"
+    dataset = load_dataset(drive(tmp_path, runs))
+    layout = dataset.model.plant.layout
+    at = layout.index["mass"]
+    vectors = [run.vector(layout, dataset.model.vector()) for run in dataset.runs]
+    assert [vector[at] for vector in vectors] == [100.0, 95.0]

@@ -20,6 +20,7 @@ class Stepped:
 
     soft = 1.0
     size = SIZE
+    beliefs = ()
 
     def __init__(self, error: float, step: float = 1e-4) -> None:
         self.error, self.step = error, step

@@ -198,3 +198,44 @@ def test_what_several_runs_say_alike_is_said_once():
         "ramp, steps: 'current' has 3 to 12 gaps",
         "sine: the clock jumps",
     )
+
+
+def test_rounding_to_single_precision_hides_no_step():
+    rng = np.random.default_rng(0)
+    steps = np.rint(40.0 * np.sin(np.arange(3000) / 50.0) + rng.standard_normal(3000))
+    read = (steps * 0.0767).astype(np.float32).astype(np.float64)
+    read += rng.choice([0.0, 3e-8], read.size)
+    assert quantum_of(read) == pytest.approx(0.0767, rel=1e-3)
+    assert noise_of(read) >= 0.0767 / np.sqrt(12) * 0.999
+
+
+def test_a_fine_step_shows_where_hardly_a_level_comes_twice():
+    rng = np.random.default_rng(0)
+    position = np.cumsum(rng.integers(3, 40, 500)) * 1.534e-3
+    assert quantum_of(position) == pytest.approx(1.534e-3, rel=1e-6)
+    assert quantum_of(rng.standard_normal(500)) == 0.0
+    assert quantum_of(np.round(rng.standard_normal(500), 12)) == 0.0
+
+
+def test_what_stands_still_all_through_a_run_is_told_by_the_others():
+    from eha_bench.diagnosis.data.gate import restful_channels
+
+    time = np.arange(0.0, 2.0, 1e-3)
+    moving = np.rint(np.maximum(np.sin(4.0 * time), 0.0) / 1e-3) * 1e-3
+    noisy = moving + 5e-3 * np.random.default_rng(0).standard_normal(time.size)
+    assert restful_channels([("piston_position", moving)]) == {"piston_position"}
+    assert restful_channels([("piston_position", np.rint(noisy / 1e-3) * 1e-3)]) == set()
+    assert restful_channels([("piston_position", np.ones(50))]) == set()
+
+
+def test_a_stall_is_compared_where_other_runs_show_that_the_sensor_lives():
+    time = np.arange(0.0, 1.0, 1e-3)
+    command = np.full(time.size, 3.0)
+    still = Recording(time, {"voltage": command, "piston_position": np.full(time.size, 0.02)})
+    run = Run("stall", Path("stall"), None, False, False, Use.TRAIN, lambda: still)
+    alone = admit(run, still, ["voltage"], ["piston_position"], strict=False)
+    assert alone.outputs == ()
+    assert "dead sensor" in alone.notes[0]
+    told = admit(run, still, ["voltage"], ["piston_position"], restful={"piston_position"})
+    assert told.valid.all()
+    assert "at rest or stalled" in told.notes[0]

@@ -40,3 +40,35 @@ def test_a_speed_that_drops_out_to_nothing_does_not() -> None:
     found = stuck(speed, 0.0)
     assert found[3000:3012].all()
     assert found.sum() == 12
+
+
+def _quantised(values: np.ndarray, step: float) -> np.ndarray:
+    return np.rint(values / step) * step
+
+
+def test_a_machine_that_stalls_is_no_stuck_sensor() -> None:
+    """An encoder finer than its noise reads the same for as long as the machine is held."""
+    angle = np.cumsum(np.where((TIME > 2.0) & (TIME < 4.0), 0.0, 1.0 + np.sin(3.0 * TIME))) * 1e-3
+    read = _quantised(angle, 1e-5)
+    assert (np.diff(read)[2100:3900] == 0.0).all()
+    assert not stuck(read, 1e-5, 0.0).any()
+    # with noise that would have moved it, it is
+    noisy = _quantised(angle + 3e-5 * np.random.default_rng(0).standard_normal(TIME.size), 1e-5)
+    noisy[2000:4000] = noisy[2000]
+    assert stuck(noisy, 1e-5, 3e-5)[2000:4000].all()
+
+
+def test_an_encoder_that_latches_and_jumps_is_stuck() -> None:
+    read = _quantised(0.1 * TIME, 1e-5)
+    read[3000:3100] = read[3000]
+    assert stuck(read, 1e-5, 0.0)[3000:3100].all()
+
+
+def test_a_clipped_reading_is_not_a_flat_one() -> None:
+    wave = 1.5 * np.sin(2 * np.pi * TIME)
+    clipped = np.clip(wave, -1.0, 1.0)
+    assert stuck(clipped, 0.0)[np.abs(wave) > 1.0].all()
+    # a speed that saturates by itself bends into its end, and stays as long
+    flat = _quantised(np.tanh(6.0 * np.sin(2 * np.pi * TIME)), 1e-3)
+    assert (np.abs(flat) == np.abs(flat).max()).sum() > 1000
+    assert not stuck(flat, 1e-3, 0.0).any()

@@ -13,7 +13,10 @@ from eha_bench.diagnosis.fit.uncertainty import estimates, spreads, undetermined
 
 
 def linear_fit(matrix: np.ndarray, residual: np.ndarray, names: list[str], values: np.ndarray):
-    free = tuple(Free(name, k, -np.inf, np.inf, abs(values[k])) for k, name in enumerate(names))
+    free = tuple(
+        Free(name, k, -np.inf, np.inf, abs(values[k]), of_effect="." in name)
+        for k, name in enumerate(names)
+    )
     soft, _ = soften(residual)
     return Fit(values, free, residual, matrix, float(soft @ soft))
 
@@ -118,7 +121,7 @@ def test_a_product_is_named_as_a_product():
     column = rng.standard_normal(1000)
     matrix = np.column_stack([column, column])
     fit = linear_fit(matrix, rng.standard_normal(1000), ["J", "beta"], np.array([2.0, 3.0]))
-    assert undetermined(fit) == ("J and beta only as a product",)
+    assert undetermined(fit) == ("J and beta only as a product (nothing changes along it)",)
 
 
 def test_a_ratio_is_named_as_a_ratio():
@@ -126,7 +129,7 @@ def test_a_ratio_is_named_as_a_ratio():
     column = rng.standard_normal(1000)
     matrix = np.column_stack([column, -column])
     fit = linear_fit(matrix, rng.standard_normal(1000), ["K", "D"], np.array([2.0, 3.0]))
-    assert undetermined(fit) == ("K and D only as a ratio",)
+    assert undetermined(fit) == ("K and D only as a ratio (nothing changes along it)",)
 
 
 def test_a_regressor_without_meaning_gains_nothing_on_runs_left_out():

@@ -32,10 +32,10 @@ from eha_bench.diagnosis.unknown.locator import (
     described,
     locate,
 )
-from eha_bench.diagnosis.unknown.places import PLACES, Place, Template
-from eha_bench.plants.effects._curve import KNOTS
+from eha_bench.diagnosis.unknown.places import Place, Template, places_of
+from eha_bench.plants.effects.learned import KNOTS
 from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive, Plant
+from eha_bench.plants.plant import Drive, Plant, get_plant
 
 if TYPE_CHECKING:
     from eha_bench.diagnosis.search.stepwise import Search
@@ -49,6 +49,7 @@ def offered(place: Place, support: float, left: float = 0.0) -> Offered:
     return Offered(place, 1.0, EMPTY, Support(support, 0.0, 0.0, EMPTY, EMPTY), support, left)
 
 
+PLACES = places_of(get_plant("eha_knee"))
 BALANCE = next(place for place in PLACES if not place.sensors)
 SENSOR = next(place for place in PLACES if place.sensors)
 
@@ -152,7 +153,7 @@ def _bump(size: float) -> list[float]:
 
 
 def test_short_windows_begin_at_multiples_of_a_period_and_end_before_the_next() -> None:
-    problem, vector = _problem(values=[0.0] * KNOTS)
+    problem, vector = _problem(at="shaft", values=[0.0] * KNOTS)
     short, period = aligned_problem(problem, vector, KNOTS)
     assert len(short.windows) == 18
     for window in short.windows:
@@ -164,27 +165,27 @@ def test_short_windows_begin_at_multiples_of_a_period_and_end_before_the_next() 
 
 
 def test_losses_that_grow_with_speed_are_told_as_a_torque() -> None:
-    told = _told(equation="torque", variable="motor_speed", low=-60.0, high=60.0,
+    told = _told(at="shaft", variable="motor_speed", low=-60.0, high=60.0,
                  values=[-0.1 * w * abs(w) for w in np.linspace(-1.0, 1.0, KNOTS)])  # fmt: skip
     assert (told.equation, told.variable) == ("torque", "motor_speed")
 
 
 def test_an_encoder_that_slips_at_times_is_told_as_a_measurement() -> None:
-    told = _told(equation="measurement", form="gain", place="motor_speed", variable="time",
+    told = _told(at="motor_speed.sensor", form="gain", variable="time",
                  period=0.6, values=_bump(-0.02))  # fmt: skip
-    assert (told.equation, told.place) == ("measurement", "motor_speed")
+    assert (told.equation, told.place) == ("measurement", "motor_speed.sensor")
 
 
 def test_a_gain_of_both_pressure_sensors_that_drifts_is_told_as_a_measurement() -> None:
-    told = _told(equation="measurement", form="gain", place="pressures", variable="time",
+    told = _told(at="pressures", form="gain", variable="time",
                  low=0.0, high=1.0, values=list(np.linspace(0.0, 0.03, KNOTS)))  # fmt: skip
     assert (told.equation, told.place) == ("measurement", "pressures")
 
 
 def test_a_leak_that_opens_and_closes_is_told_as_a_flow() -> None:
-    told = _told(equation="flow", place="a_to_b", variable="time", period=0.7,
+    told = _told(at="pump", variable="time", period=0.7,
                  values=_bump(-2e-7))  # fmt: skip
-    assert (told.equation, told.place) == ("flow", "a_to_b")
+    assert (told.equation, told.place) == ("flow", "pump")
 
 
 def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch) -> None:

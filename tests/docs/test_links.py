@@ -47,3 +47,14 @@ def test_every_command_of_the_readme_is_there() -> None:
     named = set(re.findall(r"`eha-bench ([a-z-]+)", (ROOT / "README.md").read_text()))
     assert named
     assert named <= commands
+
+
+def test_a_file_that_a_page_shows_is_named_in_any_renderer() -> None:
+    """A fence's `title` shows on the site only: the name stands in a line before it as well."""
+    for page in sorted((ROOT / "docs").rglob("*.md")):
+        lines = page.read_text(encoding="utf-8").splitlines()
+        for number, line in enumerate(lines):
+            title = re.match(r'```\w+.*title="([^"]+)"', line)
+            if title:
+                before = next((text for text in reversed(lines[:number]) if text.strip()), "")
+                assert f"`{title[1]}`" in before, f"{page.name}:{number + 1}"

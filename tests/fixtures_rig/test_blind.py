@@ -49,6 +49,20 @@ def test_right(tmp_path: Path) -> None:
     assert o.holdout_ratio == pytest.approx(1.1)
 
 
+def test_a_right_effect_at_the_wrong_place(tmp_path: Path) -> None:
+    truth = json.loads(json.dumps(AIR))
+    truth["undeclared"][0]["at"] = ["chamber_a", "chamber_b"]
+    found = named(("entrained_air", "flow"))
+    assert outcome(tmp_path, truth, found).places_right == ()
+    found["effects"][0]["at"] = "chamber_b"
+    assert outcome(tmp_path, truth, found).places_right == (True,)
+    found["effects"][0]["at"] = ["inlet"]
+    o = outcome(tmp_path, truth, found)
+    assert o.places_right == (False,)
+    assert o.all_right
+    assert blind.summarise([o])["rates"]["right effect, at its place"]["rate"] == 0.0
+
+
 def test_wrong_but_in_the_right_equation(tmp_path: Path) -> None:
     found = named(("external_leakage", "flow"))
     found["equivalent"] = [["entrained_air", "external_leakage"]]

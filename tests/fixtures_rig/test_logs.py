@@ -7,13 +7,15 @@ import pytest
 from fixtures.rig.case import Conditions, record_case
 from fixtures.rig.commands import build_runs
 from fixtures.rig.foreign import FOREIGN
+from fixtures.rig.forms import OTHER, nearly_as_declared, other_form
 from fixtures.rig.hidden import LEVELS
 from fixtures.rig.levels import read_levels
 from fixtures.rig.listed import LISTED
 from fixtures.rig.mcap_log import write_log
 from fixtures.rig.plans import by_id, make_plans
 from fixtures.rig.plant import Plant
-from fixtures.rig.sensors import COLUMNS, FLOOR, SIGMA, Bench, measured
+from fixtures.rig.sensors import COLUMNS, FLOOR, SIGMA, Bench, measured, wandering
+from fixtures.rig.transport import IMPERFECTIONS, MESSY, Transport, arrivals
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -98,8 +100,12 @@ def test_rewriting_a_sample_gives_its_messages_byte_for_byte(
         np.array(values["/bench/reference"])[:, 0],
         np.array(values["/drive/current_cmd"])[:, 0],
         measured,
-        np.arange(count, dtype=np.int64) * 1_000_000,
-        np.ones(count, dtype=bool),
+        arrivals(
+            Transport(),
+            np.arange(count, dtype=np.int64) * 1_000_000,
+            np.ones(count, dtype=bool),
+            np.random.default_rng(0),
+        ),
     )
     again: dict[str, list[bytes]] = {}
     with out.open("rb") as file:
@@ -147,6 +153,50 @@ def test_models_of_cases_that_change_the_declaration(tmp_path: Path) -> None:
     assert "coulomb_torque" not in text.split("calibrate:")[1]
 
 
+def test_a_messy_log_is_like_the_sample_recorded_as_one(shared_data: Path, tmp_path: Path) -> None:
+    plan = make_plans(4, 0, none=1)[0]
+    folder = record_case(plan, tmp_path, Conditions(transport=MESSY)).parent
+
+    def phases(path: Path) -> dict[str, list[int]]:
+        found: dict[str, list[int]] = {}
+        with path.open("rb") as file:
+            for _, channel, message in make_reader(file).iter_messages(log_time_order=False):
+                found.setdefault(channel.topic, []).append(message.log_time)
+        return found
+
+    mine = phases(folder / "locked_stairs.mcap")
+    sample = phases(shared_data / "rig_samples" / "M" / "locked_stairs.mcap")
+    assert mine.keys() == sample.keys()
+    for topic, stamps in sample.items():
+        assert len(mine[topic]) == pytest.approx(len(stamps), abs=0.01 * len(stamps)), topic
+        late, as_late = (np.array(t) % 1_000_000 for t in (mine[topic], stamps))
+        for share in (0, 25, 50, 75, 100):
+            gap = np.percentile(late, share) - np.percentile(as_late, share)
+            assert abs(gap) < 4_000, topic
+
+
+@pytest.mark.parametrize("word", IMPERFECTIONS)
+def test_one_imperfection_is_that_one_alone(word: str) -> None:
+    ticks = np.arange(4000, dtype=np.int64) * 1_000_000
+    here = np.ones(4000, dtype=bool)
+    log = arrivals(IMPERFECTIONS[word], ticks, here, np.random.default_rng(0))
+    lost = {topic for topic, (_, kept) in log.items() if not kept.all()}
+    late = {topic for topic, (stamps, _) in log.items() if (stamps > ticks).any()}
+    every, pressures = set(log), {"/block/p_a", "/block/p_b"}
+    assert (lost, late) == {
+        "half_rate": ({"/drive/state"}, set()),
+        "lost": (every, set()),
+        "lost_commands": ({"/drive/current_cmd"}, set()),
+        "jitter": (set(), every),
+        "late": (set(), pressures),
+    }[word]
+    for stamps, kept in log.values():
+        assert kept.mean() == pytest.approx(0.5 if word == "half_rate" else 0.99, abs=0.01) or (
+            kept.all()
+        )
+        assert (stamps - ticks).max() <= 250_000
+
+
 def test_a_bench_in_poor_shape(tmp_path: Path) -> None:
     plan = make_plans(4, 0, none=1)[0]
     bench = Bench(noise=5.0, dead="pressure_b", gap_hz=10.0, jitter=5e-5)
@@ -166,6 +216,58 @@ def test_a_bench_in_poor_shape(tmp_path: Path) -> None:
         }
     assert len(dead) == 1
     assert "channels_1.yaml" in (folder / "dataset.yaml").read_text().splitlines()[4]
+
+
+def test_other_forms_are_drawn_for_effects_that_there_are() -> None:
+    rng = np.random.default_rng(0)
+    assert OTHER.keys() <= {effect.key for effect in LISTED}
+    levels = read_levels()
+    run = next(r for r in build_runs(np.random.default_rng(0)) if r.name == "locked_steps")
+    free = next(r for r in build_runs(np.random.default_rng(0)) if r.name == "free_swing")
+    for effect in LISTED:
+        plain = effect.settings(levels[effect.key]["strong"], np.random.default_rng(0))
+        other = plain | other_form(effect, rng)
+        if effect.key not in OTHER:
+            assert other == plain
+            continue
+        driven = free if effect.needs_free_motion else run
+        readings, moved = (Plant(s).run(driven)[0] for s in (plain, other))
+        assert np.isfinite(moved).all(), effect.key
+        if other != plain:
+            assert np.abs((moved - readings) / FLOOR).max() > 0.05, effect.key
+
+
+def test_what_is_declared_is_off_by_less_than_the_noise() -> None:
+    rng = np.random.default_rng(0)
+    run = next(r for r in build_runs(np.random.default_rng(0)) if r.name == "bypass_ramps")
+    declared = Plant({}).run(run)[0]
+    for _ in range(4):
+        off = (Plant(nearly_as_declared(rng)).run(run)[0] - declared) / FLOOR
+        assert np.sqrt(np.mean(off**2, axis=0)).max() < 1.0
+
+
+def test_a_case_of_other_forms_says_so_in_its_truth_alone(tmp_path: Path) -> None:
+    plan = make_plans(8, 1, effects=["external_leakage"], strengths=["strong"])[0]
+    conditions = Conditions(duration=0.5, other_forms=True)
+    folder = record_case(plan, tmp_path, conditions).parent
+    truth = (tmp_path / "truth" / f"{plan.name}.yaml").read_text()
+    assert "external_drain" in truth
+    assert "other_forms: true" in truth
+    with (folder / "locked_stairs.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        efforts = {
+            ros.effort[0]
+            for _, channel, _, ros in reader.iter_decoded_messages()
+            if channel.topic == "/drive/state"
+        }
+    steps = np.array(sorted(efforts)) / 0.05
+    assert np.abs(steps - np.round(steps)).max() < 1e-6
+
+
+def test_a_wandering_zero_stays_as_small_as_said() -> None:
+    path = wandering(200_000, np.random.default_rng(0))
+    assert np.std(path, axis=0) == pytest.approx(np.ones(6), rel=0.4)
+    assert np.abs(np.diff(path, axis=0)).max() < 0.3
 
 
 def test_sets_are_even_and_names_tell_nothing() -> None:

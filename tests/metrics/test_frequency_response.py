@@ -5,11 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy import optimize
 from scipy import signal as systems
 
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Lines, Signal, Sweep, Tone
-from eha_bench.metrics.frequency_response import frequency_response
+from eha_bench.metrics.bandwidth import Bandwidth3dB, ResonancePeak
+from eha_bench.metrics.frequency_response import FrequencyResponse, frequency_response
+from eha_bench.metrics.low_frequency import low_frequency_gain
+from eha_bench.metrics.metric import NotScored
+from eha_bench.metrics.response_point import ResponsePoint
 
 NATURAL = 10.0  # Hz
 RATE = 1000.0
@@ -262,3 +267,63 @@ def test_the_resonance_is_found(kit, signals):
     peak = 1 / (2 * 0.2 * math.sqrt(1 - 0.2**2))
     found = kit.measure("resonance_peak", recording, trial)
     assert found.value == pytest.approx(peak, rel=0.01)
+
+
+# --- intervals that hold what lies between the points ------------------------------------------
+
+
+def second_order(frequency, natural, damping):
+    s = 1j * np.asarray(frequency) / natural
+    return 1.0 / (s * s + 2.0 * damping * s + 1.0)
+
+
+def points(frequency, response, relative):
+    return FrequencyResponse(
+        tuple(
+            ResponsePoint(float(f), complex(g), 2.0 * (relative * abs(g)) ** 2, 20.0, 1.0)
+            for f, g in zip(frequency, response, strict=True)
+        ),
+        (),
+        "stepped sine",
+        "",
+    )
+
+
+@pytest.mark.parametrize("damping", [0.15, 0.3, 0.7])
+@pytest.mark.parametrize("first", [0.5, 1.0, 2.0])
+def test_the_gain_at_zero_is_found_from_a_rising_response(damping, first):
+    frequency = np.geomspace(first, 30.0, 16)
+    exact = second_order(frequency, 6.0, damping)
+    level, budget = low_frequency_gain(points(frequency, exact, 1e-5))
+    assert abs(level) < 3e-4
+    assert abs(level) <= 2.5 * budget.standard
+    rng = np.random.default_rng(1)
+    held = 0
+    for _ in range(200):
+        noise = 0.02 * rng.normal(size=16)
+        level, budget = low_frequency_gain(points(frequency, exact * (1.0 + noise), 0.02))
+        held += abs(level) <= 2.1 * budget.standard
+    assert held >= (160 if first > 1.0 else 185)  # a third of the natural frequency is late
+
+
+def test_a_plant_of_many_poles_is_priced_between_its_points():
+    def plant(frequency):
+        s = 1j * frequency / 5.0
+        return 1.0 / ((s * s + 0.4 * s + 1.0) * (1.0 + 0.5 * s) * (s * s / 9.0 + 0.1 * s + 1.0))
+
+    truth = optimize.brentq(lambda f: abs(plant(f)) - math.sqrt(0.5), 6.0, 10.0)
+    for count in (14, 16, 20):
+        frequency = np.geomspace(0.5, 30.0, count)
+        found = Bandwidth3dB().of(points(frequency, plant(frequency), 1e-7))
+        assert found.low <= truth <= found.high
+        assert found.high - found.low < 0.2 * truth
+
+
+def test_a_peak_at_the_end_of_the_band_is_none():
+    frequency = np.geomspace(0.5, 30.0, 12)
+    response = 1.0 / (1.0 + 1j * frequency / 4.0)
+    response[-1] = 1644.0
+    with pytest.raises(NotScored, match="the end of what can be relied upon"):
+        ResonancePeak().of(points(frequency, response, 0.2))
+    plain = ResonancePeak().of(points(frequency, 1.0 / (1.0 + 1j * frequency / 4.0), 0.01))
+    assert plain.value == pytest.approx(1.0)

@@ -1,6 +1,7 @@
 """Sine fits against IEEE 1057 and the Cramér-Rao bound; sine metrics against known responses."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -154,3 +155,53 @@ def test_a_foreign_clock_that_runs_slow_is_followed(kit):
     slow = replace(recording, time=recording.time * 1.001 + 3.0)
     assert kit.measure("amplitude_ratio", slow, trial).value == pytest.approx(0.8, abs=1e-3)
     assert kit.measure("phase_lag", slow, trial).value == pytest.approx(0.6, abs=1e-2)
+
+
+# --- lags of more than 270 degrees -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degrees", [0, 60, 200, 260, 300, 350, 400, 500, 700])
+def test_whole_turns_of_a_lag_come_from_the_onset(kit, degrees):
+    frequency, lag = 2.0, math.radians(degrees)
+    recording, trial = kit.sine(frequency, lag=lag, periods=12)
+    time = recording.time
+    values = np.where(time * frequency * 2 * math.pi >= lag, recording[kit.channel], 0.0)
+    rng = np.random.default_rng(degrees)
+    late = recording.with_values({kit.channel: values + 0.01 * rng.normal(size=time.size)})
+    found = kit.measure("phase_lag", late, trial)
+    assert found.value == pytest.approx(lag, abs=0.02)
+    assert ("whole turn" in found.reason) == (degrees >= 270)
+    assert kit.measure("time_lag", late, trial).value == pytest.approx(
+        lag / (2 * math.pi * frequency), abs=2e-3
+    )
+
+
+def test_a_lead_stays_a_lead_and_a_record_without_its_start_says_what_it_cannot_tell(kit):
+    recording, trial = kit.sine(2.0, lag=-1.0, periods=12)
+    assert kit.measure("phase_lag", recording, trial).value == pytest.approx(-1.0, abs=1e-3)
+    later = replace(recording.between(0.4, 6.0), metadata={"signal_start": "0.0"})
+    found = kit.measure("phase_lag", later, trial)
+    assert found.value == pytest.approx(-1.0, abs=1e-3)
+    assert "a lag of 270 deg and more looks the same" in found.reason
+
+
+def test_a_decaying_offset_and_a_ringing_start_are_taken_off(kit):
+    def transient(time):
+        return 0.8 * np.exp(-time / 1.0) + 0.3 * np.exp(-time / 0.8) * np.sin(31.0 * time)
+
+    recording, trial = kit.sine(2.0, ratio=0.9, lag=0.7, periods=8, extra=transient)
+    noisy = kit.noisy(recording, 0.002, 1)
+    for name, truth in (("amplitude_ratio", 0.9), ("phase_lag", 0.7)):
+        found = kit.measure(name, noisy, trial)
+        assert found.value == pytest.approx(truth, abs=4e-3)
+        assert found.low <= truth <= found.high
+        assert "transient" in found.reason
+
+
+def test_one_sample_without_a_value_and_one_spike_leave_a_sine_alone(kit):
+    recording, trial = kit.sine(2.0, ratio=0.9, lag=0.7)
+    values = np.array(kit.noisy(recording, 0.01, 1)[kit.channel])
+    values[[700, 3000]] = [math.nan, 9.0]
+    found = kit.measure("amplitude_ratio", recording.with_values({kit.channel: values}), trial)
+    assert found.value == pytest.approx(0.9, abs=2e-3)
+    assert "1 outlier(s) replaced by their neighbours, the first at 3 s" in found.reason

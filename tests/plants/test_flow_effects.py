@@ -41,12 +41,13 @@ def test_orifice_follows_the_root_law_and_is_odd(dp) -> None:
 def test_external_leakage_drains_each_chamber_at_its_rate(bare_knee, effect) -> None:
     time = np.arange(0.0, 0.2, 1e-3)
     rate = 1e-13 * BETA / VOLUME
-    for chamber in ("both", "a", "b"):
-        drain = effect("external_leakage", leakage_coefficient=1e-13, chamber=chamber)
+    for chamber in ("all", "chamber_a", "chamber_b"):
+        drain = effect("external_leakage", leakage_coefficient=1e-13, at=chamber)
         out = _resting(bare_knee, time, [drain], 10e6, 4e6)
         for name, start, drains in (
-            ("pressure_a", 10e6, chamber != "b"), ("pressure_b", 4e6, chamber != "a"),
-        ):  # fmt: skip
+            ("pressure_a", 10e6, chamber != "chamber_b"),
+            ("pressure_b", 4e6, chamber != "chamber_a"),
+        ):
             expected = start * np.exp(-rate * time) if drains else np.full(time.size, start)
             np.testing.assert_allclose(out[name], expected, rtol=1e-6)
 
@@ -91,8 +92,8 @@ def test_relief_valve_limits_the_pump(knee, effect) -> None:
 
 @given(p_a=st.floats(0, 4e7), p_b=st.floats(0, 4e7), route=st.sampled_from([0.0, 1.0]))
 def test_relief_valve_only_lets_oil_down(p_a, p_b, route) -> None:
-    a = relief_valve.from_a(0.0, p_a, p_b, 1e-9, 5e6, route)
-    b = relief_valve.from_b(0.0, p_a, p_b, 1e-9, 5e6, route)
+    a = relief_valve.into_a(0.0, p_a, p_b, 1e-9, 5e6, route)
+    b = relief_valve.into_b(0.0, p_a, p_b, 1e-9, 5e6, route)
     assert a * p_a + b * p_b <= 0.0
 
 

@@ -15,6 +15,7 @@ from eha_bench.plants.effects import (
     pump_ripple,
     seal_friction,
 )
+from eha_bench.plants.elements import knee_linkage
 
 LONG = np.arange(0.0, 1.5, 1e-3)
 # the shaft settles within 20 ms, against an open bypass
@@ -48,18 +49,15 @@ def test_asymmetry_of_the_pump_takes_its_share(knee, effect, omega, kind) -> Non
     share = {"dry": dry, "viscous": 0.00498 * abs(omega), "all": dry + 0.00498 * abs(omega)}[kind]
     current = _current_for(0.2 * np.sign(omega) * share, knee, omega)
     got = _terminal_speed(
-        knee, current, effect("asymmetric_friction", asymmetry=0.2, part="pump", kind=kind)
+        knee, current, effect("asymmetric_friction", asymmetry=0.2, at="shaft", kind=kind)
     )
     assert got == pytest.approx(omega, rel=1e-3)
 
 
-def test_dry_friction_of_the_pump_is_meant_at_the_piston(knee, effect) -> None:
-    """A force at the piston is the torque that moves it through the oil, T = F D / A."""
-    force = 250.0
-    torque = force * knee.model().value("pump_displacement") / knee.model().value("piston_area_a")
-    current = _current_for(torque, knee, 60.0)
+def test_dry_friction_of_the_shaft_is_a_torque(knee, effect) -> None:
+    current = _current_for(0.09, knee, 60.0)
     got = _terminal_speed(
-        knee, current, effect("coulomb_friction", friction_force=force, part="pump")
+        knee, current, effect("coulomb_friction", friction_force=0.09, at="shaft")
     )
     assert got == pytest.approx(60.0, rel=1e-3)
 
@@ -68,10 +66,10 @@ def test_pump_declared_without_friction_gets_it_back_with_the_effect(knee, effec
     """Coulomb, static ratio and the plant's Stribeck speed: the declared law, Eq. (3)."""
     time = np.arange(0.0, 0.3, 1e-3)
     command = 12.0 * np.sin(2 * np.pi * 5 * time)
-    ratio = knee.model().value("piston_area_a") / knee.model().value("pump_displacement")
     added = effect(
-        "coulomb_friction", friction_force=0.16 * ratio, part="pump", static_ratio=0.2537 / 0.16
-    )
+        "coulomb_friction", friction_force=0.16, at="shaft", form="stribeck",
+        static_ratio=0.2537 / 0.16, stribeck_velocity=18.0,
+    )  # fmt: skip
     got = knee.run(time, command, added, coulomb_torque=0.0, static_torque=0.0)
     declared = knee.run(time, command)
     for name, values in declared.items():
@@ -158,7 +156,7 @@ def test_pump_ripple_moves_the_oil_of_its_angle(bare_knee, effect) -> None:
 @given(theta=st.floats(-20, 20), dp=st.floats(-3e7, 3e7), omega=st.floats(-300, 300))
 def test_ideal_ripple_gives_the_oil_what_it_takes_from_the_shaft(theta, dp, omega) -> None:
     flow = pump_ripple.delivery(1e-7 * omega, theta, 0.1, 9.0, 0.3, 1.0)
-    torque = pump_ripple.reaction(-1e-7 * dp, theta, dp, 0.0, 1e-7, 0.1, 9.0, 0.3, 1.0)
+    torque = pump_ripple.reaction(-1e-7 * dp, theta, dp, 1e-7, 1.0, 0.1, 9.0, 0.3, 1.0)
     assert flow * dp == pytest.approx(-torque * omega, rel=1e-12, abs=1e-12)
 
 
@@ -167,8 +165,8 @@ def test_rod_friction_of_each_effect_holds_up_to_its_level(knee, effect) -> None
     area = knee.model().value("piston_area_a")
     time = np.arange(0.0, 0.03, 1e-3)
     cases = (
-        (effect("coulomb_friction", friction_force=40.0), 100.0),
-        (effect("asymmetric_friction", asymmetry=-0.5, part="rod", kind="dry"), 90.0),
+        (effect("coulomb_friction", friction_force=40.0, at="rod"), 100.0),
+        (effect("asymmetric_friction", asymmetry=-0.5, at="rod", kind="dry"), 90.0),
         (effect("seal_friction", friction_coefficient=0.05, pressure="sum"),
          60.0 + 0.05 * area * 1.2e6),
         (effect("seal_friction", friction_coefficient=0.05, pressure="higher"),
@@ -184,8 +182,8 @@ def test_rod_friction_of_each_effect_holds_up_to_its_level(knee, effect) -> None
 def test_asymmetry_scales_what_other_effects_add(knee, effect) -> None:
     time = np.arange(0.0, 0.03, 1e-3)
     effects = (
-        effect("coulomb_friction", friction_force=40.0),
-        effect("asymmetric_friction", asymmetry=-0.5, part="rod"),
+        effect("coulomb_friction", friction_force=40.0, at="rod"),
+        effect("asymmetric_friction", asymmetry=-0.5, at="rod"),
     )
     for force, moves in ((149.5, False), (150.5, True)):
         out = knee.run(time, 0.0, *effects, locked=False, external_force=force)
@@ -233,14 +231,14 @@ def test_bristles_do_work_on_nothing_over_a_cycle(amplitude, distance) -> None:
 
 
 @pytest.mark.parametrize(
-    ("part", "distance", "channel"),
-    [("rod", 1e-7, "piston_position"), ("pump", 1e-8, "motor_speed")],
+    ("place", "distance", "channel"),
+    [("rod", 1e-7, "piston_position"), ("shaft", 2.9e-5, "motor_speed")],
 )
-def test_narrow_bristles_are_stiction(knee, effect, part, distance, channel) -> None:
+def test_narrow_bristles_are_stiction(knee, effect, place, distance, channel) -> None:
     time = np.arange(0.0, 0.3, 1e-3)
     command = 4.0 * np.sin(2 * np.pi * 4 * time)
     plain = knee.run(time, command, locked=False)
-    bristles = effect("presliding_friction", distance=distance, part=part, damping_time=0.0)
+    bristles = effect("presliding_friction", distance=distance, at=place, damping_time=0.0)
     bent = knee.run(time, command, bristles, locked=False, step=5e-6)
     worst = np.max(np.abs(plain[channel] - bent[channel]))
     assert worst < 1e-2 * np.ptp(plain[channel])
@@ -249,8 +247,8 @@ def test_narrow_bristles_are_stiction(knee, effect, part, distance, channel) -> 
 @given(z=st.floats(-1, 1), v=st.floats(-1, 1), tau=st.floats(0, 0.01))
 def test_bending_bristles_only_take_energy_beyond_their_spring(z, v, tau) -> None:
     """What damping adds to the spring's force opposes the motion: v dz/dt >= 0."""
-    pull = presliding_friction.drive_pull(0.0, 1.0, v, z, 1e-4, tau)
-    spring = presliding_friction.drive_pull(0.0, 1.0, v, z, 1e-4, 0.0)
+    pull = presliding_friction.pull(0.0, 1.0, v, z, 1e-4, tau)
+    spring = presliding_friction.pull(0.0, 1.0, v, z, 1e-4, 0.0)
     assert (pull - spring) * v <= 1e-12
     assert spring == -z
 
@@ -259,13 +257,13 @@ def test_bristles_of_the_pump_are_a_spring_under_a_small_torque(knee, effect) ->
     """With the bypass open a torque T turns the shaft by s A / D atanh-like: -s ln(1 - T/T_s)."""
     time = np.arange(0.0, 1.0, 1e-3)
     torque = 0.1
-    bristles = effect("presliding_friction", distance=1e-4, part="pump")
+    ratio = knee.model().value("piston_area_a") / knee.model().value("pump_displacement")
+    bristles = effect("presliding_friction", distance=1e-4 * ratio, at="shaft")
     out = knee.run(
         time, torque / 0.13, bristles, bypass=True, bypass_conductance=1e-8, coulomb_torque=0.2537,
         viscous_torque=0.1,
     )  # fmt: skip
     turned = np.sum(out["motor_speed"]) * 1e-3
-    ratio = knee.model().value("piston_area_a") / knee.model().value("pump_displacement")
     assert abs(out["motor_speed"][-1]) < 5e-3
     assert turned == pytest.approx(-1e-4 * ratio * np.log(1 - torque / 0.2537), rel=0.02)
 
@@ -355,9 +353,9 @@ def test_weight_needs_the_force_of_the_linkage(posture, share) -> None:
             25.0 / share * np.sin(share * angle - 0.7)
         )  # potential energy of G cos(alpha - alpha_0)
         expected = -(height[1] - height[0]) / 2e-6
-        got = gravity_load.weighed(
-            0.0, x, 0.3208, 0.0462, 0.280, 1.2535e-5, 1.2535e-5 / 0.04, 25.0, 0.7, posture
-        )
+        shape = (x, 0.3208, 0.0462, 0.280, 1.2535e-5, 1.2535e-5 / 0.04)
+        turns = knee_linkage.turns(*shape)
+        got = gravity_load.weighed(0.0, knee_linkage.angle(*shape), turns, 25.0, 0.7, posture)
         assert got == pytest.approx(expected, rel=1e-6)
 
 
@@ -366,10 +364,10 @@ def test_heavier_rod_friction_only_takes_energy(bare_knee, effect) -> None:
     time = np.arange(0.0, 0.3, 1e-3)
     start = {"piston_velocity": 0.3}
     for friction in (
-        effect("coulomb_friction", friction_force=50.0),
-        effect("presliding_friction", distance=1e-4),
+        effect("coulomb_friction", friction_force=50.0, at="rod"),
+        effect("presliding_friction", distance=1e-4, at="rod"),
         effect("seal_friction", friction_coefficient=0.05),
-        effect("asymmetric_friction", asymmetry=0.5, part="rod", kind="all"),
+        effect("asymmetric_friction", asymmetry=0.5, at="rod", kind="all"),
     ):
         out = bare_knee.run(
             time, {"motor_speed": np.zeros(time.size)}, friction, locked=False, bypass=True,

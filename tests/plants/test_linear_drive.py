@@ -143,7 +143,7 @@ def test_voltage_replayed_gives_the_closed_loop_s_motion() -> None:
     [
         ({}, "either 'voltage'"),
         ({"voltage": TIME, "reference": TIME}, "either 'voltage'"),
-        ({"voltage": TIME, "pulses": TIME}, "part of the voltage"),
+        ({"voltage": TIME, "pulses": TIME}, "is part of .voltage"),
         ({"current_command": TIME}, "cannot be an input"),
     ],
 )
@@ -193,7 +193,7 @@ def _emps_model(values, *, lopsided):
     mass, viscous, coulomb, offset, *rest = values
     effects = [DeclaredEffect("coulomb_friction", {"friction_force": coulomb})]
     if lopsided:
-        asymmetry = {"asymmetry": rest[0], "part": "rod", "kind": "viscous"}
+        asymmetry = {"asymmetry": rest[0], "kind": "viscous"}
         effects.append(DeclaredEffect("asymmetric_friction", asymmetry))
     values = {"mass": mass, "viscous_friction": viscous, "force_offset": offset}
     return Model("linear_drive", values, (), tuple(effects))

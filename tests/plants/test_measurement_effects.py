@@ -50,17 +50,19 @@ def test_sensor_lag_reaches_63_percent_of_a_step(knee, effect) -> None:
     )
 
 
-@pytest.mark.parametrize(("sensor", "a", "b"), [("a", 1, 0), ("b", 0, 1), ("both", 1, 1)])
+@pytest.mark.parametrize(
+    ("sensor", "a", "b"), [("pressure_a", 1, 0), ("pressure_b", 0, 1), ("all", 1, 1)]
+)
 def test_offset_is_added_to_the_reading_alone(run, effect, sensor, a, b) -> None:
     true = run()
-    read = run(effect("pressure_sensor_offset", offset=0.3e6, sensor=sensor))
+    read = run(effect("pressure_sensor_offset", offset=0.3e6, at=sensor))
     np.testing.assert_array_equal(read["motor_speed"], true["motor_speed"])
     np.testing.assert_allclose(read["pressure_a"] - true["pressure_a"], a * 0.3e6, rtol=1e-9)
     np.testing.assert_allclose(read["pressure_b"] - true["pressure_b"], b * 0.3e6, rtol=1e-9)
 
 
 def test_first_reading_with_an_offset_starts_the_true_pressure(run, effect) -> None:
-    offset = effect("pressure_sensor_offset", offset=0.3e6)
+    offset = effect("pressure_sensor_offset", offset=0.3e6, at="pressure_a")
     read = run(offset, initial={"pressure_a": 3.3e6, "pressure_b": 1e6})
     true = run(initial={"pressure_a": 3.0e6, "pressure_b": 1e6})
     assert read["pressure_a"][0] == pytest.approx(3.3e6)

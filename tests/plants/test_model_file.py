@@ -19,7 +19,7 @@ parameters:
 calibrate: [coulomb_torque, leakage]
 effects:
   - {effect: anti_cavitation, charge_pressure: 6 bar, valve_conductance: 6e-10 m^3/(s*Pa)}
-  - {effect: pressure_sensor_offset, offset: -2 bar, sensor: b}
+  - {effect: pressure_sensor_offset, offset: -2 bar, at: pressure_b}
 """
 
 
@@ -37,7 +37,7 @@ def test_units_are_converted_and_the_rest_keeps_its_default(tmp_path) -> None:
     vector, index = model.vector(), model.plant.layout.index
     assert vector[index["anti_cavitation.charge_pressure"]] == pytest.approx(0.6e6)
     assert vector[index["pressure_sensor_offset.offset"]] == pytest.approx(-2e5)
-    assert vector[index["pressure_sensor_offset.sensor"]] == 1.0
+    assert vector[index["pressure_sensor_offset.at"]] == 2.0
     assert vector[index["current_lag.time_constant"]] == 0.0
 
 
@@ -56,8 +56,8 @@ def test_units_are_converted_and_the_rest_keeps_its_default(tmp_path) -> None:
         ("charge_pressure: 6 bar", "charge_pressure: 6 m", 7, "wrong dimension"),
         ("charge_pressure: 6 bar", "charge_pressure: -6 bar", 7, "outside"),
         ("charge_pressure: 6 bar", "charge_pressure: [1, 2]", 7, "expected one number"),
-        ("sensor: b", "sensor: c", 8, "not a choice"),
-        ("sensor: b", "sensor: 1", 8, "not a choice"),
+        ("at: pressure_b", "at: pressure_c", 8, "it may act at: all, pressure_a, pressure_b"),
+        ("at: pressure_b", "at: 1", 8, "cannot act at"),
         ("effect: pressure_sensor_offset", "effct: x", 8, "key 'effect' is missing"),
         ("effect: pressure_sensor_offset", "effect: anti_cavitation", 8, ""),
         ("parameters:", "params:", 2, "unknown key"),
@@ -85,13 +85,15 @@ def test_effect_of_another_plant_is_refused(tmp_path) -> None:
 
 
 def test_choice_that_makes_no_sense_in_the_plant_is_refused(tmp_path) -> None:
-    text = "model: linear_drive\neffects:\n  - {effect: learned, variable: pressure_a}\n"
+    text = (
+        "model: linear_drive\neffects:\n  - {effect: learned, at: carriage, variable: pressure_a}\n"
+    )
     with pytest.raises(InputError, match=r"model.yaml:3.*'pressure_a' is not a choice"):
         _load(tmp_path, text)
 
 
 def test_curve_of_the_wrong_length_is_refused(tmp_path) -> None:
-    text = "model: eha_knee\neffects:\n  - {effect: learned, values: [1, 2]}\n"
+    text = "model: eha_knee\neffects:\n  - {effect: learned, at: rod, values: [1, 2]}\n"
     with pytest.raises(InputError, match=r"model.yaml:3.*list of 24 numbers"):
         _load(tmp_path, text)
 
@@ -104,7 +106,7 @@ def test_written_model_is_read_back_as_it_was(tmp_path) -> None:
         ("leakage",),
         (
             DeclaredEffect("anti_cavitation", {"charge_pressure": 0.6e6}),
-            DeclaredEffect("learned", {"equation": "flow", "variable": "time", "values": curve}),
+            DeclaredEffect("learned", {"at": "pump", "variable": "time", "values": curve}),
         ),
     )
     path = tmp_path / "revised.yaml"
@@ -144,6 +146,45 @@ def test_choices_are_words_in_files_and_places_in_vectors() -> None:
 
 def test_choice_decides_the_equation() -> None:
     effect = get_plant("eha_knee").layout.effect("joint_backlash")
-    assert effect.equation("eha_knee") == "measurement"
-    assert effect.equation("eha_knee", {"side": "load"}) == "force"
-    assert effect.equation("eha_knee", {"side": 2.0}) == "force"
+    assert effect.equation() == "measurement"
+    assert effect.equation({"side": "load"}) == "force"
+    assert effect.equation({"side": 2.0}) == "force"
+
+
+def test_what_is_believed_and_what_differs_from_run_to_run(tmp_path) -> None:
+    text = GOOD.replace(
+        "calibrate: [coulomb_torque, leakage]",
+        "calibrate: [leakage, {parameter: bulk_modulus, within: 10 %}, "
+        "{parameter: rotor_inertia, within: 1e-5}, anti_cavitation.charge_pressure]\n"
+        "per_run: [external_force]",
+    )
+    model = _load(tmp_path, text)
+    names = ("leakage", "bulk_modulus", "rotor_inertia", "anti_cavitation.charge_pressure")
+    assert model.calibrate == names
+    assert model.within == pytest.approx({"bulk_modulus": 9e7, "rotor_inertia": 1e-5})
+    assert model.per_run == ("external_force",)
+    assert model.value("anti_cavitation.charge_pressure") == pytest.approx(0.6e6)
+    (tmp_path / "again.yaml").write_text(model.to_yaml(), encoding="utf-8")
+    assert load_model(tmp_path / "again.yaml") == model
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("calibrate: [{parameter: leekage}]", r":5.*calibrate\.0.*did you mean 'leakage'"),
+        ("calibrate: [{parameter: leakage, within: 1 m}]", r":5.*calibrate\.0.*wrong dimension"),
+        ("calibrate: [{parameter: leakage, within: 0 %}]", r":5.*leaves no room"),
+        ("calibrate: [{parameter: external_force, within: 10 %}]", r":5.*"),
+        ("calibrate: [entrained_air.air_fraction]", r":5.*declare entrained_air under effects"),
+        ("calibrate: [pressure_sensor_offset.at]", r":5.*choice of words"),
+        ("per_run: [leekage]", r":5.*per_run\.0.*did you mean 'leakage'"),
+        ("calibrate: [leakage]\nper_run: [leakage]", r":6.*per_run\.0.*under calibrate as well"),
+    ],
+)
+def test_wrong_entries_of_what_is_estimated(tmp_path, line, says) -> None:
+    text = GOOD.replace("calibrate: [coulomb_torque, leakage]", line)
+    if "external_force" in line:
+        text = text.replace("parameters:", "parameters:\n  external_force: 0", 1)
+        says = "leaves no room"
+    with pytest.raises(InputError, match=says):
+        _load(tmp_path, text)

@@ -234,7 +234,7 @@ def test_compressed_rosbag2(tmp_path: Path) -> None:
         ("empty.bag", b"#ROSBAG V2.0\n", "no topics"),
         ("broken.db3", b"SQLite format 3\0" + bytes(100), "not a rosbag2 database"),
         ("broken.parquet", b"PAR1 nothing more", "damaged or torn"),
-        ("new.mat", b"MATLAB 7.3 MAT-file" + bytes(200), "v7.3"),
+        ("new.mat", b"MATLAB 7.3 MAT-file" + bytes(200), "not a MAT file of version 5 or 7.3"),
         ("broken.mat", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"\x0e" * 40, "damaged"),
         ("packed.gz", b"\x1f\x8b" + bytes(50), "archive"),
         ("packed.mcap.zstd", b"\x28\xb5\x2f\xfd" + bytes(50), "the file is empty"),

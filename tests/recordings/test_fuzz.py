@@ -61,3 +61,27 @@ def test_anything_may_be_given(
     path = material[0] / "anything"
     path.write_bytes(head + content)
     fuzz.attempt(path, None)
+
+
+@given(number=st.integers(0, 2**32), kind=st.integers(0, 10**6))
+@settings(max_examples=300)
+def test_what_says_something_else_is_an_error_of_one_sentence(
+    number: int, kind: int, fuzz: Any, material: tuple[Path, list[Any]]
+) -> None:
+    """Records altered and written with right checksums (structured.py)."""
+    folder, seeds = material
+    known = [seed for seed in seeds if Path(seed.name).suffix in fuzz.BY_SUFFIX]
+    # a process of its own takes a second: those formats come once in twenty
+    quick = [seed for seed in known if Path(seed.name).suffix not in fuzz.APART]
+    chosen = known if kind % 20 == 0 else quick
+    seed = chosen[kind % len(chosen)]
+    path = folder / f"altered-{seed.name}"
+    path.write_bytes(fuzz.alter(seed.name, seed.content, random.Random(number)))
+    fuzz.attempt(path, seed.mapping)
+
+
+@pytest.mark.slow
+def test_2000_recordings_that_say_something_else(fuzz: Any, tmp_path: Path) -> None:
+    outcomes, defects = fuzz.run(2000, 3, tmp_path, [], structured=True)
+    assert defects == []
+    assert outcomes["read"] > 300

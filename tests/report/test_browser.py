@@ -71,16 +71,73 @@ def test_the_policy_stops_what_comes_from_outside(tab: Page, page_file: Path) ->
     assert sum("Content Security Policy" in text for text in tab.complaints) >= 3
 
 
-def test_charts_are_drawn_where_they_are_looked_at(tab: Page, page_file: Path) -> None:
+SHOWN = "[...document.querySelectorAll('.canvas')].filter(canvas => canvas.checkVisibility())"
+
+
+def test_charts_of_what_is_open_are_drawn_where_nobody_scrolls(tab: Page, page_file: Path) -> None:
     tab.open(page_file)
-    drawn = "document.querySelectorAll('.canvas[data-drawn]').length"
-    last = '.figure[data-trial="knee_sine-1Hz"]'
-    assert tab.run(f"document.querySelectorAll('{last} .canvas[data-drawn]').length") == 0
-    tab.run(f"document.querySelector('{last}').scrollIntoView()")
-    tab.wait(f"document.querySelectorAll('{last} .canvas[data-drawn]').length > 0")
-    tab.run("scrollTo(0, 0)")
-    tab.wait(f"document.querySelectorAll('{last} .canvas[data-drawn]').length === 0")
-    assert tab.run(drawn) < tab.run("document.querySelectorAll('.canvas').length")
+    tab.wait(f"{SHOWN}.length > 4 && {SHOWN}.every(canvas => canvas.dataset.drawn !== undefined)")
+    tab.run("window.one = document.getElementById('trial=pressure_step-15MPa'); one.open = false")
+    tab.wait("one.querySelectorAll('.canvas[data-drawn]').length === 0")
+    assert tab.run("one.querySelectorAll('.spark path').length") == 2
+    tab.run("one.open = true")
+    tab.wait("one.querySelectorAll('.canvas[data-drawn]').length > 0")
+    quiet(tab, page_file)
+
+
+def test_the_filter_shows_some_trials_and_a_link_brings_back_one(
+    tab: Page, page_file: Path
+) -> None:
+    tab.open(page_file)
+    there = "[...document.querySelectorAll('details.trial')].filter(trial => !trial.hidden)"
+    every = tab.run(f"{there}.length")
+    tab.run("document.querySelector('[data-show=failed]').click()")
+    failed = tab.run(f"{there}.map(trial => trial.dataset.group).join()")
+    assert set(failed.split(",")) == {"failed"}
+    assert 0 < len(failed.split(",")) < every
+    tab.run("location.hash = '#trial=pressure_step-15MPa'")
+    tab.wait("document.getElementById('trial=pressure_step-15MPa').open")
+    assert tab.run(f"{there}.length") == every
+    tab.run(
+        "(() => { const jump = document.querySelector('.jump select');"
+        " jump.value = 'trial=knee_sine-1Hz'; jump.dispatchEvent(new Event('change')); })()"
+    )
+    assert tab.run(f"{there}.map(trial => trial.id).join()") == "trial=knee_sine-1Hz"
+    tab.run("document.querySelector('[data-show=all]').click()")
+    tab.run("document.querySelector('[data-fold=open]').click()")
+    assert tab.run("document.querySelectorAll('details.trial:not([open])').length") == 0
+    tab.run("scrollTo(0, document.body.scrollHeight / 2)")
+    assert tab.run("document.querySelector('.contents').getBoundingClientRect().top") == 0
+    quiet(tab, page_file)
+
+
+def test_charts_are_saved_as_a_picture_and_a_table(
+    tab: Page, page_file: Path, sample: SampleRun
+) -> None:
+    opened(tab, page_file)
+    tab.run(
+        "window.saved = []; URL.createObjectURL = (blob) => (saved.push(blob), 'blob:none');"
+        "HTMLAnchorElement.prototype.click = function () { saved.push(this.download); }"
+    )
+    for name in ("PNG", "CSV"):
+        tab.run(
+            f"[...document.querySelectorAll('{FIGURE} .tool')]"
+            f".find(tool => tool.textContent === '{name}').click()"
+        )
+    tab.wait("saved.length === 4")
+    assert set(tab.run("saved.filter(item => typeof item === 'string')")) == {
+        "pressure_step-15MPa.png", "pressure_step-15MPa.csv",
+    }  # fmt: skip
+    assert tab.run("saved.find(item => item.type === 'image/png').size") > 5000
+    table = tab.run("saved.find(item => item.type === 'text/csv').text()").splitlines()
+    recording = sample.recordings[("pressure_step-15MPa", 0)]()
+    names = table[0].split(",")
+    assert names[0] == "time / s"
+    assert len(table) == len(recording) + 1
+    place = names.index("pressure_difference / MPa")
+    found = np.array([float(line.split(",")[place]) for line in table[1:]])
+    assert found == pytest.approx(1e-6 * recording["pressure_difference"], abs=1e-3)
+    quiet(tab, page_file)
 
 
 def test_drag_zooms_every_panel_and_a_double_click_shows_the_whole(

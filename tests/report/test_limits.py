@@ -7,6 +7,7 @@ from sample_run import SampleRun
 from eha_bench.core.limit import Repeats
 from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.score import Measure, ScoreStatus
+from eha_bench.metrics.coverage import between, type_a, type_b
 from eha_bench.report.limits import limit_rows, score_rows, worst_first
 
 
@@ -18,20 +19,20 @@ def row_of(sample: SampleRun, trial: str, metric: str):
 def test_margin_says_by_how_much_and_which_way(sample: SampleRun) -> None:
     # 48.16 ms where 43 ms * 1.06 = 45.58 ms is allowed: 2.58 ms, 5.7 % of 45.58 ms
     row = row_of(sample, "pressure_step-20MPa", "response_time")
-    assert row.margin.replace("\u00a0", " ") == "2.58 ms (5.7 %) too high"
+    assert row.margin.replace("\u00a0", " ") == "2.58 ms (5.7 %) over"
     assert (row.value, row.unit, row.interval) == ("48.16", "ms", "± 0.23")
     assert row.status is ScoreStatus.FAILED
 
 
 def test_margin_left_where_kept(sample: SampleRun) -> None:
     row = row_of(sample, "pressure_step-15MPa", "overshoot")
-    assert row.margin.replace("\u00a0", " ") == "3.70 % left"
+    assert row.margin.replace("\u00a0", " ") == "3.70 points left"
 
 
 def test_repeats_are_one_row_the_worst(sample: SampleRun) -> None:
     rows = limit_rows(sample.result, sample.trials)
     row = row_of(sample, "pressure_step-20MPa", "response_time")
-    assert row.stands_for == "worst of 3"
+    assert row.stands_for == "worst of 3 repeats"
     assert sum(r.trial == "pressure_step-20MPa" for r in rows) == 3
 
 
@@ -64,7 +65,7 @@ def test_a_limit_on_the_median_shows_the_median(sample: SampleRun) -> None:
         for r in limit_rows(result, trials)
         if (r.trial, r.metric_id) == (trial.id, "response_time")
     )
-    assert (row.stands_for, row.value, row.interval) == ("median of 3", "41.20", "± 0.20")
+    assert (row.stands_for, row.value, row.interval) == ("median of 3 repeats", "41.20", "± 0.20")
 
 
 def test_worst_first_orders_by_verdict_then_excess(sample: SampleRun) -> None:
@@ -94,3 +95,14 @@ def test_without_the_trial_there_is_no_margin_but_a_row(sample: SampleRun) -> No
     assert rows[0].value == "39.39"
     assert rows[0].margin == ""
     assert rows[0].gauge is None
+
+
+def test_what_an_interval_is_made_of(sample: SampleRun) -> None:
+    run = next(run for run in sample.result.trials if run.id == "pressure_step-15MPa")
+    budget = type_a("noise", 3.1e-4**2, 20.0) + between("resolution", 1e-4) + type_b("sensor", 1e-9)
+    scores = tuple(
+        replace(score, measure=replace(score.measure, budget=budget)) for score in run.scores
+    )
+    rows = score_rows(replace(run, scores=scores), sample.trials[run.id])
+    row = next(row for row in rows if row.metric_id == "response_time")
+    assert row.budget.replace("\u00a0", " ") == "noise 0.31 ms (A), resolution 0.058 ms (B)"

@@ -78,7 +78,7 @@ def test_summary_comes_first_worst_first(page_file: Path) -> None:
     order = [
         text.index(">Fault<"),
         text.index("Stopped or unfinished"),
-        text.index(">What failed, worst first"),
+        text.index(">Limits not kept, worst first"),
         text.index("2.58\u00a0ms"),
         text.index("0.072\u00a0A"),
         text.index('id="trial=pressure_step-15MPa"'),
@@ -88,7 +88,7 @@ def test_summary_comes_first_worst_first(page_file: Path) -> None:
 
 def test_repeats_are_collapsed(page_file: Path) -> None:
     text = page_file.read_text(encoding="utf-8")
-    assert text.count("<details") == 2
+    assert text.count('<details class="repeat-details"') == 2
     assert 'id="trial=pressure_step-20MPa&amp;repeat=1"' in text
 
 

@@ -5,6 +5,7 @@ log on its own clock.
 """
 
 import json
+import os
 import re
 import signal
 import time
@@ -118,7 +119,7 @@ def test_a_killed_bench_leaves_no_torque_and_a_readable_recording(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_run_safely_and_latches_nothing(
     rig: Rigs, suite: Suites, tmp_path: Path, number: signal.Signals
 ) -> None:
@@ -134,6 +135,32 @@ def test_a_signal_ends_the_run_safely_and_latches_nothing(
     assert not list((played.folder / "state").glob("*.latch"))
     recording = eb.read(out / "recordings" / "trial-0.mcap")
     assert recording.metadata["ending"] == "interrupted"
+
+
+@pytest.mark.slow
+def test_a_stalled_recorder_ends_the_run_by_choice_and_quickly(
+    rig: Rigs, suite: Suites, tmp_path: Path
+) -> None:
+    played = rig("--watchdog", "5 s")
+    out = tmp_path / "out"
+    run = played.start_until_torque(
+        "run", suite(**LONG), "--target", played.target, "--out", out, stays=1.0
+    )
+    children = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
+    recorders = [
+        int(pid)
+        for pid in children
+        if "targets.can.recorder" in Path(f"/proc/{pid}/cmdline").read_text()
+    ]
+    os.kill(recorders[0], signal.SIGSTOP)
+    stopped, at = time.monotonic(), played.now()
+    _, said = run.communicate(timeout=60)
+    assert run.returncode == 3, said
+    assert "recorder has stalled" in said
+    off = played.events("torque off")[-1]
+    assert off["reason"] == "control word 0"
+    print(f"torque off {off['t'] - at:.3f} s, left {time.monotonic() - stopped:.3f} s")
+    assert not list(tmp_path.rglob("*.part"))
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from writing import STEP, load, only, refusal, with_signal, write
 
 from eha_bench.core.errors import EhaBenchError, InputError
 from eha_bench.core.limit import Bounds
-from eha_bench.core.trial import Bypass, ControlMode, Piston
+from eha_bench.core.trial import MODES, Bypass, ControlMode, Piston
 from eha_bench.suites import load_suite
 
 FULL = """
@@ -40,7 +40,7 @@ trials:
     mode: joint_angle
     setup: {piston: free, initial: {joint_angle: 50 deg}}
     signal: {kind: sine, amplitude: 10 deg, offset: 60 deg, frequency: 2 Hz, cycles: 4}
-    accept: {peak: <= 71 deg}
+    accept: {tracking_max: <= 5 deg, overshoot: null, rise_time: null}
     safety: {pressure_b: <= 45 MPa}
 """
 
@@ -55,7 +55,7 @@ def test_suite_holds_what_the_file_says(tmp_path: Path) -> None:
     assert suite.sha256 == hashlib.sha256(FULL.encode()).hexdigest()
 
     first = suite.trial("first")
-    assert first.mode is ControlMode.PRESSURE
+    assert first.mode == ControlMode.PRESSURE
     assert first.channel == "pressure_difference"
     assert (first.setup.piston, first.setup.bypass) == (Piston.LOCKED, Bypass.OPEN)
     assert (first.duration, first.settle, first.sample_rate) == (0.5, 0.1, 2000.0)
@@ -77,7 +77,7 @@ def test_suite_holds_what_the_file_says(tmp_path: Path) -> None:
     assert second.setup.initial == {"joint_angle": pytest.approx(math.radians(50))}
     assert second.duration == 2.0
     assert second.signal.tones[0].amplitude == pytest.approx(math.radians(10))
-    assert [limit.metric for limit in second.limits] == ["peak", "overshoot", "rise_time"]
+    assert [limit.metric for limit in second.limits] == ["tracking_max"]
     assert {limit.channel for limit in second.safety} == {"pressure_a", "pressure_b"}
 
 
@@ -97,7 +97,7 @@ def test_settling_holds_the_level_before_a_step_at_zero(tmp_path: Path) -> None:
     np.testing.assert_array_equal(reference[200:], 15e6)
 
 
-@pytest.mark.parametrize("mode", list(ControlMode))
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize(
     ("level", "unit"),
     [("1 MPa", "Pa"), ("1 deg", "rad"), ("1 A", "A"), ("1 rpm", "rad/s"), ("1 mm", "m")],
@@ -105,13 +105,13 @@ def test_settling_holds_the_level_before_a_step_at_zero(tmp_path: Path) -> None:
 def test_levels_take_the_unit_of_the_mode(
     tmp_path: Path, mode: ControlMode, level: str, unit: str
 ) -> None:
-    text = with_signal(f"{{kind: step, final: {level}}}", mode.value)
+    text = with_signal(f"{{kind: step, final: {level}}}", mode.name)
     if mode.unit == unit:
         assert only(tmp_path, text).signal.edges
         return
     error = refusal(tmp_path, text)
     assert "wrong dimension" in error.what
-    assert f"because the trial controls {mode.value}" in error.what
+    assert f"because the trial controls {mode.name}" in error.what
     assert (error.where.key, error.where.line) == ("trials.one.signal.final", 6)
 
 
@@ -243,7 +243,8 @@ def test_wrong_signal_names_the_key(tmp_path: Path, signal: str, key: str, what:
             "trials.step.setup.initial",
             "keep one of them",
         ),
-        (STEP.replace("mode: pressure", "mode: force"), 4, "trials.step.mode", "'pressure'"),
+        (STEP.replace("mode: pressure", "mode: presure"), 4, "trials.step.mode", "'pressure'"),
+        (STEP.replace("mode: pressure", "mode: reference"), 4, "trials.step.mode", "itself"),
         (STEP.replace("mode: pressure\n", "\n"), 3, "trials.step.mode", "is missing"),
         (STEP.replace("0.5 s", "-0.5 s"), 5, "trials.step.duration", "not greater than 0"),
         (STEP.replace("0.5 s", ".nan"), 5, "trials.step.duration", "not finite"),

@@ -72,25 +72,25 @@ def test_parameters_reach_defaults_limits_and_whole_blocks(tmp_path: Path) -> No
         """
         defaults:
           duration: ${length}
-          accept: {response_time: "${limit} +- 6 %", peak: "${peak}"}
+          accept: {tracking_rms: "${limit} +- 6 %", tracking_max: "${largest}"}
         trials:
           - id: a
             mode: pressure
             signal: ${wave}
             matrix:
               case:
-                slow: {length: 2 s, limit: 39 ms, peak: null, wave: {kind: step, final: 1 MPa}}
+                slow: {length: 2 s, limit: 39 bar, largest: null, wave: {kind: step, final: 1 MPa}}
                 fast:
                   length: 1 s
-                  limit: 20 ms
-                  peak: {min: 2 MPa}
+                  limit: 20 bar
+                  largest: {min: 2 MPa}
                   wave: {kind: ramp, final: 1 MPa, over: 0.5 s}
         """,
     )
     slow, fast = suite.trials
     assert (slow.duration, fast.duration) == (2.0, 1.0)
-    assert [limit.metric for limit in slow.limits] == ["response_time"]
-    assert [limit.metric for limit in fast.limits] == ["response_time", "peak"]
+    assert [limit.metric for limit in slow.limits] == ["tracking_rms"]
+    assert [limit.metric for limit in fast.limits] == ["tracking_rms", "tracking_max"]
     assert fast.limits[1].bounds.low == 2e6
     assert slow.signal.edges
     assert not fast.signal.edges

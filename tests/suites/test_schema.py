@@ -80,7 +80,7 @@ def test_good_suite_fits(validator: jsonschema.Draft202012Validator) -> None:
         (["tirals"], []),
         (["trials", 0, "id"], "../x"),
         (["trials", 0, "id"], None),
-        (["trials", 0, "mode"], "force"),
+        (["trials", 0, "mode"], "a force"),
         (["trials", 0, "durtion"], "1 s"),
         (["trials", 0, "repeats"], 0),
         (["trials", 0, "setup", "piston"], "stuck"),

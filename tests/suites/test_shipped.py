@@ -21,7 +21,7 @@ def test_published_pressure_steps(
     repository: Path, pressure: int, response: float, holding: float
 ) -> None:
     trial = suite(repository, "paper").trial(f"pressure_step-{pressure}MPa")
-    assert trial.mode is ControlMode.PRESSURE
+    assert trial.mode == ControlMode.PRESSURE
     assert trial.setup.piston is Piston.LOCKED
     assert trial.setup.initial == {"piston_position": 0.0}
     (edge,) = trial.signal.edges
@@ -82,7 +82,7 @@ def test_identification_is_open_loop_and_works_both_ways(repository: Path) -> No
 def test_bandwidth_covers_both_loops_and_ways(repository: Path) -> None:
     trials = suite(repository, "bandwidth").trials
     for mode in (ControlMode.PRESSURE, ControlMode.JOINT_ANGLE):
-        own = [trial for trial in trials if trial.mode is mode]
+        own = [trial for trial in trials if trial.mode == mode]
         assert any(len(trial.signal.tones) >= 10 for trial in own)
         assert any(len(trial.signal.lines) >= 3 for trial in own)
         scored = [{metric for metric, _ in trial.scores} for trial in own]
@@ -105,7 +105,7 @@ def test_nothing_moves_a_locked_or_free_piston_out_of_its_stroke(repository: Pat
     """The first reference of an angle trial is where the joint stands, within the swing of it."""
     for name in ("paper", "bandwidth", "smoke"):
         for trial in suite(repository, name).trials:
-            if trial.mode is ControlMode.JOINT_ANGLE:
+            if trial.mode == ControlMode.JOINT_ANGLE:
                 values = np.degrees(trial.reference(trial.clock()))
                 assert values.min() > 49.9
                 assert values.max() < 120.1

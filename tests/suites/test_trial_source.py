@@ -24,8 +24,8 @@ trials:
     setup: {piston: locked, bypass: open, initial: {piston_position: 3 mm}}
     signal: {kind: chirp, amplitude: 1 MPa, f_start: 1, f_stop: 9, duration: 2 s}
     accept:
-      peak: [{max: 2 MPa, warn: <= 1.5 MPa}, {channel: pressure_a, min: -1}]
-      overshoot: +- 5 %
+      tracking_max: [{max: 2 MPa, warn: <= 1.5 MPa}, {channel: pressure_a, min: -1}]
+      tracking_nrmse: +- 5 %
     scores: [rise_time]
     safety: {motor_speed: <= 3000 rpm}
 """
@@ -56,7 +56,7 @@ def test_every_shipped_trial_comes_back_whole(repository: Path) -> None:
         (["signal", "kind"], "os:system", "unknown signal 'os:system'"),
         (["signal", "f_stop"], None, "signal.f_stop"),
         (["signal", "extra"], 1, "unknown key 'extra'"),
-        (["mode"], "thought", "mode"),
+        (["mode"], "a thought", "mode"),
         (["duration"], -1, "duration"),
         (["id"], "../../x", "cannot be a file name"),
         (["limits", 0, "bounds", "high"], "x", "limits.0.bounds.high"),

@@ -190,17 +190,24 @@ def test_a_trial_that_the_fmu_cannot_run_is_refused_first(
     assert not (folder / "none").exists()
 
 
-def test_a_controller_that_reads_what_the_fmu_lacks_is_refused_first(
-    folder: Path, version: int
+@pytest.mark.parametrize(
+    ("mode", "value", "says"),
+    [
+        ("motor_speed", "50 rad/s", "controls motor_speed, which the FMU does not have"),
+        ("pressure", "1 MPa", "reads 'motor_speed', which the FMU does not give"),
+    ],
+)
+def test_a_trial_on_what_the_fmu_lacks_is_refused_first(
+    folder: Path, version: int, mode: str, value: str, says: str
 ) -> None:
     target = written(folder, version, "motor_speed:", "shaft_speed:")
     suite = folder / "pressure.yaml"
     suite.write_text(
-        "name: pressure\ntrials:\n  - id: a\n    mode: motor_speed\n"
+        f"name: pressure\ntrials:\n  - id: a\n    mode: {mode}\n"
         "    setup: {piston: locked}\n"
-        "    signal: {kind: constant, value: 50 rad/s}\n    duration: 20 ms\n"
+        f"    signal: {{kind: constant, value: {value}}}\n    duration: 20 ms\n"
     )
-    with pytest.raises(InputError, match="which the FMU does not give"):
+    with pytest.raises(InputError, match=says):
         eha_bench.run(suite, target, folder / "none")
 
 

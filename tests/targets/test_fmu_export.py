@@ -86,10 +86,42 @@ def test_an_exported_plant_is_the_simulator(version: int, tmp_path: Path) -> Non
     assert np.isfinite(values).sum() > 10
 
 
-def test_only_the_knee_is_exported(tmp_path: Path) -> None:
-    (tmp_path / "model.yaml").write_text("model: linear_drive\n")
-    with pytest.raises(InputError, match="only eha_knee is exported"):
+def test_a_plant_without_a_command_is_not_exported(tmp_path: Path) -> None:
+    (tmp_path / "model.yaml").write_text("model: pump_hold\n")
+    with pytest.raises(InputError, match="no input that a controller commands"):
         export_fmu(tmp_path / "model.yaml", tmp_path / "x.fmu")
     with pytest.raises(InputError, match=r"end it in \.fmu"):
         export_fmu(shipped("models/paper.yaml"), tmp_path / "x.zip")
     assert [path.name for path in tmp_path.iterdir()] == ["model.yaml"]
+
+
+def test_a_drive_that_is_commanded_by_a_voltage_is_exported_too(tmp_path: Path) -> None:
+    (tmp_path / "model.yaml").write_text("model: linear_drive\nparameters: {voltage_limit: 10 V}\n")
+    (tmp_path / "controller.yaml").write_text(
+        "piston_position: {controller: pid, k_p: 39 kV/m, k_d: 243 V*s/m}\n"
+    )
+    (tmp_path / "fmu.yaml").write_text(
+        "target: fmu\nfmu: drive.fmu\nmodel: model.yaml\ncontroller: controller.yaml\n"
+        "inputs: {voltage: {variable: voltage}}\n"
+        "outputs:\n  piston_position: {variable: piston_position}\n"
+        "  piston_velocity: {variable: piston_velocity}\n"
+        "initial: {piston_position: {variable: start_piston_position}}\n"
+    )
+    (tmp_path / "simulator.yaml").write_text(SIMULATOR + "controller: controller.yaml\n")
+    (tmp_path / "suite.yaml").write_text(
+        "name: drive\ntrials:\n  - id: step\n    mode: piston_position\n    duration: 0.2 s\n"
+        "    signal: {kind: step, initial: 1 mm, final: 3 mm, at: 10 ms}\n"
+        "    accept: {peak: 2.9 mm .. 4 mm}\n"
+    )
+    export_fmu(tmp_path / "model.yaml", tmp_path / "drive.fmu")
+    found = {}
+    for name in ("fmu", "simulator"):
+        out = tmp_path / name
+        result = eha_bench.run(tmp_path / "suite.yaml", tmp_path / f"{name}.yaml", out)
+        assert result.status.value == "passed"
+        found[name] = eha_bench.read(out / result.trials[0].recording)
+    assert np.abs(found["fmu"]["voltage"]).max() == 10.0
+    for channel in ("voltage", "piston_position", "piston_velocity"):
+        scale = np.abs(found["simulator"][channel]).max()
+        one, other = (found[name][channel] for name in ("fmu", "simulator"))
+        np.testing.assert_allclose(one, other, atol=1e-6 * scale)

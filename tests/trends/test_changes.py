@@ -92,7 +92,7 @@ def test_exact_values_have_exact_changes() -> None:
 def test_few_nights_say_nothing(count: int) -> None:
     assert course_of(noise(count), alpha=1e-3).changes == ()
     if count:
-        *_, state = judge(noise(count), family=1, margin=0.0, scored=True)
+        state = judge(noise(count), family=1, margin=0.0).state
         assert state is State.TOO_FEW
 
 
@@ -100,8 +100,8 @@ def test_flat_histories_are_left_alone() -> None:
     rng = np.random.default_rng(8)
     false = 0
     for _ in range(60):
-        course, _, _, state = judge(rng.normal(size=100), family=5, margin=0.0, scored=True)
-        false += bool(course.changes) or state.drifted
+        judged = judge(rng.normal(size=100), family=5, margin=0.0)
+        false += bool(judged.course.changes) or judged.state.drifted
     assert false <= 1
 
 
@@ -116,23 +116,23 @@ def test_rare_counts_make_no_change() -> None:
 
 def test_the_newest_night_is_held_against_those_before() -> None:
     values = 10.0 + 0.1 * noise(60)
-    _, limits, drift, state = judge(values, family=10, margin=0.05, scored=True)
-    assert (state, drift) == (State.STEADY, 0.0)
-    assert limits[0] < values[-1] < limits[1]
+    judged = judge(values, family=10, margin=0.05)
+    assert (judged.state, judged.drift) == (State.STEADY, 0.0)
+    assert judged.limits[0] < values[-1] < judged.limits[1]
     wild = values.copy()
     wild[-1] = 11.5
-    assert judge(wild, family=10, margin=0.05, scored=True)[3] is State.OUT_OF_LIMITS
-    assert judge(wild, family=10, margin=2.0, scored=True)[3] is State.STEADY
+    assert judge(wild, family=10, margin=0.05).state is State.OUT_OF_LIMITS
+    assert judge(wild, family=10, margin=2.0).state is State.STEADY
     stepped = values.copy()
     stepped[-5:] += 1.0
-    assert judge(stepped, family=10, margin=0.05, scored=True)[3].drifted
+    assert judge(stepped, family=10, margin=0.05).state.drifted
     old = values.copy()
     old[-30:] += 1.0
-    assert judge(old, family=10, margin=0.05, scored=True)[3] is State.STEADY
+    assert judge(old, family=10, margin=0.05).state is State.STEADY
     drifting = values.copy()
     drifting[-25:] += 0.05 * np.arange(1, 26)
-    assert judge(drifting, family=10, margin=0.05, scored=True)[3] is State.DRIFTING
-    assert judge(values, family=10, margin=0.05, scored=False)[3] is State.NOT_SCORED
+    assert judge(drifting, family=10, margin=0.05).state is State.DRIFTING
+    assert judge(values, family=10, margin=0.05, missing=(1, 0)).state is State.NOT_SCORED
 
 
 def test_a_change_says_between_which_nights_it_began() -> None:
@@ -161,8 +161,8 @@ def test_wild_skewed_and_correlated_nights_make_no_change(noise_of_a_night: str)
             values = rng.lognormal(0.0, 0.7, 365)
         else:
             values = lfilter([1.0], [1.0, -0.5], rng.normal(size=465))[100:]
-        course, _, _, state = judge(values, family=1, margin=0.0, scored=True)
-        false += bool(course.changes) or state.drifted
+        judged = judge(values, family=1, margin=0.0)
+        false += bool(judged.course.changes) or judged.state.drifted
     assert false <= 6  # 2 % of 150 are 3; more than 6 by chance once in 30 at 2 %
 
 

@@ -1,8 +1,12 @@
 """Many result folders become an index, a JSON and a site."""
 
 import json
+import math
+import re
 import sqlite3
 import sys
+from contextlib import closing
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -11,7 +15,7 @@ import pytest
 
 import eha_bench as eb
 from eha_bench.core.errors import InputError
-from eha_bench.report.trend_site import headline
+from eha_bench.report.trend_site import event_sentence, headline
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "comparison"))
 from results import folder, result
@@ -102,6 +106,88 @@ def test_unreadable_results_and_missing_values_are_said(tmp_path: Path) -> None:
     assert len(found.problems) == 1
     assert found.trends[0].state.value == "not scored"
     assert found.trends[0].missed == 1
+
+
+def test_a_metric_that_dies_is_a_drift(tmp_path: Path) -> None:
+    nights(tmp_path, [*steady(12), *[float("nan")] * 10])
+    found = eb.history(tmp_path)
+    assert found.exit_status(only_worse=True) == 1
+    assert found.trends[0].state.value == "not scored any more"
+    (event,) = found.events
+    assert event.now
+    assert event.start.started.startswith("2025-01-13")
+    assert "not scored any more" in event_sentence(event)
+
+
+def test_metrics_that_move_together_are_one_event_with_its_nights(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    for i in range(30):
+        moved = 1.2 if i >= 26 else 1.0
+        scores = [
+            result([moved * (1.0 + 0.01 * rng.normal())], name).trials[0].scores[0]
+            for name in ("rise_time", "delay_time", "response_time")
+        ]
+        scores += result([1.0 + 0.01 * rng.normal()], "peak_time").trials[0].scores
+        made = result([1.0], started=(FIRST + timedelta(days=i)).isoformat(), revision=f"r{i}")
+        made = replace(
+            made,
+            trials=(replace(made.trials[0], scores=tuple(scores)),),
+            provenance={**made.provenance, "oil_temperature": "318.15" if i < 26 else "333.15"},
+        )
+        folder(tmp_path / f"night-{i:03d}", made)
+    found = eb.history(tmp_path)
+    (event,) = found.events
+    assert {trend.metric for trend in event.trends} == {"rise_time", "delay_time", "response_time"}
+    said = event_sentence(event)
+    assert "and 2 more metrics" in said
+    assert "r25 → r26" in said
+    assert "45.0 → 60.0 °C" in said
+    content = json.loads(found.to_json())
+    (told,) = content["events"]
+    assert (told["now"], len(told["metrics"])) == (True, 3)
+    assert (told["before"]["revision"], told["since"]["oil_temperature"]) == ("r25", 333.15)
+    page = (tmp_path / "history" / "index.html").read_text(encoding="utf-8")
+    assert "and 2 more" in page
+    assert page.count('class="heat"') == 4
+
+
+def test_nights_are_in_the_order_of_their_recordings(tmp_path: Path) -> None:
+    for i, value in enumerate((3.0, 1.0, 2.0)):
+        made = result([value], started=(FIRST + timedelta(days=i)).isoformat())
+        recorded = (FIRST - timedelta(days=int(10 - value))).isoformat()
+        made = replace(made, provenance={**made.provenance, "recorded": recorded})
+        folder(tmp_path / f"{i}", made)
+    assert eb.history(tmp_path).trends[0].values.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_limits_are_drawn_and_steps_are_upright(tmp_path: Path) -> None:
+    values = steady(40)
+    values[20:] = [1.2 * value for value in values[20:]]
+    nights(tmp_path, values, limit="<= 1.4 s")
+    found = eb.history(tmp_path)
+    assert found.trends[0].bounds == (-math.inf, 1.4)
+    (page,) = (tmp_path / "history" / "trends").glob("*.html")
+    text = page.read_text(encoding="utf-8")
+    assert "accepted ≤" in text
+    ((change,),) = [trend.course.changes for trend in found.trends]
+    path = re.search(r'<path d="(M[^"]+)" fill="none" stroke="var\(--blue\)" stroke-w', text)
+    assert path is not None
+    points = [part.split() for part in re.split("[ML]", path[1])[1:]]
+    assert len(points) == 4
+    assert points[1][0] == points[2][0]  # up, not across
+    assert change.start == 20
+
+
+def test_an_index_of_the_first_version_keeps_its_runs(tmp_path: Path) -> None:
+    nights(tmp_path, steady(9))
+    eb.history(tmp_path)
+    with closing(sqlite3.connect(tmp_path / "history" / "index.sqlite")) as database, database:
+        database.executescript(
+            "ALTER TABLE runs DROP COLUMN oil_temperature;"
+            "ALTER TABLE scores DROP COLUMN spread; PRAGMA user_version = 1;"
+        )
+    (tmp_path / "night-003" / "result.json").unlink()
+    assert len(eb.history(tmp_path).nights) == 9
 
 
 def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Self
 
 from eha_bench.core.errors import InputError
+from eha_bench.core.limit import Bounds
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.core.workers import Outcome as Done
@@ -71,6 +72,10 @@ class Ahead(Target):
     def identity(self) -> Identity:
         """That of the target."""
         return self._target.identity
+
+    def reach(self, channel: str) -> Bounds:
+        """Ask the target."""
+        return self._target.reach(channel)
 
     def check(self, trial: Trial) -> None:
         """Ask the target."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from eha_bench.bench.provenance import file_sha256
+from eha_bench.bench.store import held, set_aside
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.result import Result, TrialResult
 
@@ -41,11 +44,12 @@ class ResultFolder:
             raise InputError(f"'{trial}' cannot be a file name", where=Place(key="id"))
         return path
 
-    def prepare(self) -> None:
-        """Make the folder, and refuse one that holds something else.
+    @property
+    def occupied(self) -> bool:
+        """Whether an earlier run is in it.
 
         Raises:
-            InputError: it exists and is not a result folder, or cannot be written.
+            InputError: something else is in it, or it is a file.
         """
         foreign = self.path.is_dir() and any(self.path.iterdir()) and not self._ours()
         if foreign or (self.path.exists() and not self.path.is_dir()):
@@ -54,6 +58,20 @@ class ResultFolder:
                 where=Place(file=str(self.path)),
                 hint="name another folder with --out",
             )
+        return self.path.is_dir() and self._ours()
+
+    @contextmanager
+    def opened(self, *, resume: bool) -> Iterator[None]:
+        """Make the folder and keep it to this run; an earlier run in it is set aside.
+
+        With `resume` what an earlier run left in it stays.
+
+        Raises:
+            InputError: it holds something else, cannot be written, or another run is using it.
+        """
+        if self.occupied and not resume:
+            with held(self.path):
+                set_aside(self.path)
         try:
             self.recordings.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -62,9 +80,11 @@ class ResultFolder:
                 where=Place(file=str(self.path)),
                 hint="name another folder with --out",
             ) from error
+        with held(self.path):
+            yield
 
     def clear(self) -> None:
-        """Remove an earlier run's result and its reports, which would pass for this run's."""
+        """Remove the reports of what is resumed, which would pass for those of the whole."""
         for name in (self.result.name, *REPORTS):
             (self.path / name).unlink(missing_ok=True)
 

@@ -17,6 +17,7 @@ from eha_bench.bench.ahead import Job, ahead
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
+from eha_bench.bench.store import held, set_aside
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, TargetFault
 from eha_bench.core.interruption import Interruption
@@ -107,7 +108,7 @@ def run_interleaved(
     Args:
         suite: its trials are run once a pair; their own `repeats` do not count.
         openers: by side, makes the target anew for every run: only one is held at a time.
-        out: gets a folder for each side, and the plan.
+        out: gets a folder for each side, and the plan; an earlier run in it is set aside.
         plan: order and number of pairs.
         decided: asked after every pair whether to stop.
         warm_up: passes through the suite, the targets taking turns, that are not scored.
@@ -120,6 +121,21 @@ def run_interleaved(
         EhaBenchError: the suite cannot run on a target, or `out` cannot be used.
     """
     _prepare(out, plan, resume=resume)
+    with held(out):
+        return _run_pairs(suite, openers, out, plan, decided, warm_up, workers, progress)
+
+
+def _run_pairs(
+    suite: Suite,
+    openers: Mapping[str, Opener],
+    out: Path,
+    plan: Plan,
+    decided: Decided,
+    warm_up: int,
+    workers: Workers,
+    progress: Progress,
+) -> Interleaved:
+    """Run what is not finished of the plan, pair by pair."""
     done: dict[str, list[TrialResult]] = {side: [] for side in SIDES}
     about: dict[str, Result] = {}
     ended, pairs, enough = Status.PASSED, 0, False
@@ -181,9 +197,9 @@ def _prepare(out: Path, plan: Plan, *, resume: bool) -> None:
                 where=Place(file=str(file)),
                 hint="give the same ones, or leave --resume out to begin anew",
             )
-    else:
-        for side in SIDES:
-            shutil.rmtree(out / side, ignore_errors=True)
+    elif file.is_file():
+        with held(out):
+            set_aside(out)
     out.mkdir(parents=True, exist_ok=True)
     for side in SIDES:
         # a merged result of an earlier, interrupted run would be stale
@@ -202,6 +218,7 @@ def _warm_up(
         TargetFault: a target failed; no result would say why.
     """
     status = Status.PASSED
+    shutil.rmtree(folder, ignore_errors=True)
     runs = [trial for _ in range(passes) for trial in suite.trials]
     for number, trial in enumerate(runs):
         side = SIDES[number % 2]
@@ -285,4 +302,4 @@ def _each(
     for side, result in about.items():
         trials = tuple(sorted(done[side], key=lambda run: (order[run.id], run.repeat)))
         status = Result.overall(trials, complete=complete)
-        yield side, replace(result, trials=trials, status=status)
+        yield side, replace(result, trials=trials, status=status, not_run=())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
@@ -13,12 +14,21 @@ import numpy as np
 
 from eha_bench.bench.ahead import ahead
 from eha_bench.bench.budget import Budget
+from eha_bench.bench.circumstances import Circumstances
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
 from eha_bench.bench.scoring import judge, judge_together, summed_up
-from eha_bench.core.errors import EhaBenchError, InputError, RecordingError, SafetyStop, TargetFault
+from eha_bench.bench.store import Shelf
+from eha_bench.core.errors import (
+    EhaBenchError,
+    InputError,
+    Place,
+    RecordingError,
+    SafetyStop,
+    TargetFault,
+)
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
@@ -27,6 +37,7 @@ from eha_bench.core.trial import Trial
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
+from eha_bench.suites.reach import check_reach
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.target import Ending, Journal, Outcome, Stopping, Target
 
@@ -36,6 +47,7 @@ _STATUS = {
     Ending.FAULT: Status.FAULT,
     Ending.INFRASTRUCTURE: Status.FAULT,
 }
+_LOG = logging.getLogger("eha_bench")
 _RETRY_AFTER = 1.0
 """Seconds before a trial is tried again: an adapter may need to come back."""
 
@@ -53,6 +65,7 @@ class _Run:
     folder: ResultFolder
     provenance: dict[str, str]
     done: dict[tuple[str, int], TrialResult] = field(default_factory=dict)
+    circumstances: Circumstances = field(default_factory=Circumstances)
 
     @property
     def jobs(self) -> list[tuple[Trial, int]]:
@@ -67,10 +80,15 @@ class _Run:
             target=self.target.identity.name,
             status=Result.overall(trials, complete=complete),
             trials=trials,
-            provenance={**self.provenance, "finished": now() if complete else ""},
+            provenance={
+                **self.provenance,
+                **self.circumstances.oil(),
+                "finished": now() if complete else "",
+            },
             description=self.suite.description,
             # not at every save of a long run
             repeats=summed_up(trials) if complete else (),
+            not_run=tuple(key for key in order if key not in self.done),
         )
 
     def save(self, *, complete: bool) -> Result:
@@ -102,7 +120,7 @@ class _Run:
 def run_suite(
     suite: Suite,
     target: Target,
-    out: Path,
+    out: Path | Shelf,
     *,
     resume: bool = False,
     retries: int = 0,
@@ -112,6 +130,7 @@ def run_suite(
 ) -> Result:
     """Run every trial and repeat of a suite, write recordings and result.json into `out`.
 
+    An earlier run in that folder is set aside; on a shelf, every run gets a folder of its own.
     A run that is interrupted (Ctrl-C) or stopped by a fault leaves readable recordings and a
     result that says so; with `resume`, what an earlier run of the same suite on the same target
     finished is kept and only the rest is run. `retries` is how often a trial is run again whose
@@ -120,17 +139,42 @@ def run_suite(
     With `workers`, a simulated target runs trials ahead, several at a time, to the same recordings.
 
     Raises:
-        EhaBenchError: the suite cannot run on this target, or `out` cannot be used.
+        EhaBenchError: the suite cannot run on this target, `out` cannot be used, or what is to be
+            resumed is a run of something else.
     """
     broken = _checked(suite, target)
-    folder = ResultFolder(out)
-    folder.prepare()
     digests = {"suite_sha256": suite.sha256, **target.identity.digests}
-    kept = _kept(folder, digests) if resume else {}
-    folder.clear()
-    provenance = {**environment(suite.path.parent), "started": now(), **NO_DIGESTS, **digests}
-    run = _Run(suite, target, folder, provenance, dict(kept))
-    run.save(complete=False)
+    folder = ResultFolder(_folder(out, resume=resume))
+    with folder.opened(resume=resume):
+        kept = _kept(folder, digests) if resume else {}
+        folder.clear()
+        provenance = {**environment(suite.path.parent), "started": now(), **NO_DIGESTS, **digests}
+        run = _Run(suite, target, folder, provenance, dict(kept))
+        run.save(complete=False)
+        result = _run_rest(run, broken, workers, retries, time_limit, progress)
+    return replace(result, folder=folder.path)
+
+
+def _folder(out: Path | Shelf, *, resume: bool) -> Path:
+    """Return the folder of a run: the one given, the newest of a shelf to resume, or a new one."""
+    if isinstance(out, Path):
+        return out
+    latest = out.latest() if resume else None
+    if resume and latest is None:
+        _LOG.warning("note: %s holds no run to resume: a new one begins", out.path)
+    return latest or out.claim()
+
+
+def _run_rest(
+    run: _Run,
+    broken: TargetFault | None,
+    workers: Workers,
+    retries: int,
+    time_limit: float,
+    progress: Progress,
+) -> Result:
+    """Run what is not done yet, and judge all repeats together."""
+    suite, kept = run.suite, set(run.done)
     jobs = [(trial, repeat) for trial, repeat in run.jobs if (trial.id, repeat) not in kept]
     stopped = None
     if jobs and broken is not None:
@@ -215,6 +259,8 @@ def _checked(suite: Suite, target: Target) -> TargetFault | None:
             trial.signal(np.zeros(1))  # says why it cannot be run
         try:
             with crashes_as_faults():
+                reach = target.reach(trial.channel)
+                check_reach(trial, reach, f"{trial.channel} of {target.identity.name} goes from")
                 target.check(trial)
         except TargetFault as fault:
             return TargetFault(f"asked whether it can run '{trial.id}': {fault}")
@@ -226,12 +272,25 @@ def _ending_of(fault: EhaBenchError) -> Ending:
 
 
 def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, int], TrialResult]:
-    """Return what an earlier run finished, if it ran the same suite on the same target."""
+    """Return what an earlier run of the same suite on the same target finished.
+
+    Raises:
+        InputError: it ran something else.
+    """
     previous = folder.previous()
     if previous is None:
         return {}
-    if any(previous.provenance.get(key) != value for key, value in digests.items()):
-        return {}
+    changed = [
+        key.removesuffix("_sha256")
+        for key, value in digests.items()
+        if previous.provenance.get(key, "") != value
+    ]
+    if changed:
+        raise InputError(
+            f"holds a run of another {' and another '.join(changed)}, which cannot be resumed",
+            where=Place(file=str(folder.path)),
+            hint="leave out --resume to begin a new run, or name that run's folder with --out",
+        )
     finished = (Status.PASSED, Status.FAILED)
     return {
         (trial.id, trial.repeat): trial
@@ -294,6 +353,7 @@ def _run_one(
         )
         return stopped, ending
     judged = judge(outcome.recording, trial, repeat)
+    run.circumstances.add(outcome.recording)
     return replace(judged, recording=relative, sha256=file_sha256(path)), ending
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from eha_bench.bench.circumstances import Circumstances
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
@@ -113,12 +114,14 @@ def score_recordings(
     done: list[TrialResult] = []
     used: dict[tuple[str, int], Trial] = {}
     digests: dict[str, set[str]] = {key: set() for key in NO_DIGESTS}
+    circumstances = Circumstances()
     for number, path in enumerate(paths):
         progress(number, len(paths), path.name)
         recording = read(path, channels=channels)
         chosen = _trial_of(recording, path, suite, trial)
         for key, found in digests.items():
             found.add(recording.metadata.get(key, ""))
+        circumstances.add(recording)
         repeat = sum(result.id == chosen.id for result in done)
         judged = judge(recording, chosen, repeat)
         used[chosen.id, repeat] = chosen
@@ -144,7 +147,14 @@ def score_recordings(
     folder = suite.path.parent if suite else Path.cwd()
     # of model and controller what all recordings agree on, as a run wrote it into them
     agreed = {key: found.pop() for key, found in digests.items() if len(found) == 1}
-    provenance = {**environment(folder), "started": now(), **NO_DIGESTS, **agreed}
+    provenance = {
+        **environment(folder),
+        "started": now(),
+        **circumstances.recorded(),
+        **circumstances.oil(),
+        **NO_DIGESTS,
+        **agreed,
+    }
     if suite:
         provenance["suite_sha256"] = suite.sha256
     result = Result(
@@ -178,6 +188,13 @@ def _trial_of(recording: Recording, path: Path, suite: Suite | None, named: str 
     where = Place(file=str(path))
     if suite is None:
         source = recording.attachments.get("trial.json")
+        if source is None and "trial.json" in recording.damaged:
+            raise InputError(
+                "the trial that it carries is damaged (its checksum is wrong), so that its limits "
+                "cannot be trusted",
+                where=where,
+                hint="say which suite it is scored by with --suite",
+            )
         if source is None:
             raise InputError(
                 "does not carry its trial",

@@ -10,18 +10,29 @@ from eha_bench.cli import (
     exporting,
     files,
     layout,
+    listing,
+    project,
     recording_files,
     rig,
     running,
 )
 
+_WELCOME = """\
+eha-bench tests, scores and explains electro-hydrostatic actuators.
+
+  eha-bench init my-bench    write a project that runs at once
+  eha-bench run smoke        run a shipped suite on the simulator
+  eha-bench list suites      what there is (also metrics, effects, plants, elements …)
+
+eha-bench -h lists all commands, eha-bench COMMAND -h explains one."""
+
 app = typer.Typer(
     name="eha-bench",
     help="Test, score and understand electro-hydrostatic actuators.",
-    no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
@@ -36,9 +47,12 @@ def root(
 
         typer.echo(__version__)
         raise typer.Exit
-    del context
+    if context.invoked_subcommand is None:
+        typer.echo(_WELCOME)
 
 
+project.register(app)
+listing.register(app)
 running.register(app)
 files.register(app)
 recording_files.register(app)

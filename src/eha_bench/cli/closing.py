@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eha_bench.cli.completion import complete_models
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
+from eha_bench.core.errors import BUG
 
 if TYPE_CHECKING:
     from eha_bench.diagnosis.fit.uncertainty import Estimate
-    from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+    from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FailedStage
+    from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 
 Dataset = Annotated[Path, typer.Argument(help="dataset.yaml: recordings and the model they meet.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result on standard output.")]
@@ -21,7 +25,14 @@ _HUNDRED = 100
 
 def predict(
     dataset: Dataset,
-    model: Annotated[Path, typer.Option("--model", help="model.yaml to simulate.")],
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            help="model.yaml to simulate, or a shipped one by its name.",
+            autocompletion=complete_models,
+        ),
+    ],
     out: Annotated[Path, typer.Option("--out", help="Folder for one Parquet file a run.")],
     json: Json = False,
 ) -> None:
@@ -54,12 +65,18 @@ def calibrate(
         say(note)
     for name, item in found.parameters.items():
         say(f"{name}: {_interval(item)}")
+    for run, own in found.per_run.items():
+        for name, item in own.items():
+            say(f"{name} in {run}: {_interval(item)}")
     for direction in found.undetermined:
         say(f"not identifiable: {direction}")
+    _say_errors(found.holdout, "held out")
+    _say_errors(found.unseen, "unseen")
     if json:
         typer.echo((out / "calibration.json").read_text(encoding="utf-8"), nl=False)
     else:
         typer.echo(str(out / "calibrated.yaml"))
+    _leave_if_failed(found.failed, out)
     if not found.complete:
         say("interrupted: these are the values that the fit had reached")
         raise typer.Exit(INTERRUPTED)
@@ -90,13 +107,22 @@ def diagnose(
         typer.echo(found.to_json(), nl=False)
     else:
         typer.echo(str(out / "diagnosis.html"))
+    _leave_if_failed(found.failed, out)
     if not found.complete:
         raise typer.Exit(INTERRUPTED)
 
 
+def _leave_if_failed(failed: FailedStage | None, out: Path) -> None:
+    """Say which stage failed, and leave with the status of a bug."""
+    if failed is not None:
+        say(failed.trace.rstrip())
+        say(f"eha-bench: the stage '{failed.stage}' failed; what was found before it is in {out}")
+        raise typer.Exit(BUG)
+
+
 def _say_verdict(found: Diagnosis) -> None:
     """Print verdict, causes and the held-out error before and after."""
-    say(f"verdict: {found.verdict.value}{'' if found.complete else ' (interrupted)'}")
+    say(f"verdict: {found.verdict.value}{_unended(found)}")
     for effect in found.effects:
         values = ", ".join(f"{key} = {_interval(v)}" for key, v in effect.parameters.items())
         say(f"  {effect.id} in the {effect.equation} equation: {values}")
@@ -107,12 +133,26 @@ def _say_verdict(found: Diagnosis) -> None:
         say(f"  something in the {found.unknown.equation} equation, by {variables}")
     for group in found.equivalent:
         say(f"  these data cannot tell apart: {', '.join(group)}")
-    for channel, item in found.holdout.items():
-        say(f"  held out, {channel}: {item.before:.4g} -> {item.after:.4g} {item.unit} "
+    _say_errors(found.holdout, "held out")
+    _say_errors(found.unseen, "unseen")
+
+
+def _unended(found: Diagnosis) -> str:
+    if found.failed is not None:
+        return f" (the stage '{found.failed.stage}' failed)"
+    return "" if found.complete else " (interrupted)"
+
+
+def _say_errors(errors: Mapping[str, ChannelError], kind: str) -> None:
+    """Print each channel's error before and after beside its noise."""
+    for channel, item in errors.items():
+        say(f"  {kind}, {channel}: {item.before:.4g} -> {item.after:.4g} {item.unit} "
             f"(noise {item.noise_floor:.4g})")  # fmt: skip
 
 
 def _interval(item: Estimate) -> str:
+    if not (isfinite(item.low) and isfinite(item.high)):
+        return f"{item.value:.5g} {item.unit} (no interval)".replace("  ", " ")
     return f"{item.value:.5g} ({item.low:.5g} ... {item.high:.5g}) {item.unit}".rstrip()
 
 

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eha_bench.cli.completion import complete_targets
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
-from eha_bench.cli.running import Workers
+from eha_bench.cli.running import Suite, Verbose, Workers
+from eha_bench.cli.terminal import Colour, coloured, columns, more, paint
 
 if TYPE_CHECKING:
     from eha_bench.comparison.comparison import Comparison
+    from eha_bench.report.comparison_rows import Row
 
 Json = Annotated[bool, typer.Option("--json", help="Print comparison.json on standard output.")]
 Strict = Annotated[
@@ -39,12 +42,13 @@ def compare(
         bool, typer.Option("--across-targets", help="Compare different rigs on purpose.")
     ] = False,
     strict: Strict = False,
+    verbose: Verbose = False,
 ) -> None:
     """Compare two results: differences with confidence, and a verdict a metric."""
     from eha_bench.comparing import compare as compare_results
 
     found = compare_results(baseline, candidate, out, across_targets=across_targets)
-    say_verdicts(found)
+    say_verdicts(found, verbose=verbose)
     if json:
         typer.echo(found.to_json(), nl=False)
     elif markdown:
@@ -55,14 +59,22 @@ def compare(
 
 
 def ab(  # noqa: PLR0913, PLR0917 - the options of a command
-    suite: Annotated[Path, typer.Argument(help="Suite to run (YAML).")],
+    suite: Suite,
     a: Annotated[
-        str, typer.Option("--a", help="Baseline target: simulator, target or model file.")
+        str,
+        typer.Option(
+            "--a",
+            help="Baseline target: simulator, target or model file, or a shipped one.",
+            autocompletion=complete_targets,
+        ),
     ],
-    b: Annotated[str, typer.Option("--b", help="Candidate target, the same.")],
+    b: Annotated[
+        str,
+        typer.Option("--b", help="Candidate target, the same.", autocompletion=complete_targets),
+    ],
     repeats: Annotated[int, typer.Option("--repeats", help="Pairs of runs, at most.")] = 10,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder (default: reports/<suite>-ab).")
+        Path | None, typer.Option("--out", help="Folder (default: reports/<suite>-ab/<time>).")
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the order of A and B.")] = 0,
     warm_up: Annotated[
@@ -74,16 +86,15 @@ def ab(  # noqa: PLR0913, PLR0917 - the options of a command
     workers: Workers = "",
     json: Json = False,
     strict: Strict = False,
+    verbose: Verbose = False,
 ) -> None:
     """Run a suite on two targets in turn (A B B A), until every metric is decided."""
     from eha_bench.comparing import ab as run_ab
     from eha_bench.core.result import Status
-    from eha_bench.suites import load_suite
 
-    folder = out or Path("reports") / f"{load_suite(suite).name}-ab"
     with TerminalProgress() as progress:
         done = run_ab(
-            suite, a, b, folder,
+            suite, a, b, out,
             repeats=repeats, seed=seed, warm_up=warm_up, resume=resume, workers=workers,
             progress=progress,
         )  # fmt: skip
@@ -92,12 +103,12 @@ def ab(  # noqa: PLR0913, PLR0917 - the options of a command
             if trial.reason:
                 say(f"{side.upper()}, {trial.id} [{trial.repeat}]: {trial.reason}")
     if done.comparison is not None:
-        say_verdicts(done.comparison)
+        say_verdicts(done.comparison, verbose=verbose)
         say(done.comparison.stopped)
         if json:
             typer.echo(done.comparison.to_json(), nl=False)
         else:
-            typer.echo(str(folder / "comparison.html"))
+            typer.echo(str(done.folder / "comparison.html"))
     if done.run.status is Status.FAULT:
         raise typer.Exit(Status.FAULT.exit_status)
     if done.run.status is Status.INCOMPLETE or done.comparison is None:
@@ -131,12 +142,19 @@ def history(
         Path | None, typer.Option("--out", help="Folder of the site (default: DIR/history).")
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print history.json.")] = False,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the summary in Markdown.")
+    ] = False,
     rebuild: Annotated[
         bool, typer.Option("--rebuild", help="Make the index anew from the results there are.")
     ] = False,
     only_worse: Annotated[
         bool, typer.Option("--only-worse", help="Leave with 0 where it drifted for the better.")
     ] = False,
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", help="nightly.yaml: where the summary is sent to, and when."),
+    ] = None,
     workers: Annotated[
         str,
         typer.Option(
@@ -147,46 +165,77 @@ def history(
 ) -> None:
     """Follow every metric over many results: changes, control limits, drift; a static site."""
     from eha_bench.comparing import history as follow
-    from eha_bench.report.engineering import metric_name, quantity
-    from eha_bench.report.trend_site import headline
+    from eha_bench.core.errors import InputError
+    from eha_bench.report.sending import send_on
+    from eha_bench.report.trend_site import event_sentence, headline
+    from eha_bench.trends.nightly_file import load_nightly
 
+    nightly = load_nightly(config) if config is not None else None
     found = follow(folder, out, rebuild=rebuild, workers=workers)
     for problem in found.problems:
         say(f"note: left out: {problem}")
-    for trend in found.drifted:
-        worse = {True: ", for the worse", False: ", for the better", None: ""}[trend.worse]
-        now = quantity(float(trend.values[-1]), trend.unit, metric=trend.metric)
-        was = quantity(float(trend.values[-1]) - trend.shift, trend.unit, metric=trend.metric)
-        say(
-            f"{trend.trial}: {metric_name(trend.metric)} {trend.state.value}: {was} -> {now}{worse}"
-        )
+    for event in found.events:
+        if event.now:
+            say(event_sentence(event))
     say(headline(found))
+    if nightly is not None:
+        try:
+            done = send_on(found, nightly)
+        except InputError as error:  # the night is judged all the same
+            done = f"note: {error}"
+        if done:
+            say(done)
     if json:
         typer.echo(found.to_json(), nl=False)
+    elif markdown:
+        site = out or folder / "history"
+        typer.echo((site / "history.md").read_text(encoding="utf-8"), nl=False)
     else:
         typer.echo(str((out or folder / "history") / "index.html"))
     if found.exit_status(only_worse=only_worse):
         raise typer.Exit(1)
 
 
-def say_verdicts(found: Comparison) -> None:
-    """Print caveats, what is not the same, and the verdict."""
+def say_verdicts(found: Comparison, *, verbose: bool = False) -> None:
+    """Print caveats, limits newly missed, what is not the same, and the verdict."""
+    from eha_bench.cli.run_summary import SHOWN
     from eha_bench.comparison.verdict import Verdict
-    from eha_bench.report.comparison_report import headline
+    from eha_bench.report.comparison_report import headline, limits_turned, needed
     from eha_bench.report.comparison_rows import rows_of
-    from eha_bench.report.engineering import number
 
+    on = coloured()
     for caveat in found.caveats:
         say(f"note: {caveat}")
-    others = [verdict for verdict in Verdict if verdict is not Verdict.SAME]
-    for row in rows_of(found.of(*others)):
-        share = f" ({row.share})" if row.share else ""
-        change = f": {row.baseline} -> {row.candidate} {row.unit}".rstrip() + share
-        if row.baseline == row.candidate == number(math.nan):
-            change = ""
-        note = f"; {row.note}" if row.note else ""
-        say(f"{row.trial}: {row.metric} {row.verdict}{change}{note}")
+    missed, kept = limits_turned(found)
+    for limit in missed:
+        say(f"{paint('limit newly missed', Colour.BAD, on=on)}: {limit}")
+    for limit in kept:
+        say(f"{paint('limit kept again', Colour.GOOD, on=on)}: {limit}")
+    tones = {Verdict.WORSE: Colour.BAD, Verdict.CHANGED: Colour.WARN, Verdict.BETTER: Colour.GOOD,
+             Verdict.NOT_COMPARED: Colour.QUIET, Verdict.UNDECIDED: Colour.UNSURE}  # fmt: skip
+    for verdict, tone in tones.items():
+        rows = rows_of(found.of(verdict))
+        shown = rows
+        if not verbose:
+            shown = () if verdict is Verdict.UNDECIDED else rows[:SHOWN]
+        cells = columns([_change_cells(row) for row in shown], right=(2,))
+        for trial, metric, change, note in cells:
+            say(f"{trial}  {paint(metric, tone, on=on)}  {change}  {note}".rstrip())
+        if verdict is Verdict.UNDECIDED and rows and not verbose:
+            say(f"{len(rows)} {paint('undecided', tone, on=on)}: {needed(found)}")
+        elif len(shown) < len(rows):
+            say(more(len(rows) - len(shown)))
     say(f"{found.status.replace('_', ' ')}: {headline(found)}")
+
+
+def _change_cells(row: Row) -> tuple[str, str, str, str]:
+    from eha_bench.report.engineering import number
+
+    change = f"{row.baseline} -> {row.candidate} {row.unit}".rstrip()
+    if row.baseline == row.candidate == number(math.nan):
+        change = ""
+    told = f"({row.share})" if row.share and change else ""
+    return row.trial, f"{row.metric} {row.verdict}", change, f"{told} {row.note}".strip()
 
 
 def leave(found: Comparison, *, strict: bool) -> None:

@@ -18,6 +18,10 @@ _NEAR = 20
 """Letters on either side of one that cannot be written which tell where it is."""
 
 
+_MOST = 5
+"""Mistakes of one input that are told before the rest is counted."""
+
+
 def say(text: str) -> None:
     """Print a line for people."""
     print(text, file=sys.stderr)
@@ -51,7 +55,10 @@ def errors_as_sentences() -> Iterator[None]:
     except EhaBenchError as error:
         if error.trace:
             say(error.trace.rstrip())
-        say(f"eha-bench: {error}")
+        for mistake in error.each[:_MOST]:
+            say(f"eha-bench: {mistake.sentence}")
+        if len(error.each) > _MOST:
+            say(f"... and {len(error.each) - _MOST} more: eha-bench validate lists all of a file")
         raise SystemExit(error.exit_status) from error
     except KeyboardInterrupt as error:
         say("eha-bench: interrupted")

@@ -11,7 +11,7 @@ from eha_bench.cli.console import say
 
 
 def export_fmu(
-    model: Annotated[Path, typer.Argument(help="model.yaml of an eha_knee.")],
+    model: Annotated[Path, typer.Argument(help="model.yaml.")],
     out: Annotated[Path, typer.Option("--out", help="The .fmu to write.")],
     fmi: Annotated[int, typer.Option("--fmi", min=2, max=3, help="FMI version: 2 or 3.")] = 2,
 ) -> None:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eha_bench.cli.completion import complete_kinds
 from eha_bench.cli.console import say
+
+if TYPE_CHECKING:
+    from eha_bench.core.errors import EhaBenchError
 
 
 def validate(
@@ -16,9 +20,10 @@ def validate(
         bool, typer.Option("--json", help="Print what was found on standard output.")
     ] = False,
 ) -> None:
-    """Check YAML files: suite, target, model, controller, channels, dataset."""
+    """Check YAML files: suite, target, model, controller, channels, dataset, nightly."""
     from eha_bench.core.errors import EhaBenchError
     from eha_bench.core.file_kind import kind_of
+    from eha_bench.core.plugins import running_nothing
 
     found: list[dict[str, object]] = []
     for path in files:
@@ -27,13 +32,20 @@ def validate(
         try:
             kind = kind_of(path)
             entry["kind"] = kind.name
-            kind.check(path)
-            say(f"{path}: a valid {kind.name}")
+            with running_nothing() as unseen:
+                checked = kind.check(path)
+            remarks = list(kind.remarks(checked))
+            entry.update(not_checked=unseen, notes=remarks)
+            say(f"{path}: a valid {kind.title}")
+            for remark in remarks:
+                say(f"{path}: {remark}")
+            for reference in dict.fromkeys(unseen):
+                say(f"{path}: did not look into {reference}, whose code only a run loads")
         except EhaBenchError as error:
-            place = {"file": error.where.file, "line": error.where.line, "key": error.where.key}
-            mistake = {"message": str(error), "what": error.what, "hint": error.hint, **place}
-            entry.update(valid=False, error=mistake)
-            say(f"eha-bench: {error}")
+            mistakes = [_mistake(item) for item in error.each]
+            entry.update(valid=False, error=mistakes[0], errors=mistakes)
+            for item in error.each:
+                say(f"eha-bench: {item.sentence}")
     if json:
         import json as encoder
 
@@ -43,9 +55,19 @@ def validate(
         raise typer.Exit(2)
 
 
+def _mistake(error: EhaBenchError) -> dict[str, object]:
+    """Return a mistake for programs."""
+    place = {"file": error.where.file, "line": error.where.line, "key": error.where.key}
+    return {"message": error.sentence, "what": error.what, "hint": error.hint, **place}
+
+
 def schema(
     kind: Annotated[
-        str, typer.Argument(help="suite, target, model, controller, channels or dataset.")
+        str,
+        typer.Argument(
+            help="suite, target, model, controller, channels, dataset or nightly.",
+            autocompletion=complete_kinds,
+        ),
     ],
 ) -> None:
     """Print the JSON Schema of a kind of file, for editors."""

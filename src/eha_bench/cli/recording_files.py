@@ -1,7 +1,8 @@
-"""`eha-bench info` and `eha-bench recover`."""
+"""`eha-bench info`, `channels`, `export` and `recover`."""
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eha_bench.cli.console import say
+from eha_bench.cli.reading_limits import MaxMemory, MaxTime, reading_limits
 
 if TYPE_CHECKING:
     from eha_bench.recordings import RecordingInformation
@@ -19,11 +21,14 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard outpu
 def info(
     recording: Annotated[Path, typer.Argument(metavar="FILE", help="Recording of any format.")],
     json: Json = False,
+    max_memory: MaxMemory = None,
+    max_time: MaxTime = None,
 ) -> None:
-    """Say what a recording holds: topics, types, rates, gaps, duration, metadata, health."""
+    """Say what a recording holds: topics, types, rates, gaps, ranges, metadata, health."""
     from eha_bench.recordings import info as describe
 
-    found = describe(recording)
+    with reading_limits(max_memory, max_time):
+        found = describe(recording)
     if json:
         import json as encoder
 
@@ -32,18 +37,75 @@ def info(
         _show(found)
 
 
+def channels(
+    recording: Annotated[Path, typer.Argument(metavar="LOG", help="Log of any format.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File to write (default: standard output).")
+    ] = None,
+    max_memory: MaxMemory = None,
+    max_time: MaxTime = None,
+) -> None:
+    """Write a first channels.yaml for a log: channels and units guessed, and marked as guessed."""
+    from eha_bench.recordings.guessing import first_map
+
+    with reading_limits(max_memory, max_time):
+        text = first_map(recording)
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    from eha_bench.core.atomic_file import write_text
+    from eha_bench.core.errors import InputError, Place
+
+    try:
+        write_text(out, text)
+    except OSError as error:
+        raise InputError(
+            f"cannot be written ({error.strerror or error})",
+            where=Place(file=str(out)),
+            hint="name another file with --out",
+        ) from error
+    say("every line is guessed: check it before you score by it")
+    typer.echo(str(out))
+
+
+def export(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Of any format read.")],
+    target: Annotated[Path, typer.Argument(metavar="FILE", help="Ends in .csv, .parquet or .mf4.")],
+    channels: Annotated[
+        Path | None, typer.Option("--channels", help="channels.yaml of somebody else's log.")
+    ] = None,
+    max_memory: MaxMemory = None,
+    max_time: MaxTime = None,
+) -> None:
+    """Write a recording as CSV, Parquet or MDF 4: time in s, channels in SI, bit for bit."""
+    from eha_bench.recordings import export as write
+    from eha_bench.recordings import read
+
+    with reading_limits(max_memory, max_time):
+        found = read(recording, channels=channels)
+    for note in found.notes:
+        say(note)
+    write(target, found)
+    if found.attachments:
+        say(f"left out: its attachments ({', '.join(found.attachments)})")
+    typer.echo(str(target))
+
+
 def recover(
     source: Annotated[Path, typer.Argument(help="Torn MCAP file.")],
     target: Annotated[
         Path | None, typer.Argument(help="Clean file to write (default: SOURCE-recovered.mcap).")
     ] = None,
     json: Json = False,
+    max_memory: MaxMemory = None,
+    max_time: MaxTime = None,
 ) -> None:
     """Write all that can be read of a torn MCAP file to a clean, indexed one."""
     from eha_bench.recordings import recover as mend
 
     clean = target or source.with_name(f"{source.stem}-recovered.mcap")
-    report = mend(source, clean)
+    with reading_limits(max_memory, max_time):
+        report = mend(source, clean)
     for note in report.notes:
         say(note)
     total = sum(report.messages.values())
@@ -91,6 +153,7 @@ def _show(found: RecordingInformation) -> None:
         begin = datetime.fromtimestamp(found.start_ns / 1e9, UTC)
         console.print(f"begins {begin.isoformat(' ', 'milliseconds')}")
     console.print(table)
+    _show_values(found)
     if found.channels:
         channels = ", ".join(f"{name} [{unit}]" for name, unit in found.channels.items())
         console.print(f"channels: {_printable(channels)}")
@@ -107,6 +170,28 @@ def _show(found: RecordingInformation) -> None:
     console.print(f"health: {found.health}")
 
 
+def _show_values(found: RecordingInformation) -> None:
+    """Print the range of every number that was looked at."""
+    from rich.console import Console
+    from rich.table import Table
+
+    rows = [(topic, value) for topic in found.topics for value in topic.values]
+    if not rows:
+        return
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("value", "unit"):
+        table.add_column(name)
+    for name in ("min", "max", "NaN / %", "resolution"):
+        table.add_column(name, justify="right")
+    for topic, value in rows:
+        name = value.name if not topic.encoding or found.own else f"{topic.name} {value.name}"
+        numbers = (value.minimum, value.maximum, 100 * value.nan_share, value.resolution)
+        cells = ["-" if math.isnan(number) else f"{number:.6g}" for number in numbers]
+        table.add_row(_printable(name), _printable(value.unit), *cells)
+    width = None if sys.stdout.isatty() else 240
+    Console(highlight=False, markup=False, soft_wrap=True, width=width).print(table)
+
+
 def _short(value: str) -> str:
     """Return a value as it fits into a line; all of it is in the JSON."""
     line = value.partition("\n")[0][:160]
@@ -121,4 +206,6 @@ def _printable(text: str) -> str:
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command()(info)
+    app.command()(channels)
+    app.command()(export)
     app.command()(recover)

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eha_bench.cli.completion import complete_suites, complete_targets, complete_trials
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
+from eha_bench.cli.reading_limits import MaxMemory, MaxTime, reading_limits
 
 if TYPE_CHECKING:
     from eha_bench.core.result import Result
 
+Suite = Annotated[
+    str,
+    typer.Argument(
+        help="Suite to run: a YAML file, or a shipped one by its name.",
+        autocompletion=complete_suites,
+    ),
+]
 Out = Annotated[
-    Path | None, typer.Option("--out", help="Result folder (default: reports/<suite>).")
+    Path | None,
+    typer.Option(
+        "--out",
+        help="Result folder; an earlier run in it is set aside (default: reports/<suite>/<time>).",
+    ),
 ]
 Workers = Annotated[
     str,
@@ -23,13 +37,20 @@ Workers = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json on standard output.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="List everything, and not the first of each kind.")
+]
 
 
 def run(
-    suite: Annotated[Path, typer.Argument(help="Suite to run (YAML).")],
+    suite: Suite,
     target: Annotated[
         str | None,
-        typer.Option("--target", help="simulator, a target.yaml, or a model.yaml to simulate."),
+        typer.Option(
+            "--target",
+            help="simulator, a target.yaml, a model.yaml to simulate, or a shipped name.",
+            autocompletion=complete_targets,
+        ),
     ] = None,
     out: Out = None,
     resume: Annotated[
@@ -49,48 +70,62 @@ def run(
         bool, typer.Option("--dry-run", help="Show what would be sent, and send nothing.")
     ] = False,
     json: Json = False,
+    verbose: Verbose = False,
 ) -> None:
     """Run a suite against a target: recordings, result.json, report.html, junit.xml."""
     from eha_bench.api import preview
     from eha_bench.api import run as run_suite
     from eha_bench.core.units import positive
-    from eha_bench.suites import load_suite
 
     limit = positive("--time-limit", time_limit, "s") if time_limit else float("inf")
     if dry_run:
         _show(preview(suite, target), json=json)
         return
-    folder = out or Path("reports") / load_suite(suite).name
     with TerminalProgress() as progress:
         result = run_suite(
-            suite, target, folder,
+            suite, target, out,
             resume=resume, retries=retries, time_limit=limit, workers=workers,
             progress=progress,
         )  # fmt: skip
-    _finish(result, folder, json=json, interruptible=True)
+    words = ["eha-bench", "run", str(suite)]
+    words += ["--target", target] if target else []
+    words += ["--out", str(result.folder), "--resume"]
+    _finish(result, json=json, verbose=verbose, resume=shlex.join(words))
 
 
 def score(
     recordings: Annotated[list[Path], typer.Argument(help="Recordings, of any format read.")],
     suite: Annotated[
-        Path | None,
-        typer.Option("--suite", help="Suite to score by (our own recordings carry theirs)."),
+        str | None,
+        typer.Option(
+            "--suite",
+            help="Suite to score by (our own recordings carry theirs).",
+            autocompletion=complete_suites,
+        ),
     ] = None,
     channels: Annotated[
         Path | None, typer.Option("--channels", help="channels.yaml of somebody else's log.")
     ] = None,
     trial: Annotated[
-        str | None, typer.Option("--trial", help="The trial that the recordings belong to.")
+        str | None,
+        typer.Option(
+            "--trial",
+            help="The trial that the recordings belong to.",
+            autocompletion=complete_trials,
+        ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Result folder.")] = Path("reports/score"),
     json: Json = False,
+    verbose: Verbose = False,
+    max_memory: MaxMemory = None,
+    max_time: MaxTime = None,
 ) -> None:
     """Score recordings made earlier or elsewhere, by the same code as a run."""
     from eha_bench.api import score_files
 
-    with TerminalProgress() as progress:
+    with TerminalProgress() as progress, reading_limits(max_memory, max_time):
         result = score_files(recordings, suite, channels, out, trial=trial, progress=progress)
-    _finish(result, out, json=json)
+    _finish(result, json=json, verbose=verbose)
 
 
 def _show(trials: dict[str, tuple[str, ...]], *, json: bool) -> None:
@@ -105,35 +140,29 @@ def _show(trials: dict[str, tuple[str, ...]], *, json: bool) -> None:
         typer.echo("\n  ".join((trial, *lines)))
 
 
-def _finish(result: Result, folder: Path, *, json: bool, interruptible: bool = False) -> None:
-    """Print the outcome and the report's path, and leave with the result's exit status."""
+def _finish(result: Result, *, json: bool, verbose: bool, resume: str = "") -> None:
+    """Print the outcome and the report's path, and leave with the result's exit status.
+
+    `resume` is the command that goes on with a run that Ctrl-C has stopped.
+    """
+    from eha_bench.cli.run_summary import summary_lines
+    from eha_bench.cli.terminal import coloured
     from eha_bench.core.result import Status
+
+    folder = result.folder
+    assert folder is not None
 
     if json:
         typer.echo(result.to_json(), nl=False)
-    rejected = [
-        (trial, item)
-        for trial in result.trials
-        for item in trial.scores
-        if item.limit and item.status.rejects
-    ]
-    for trial in result.trials:
-        if trial.reason:
-            say(f"{trial.id} [{trial.repeat}]: {trial.reason}")
-    for trial, item in rejected:
-        value = f"{item.value:.6g} {item.unit}".strip()
-        why = item.measure.reason if item.status.value == "not_scored" else value
-        word = item.status.value.replace("_", " ")
-        say(f"{trial.id} [{trial.repeat}]: {item.metric} {word}: {why} "
-            f"(limit {item.limit})")  # fmt: skip
-    limits = sum(bool(item.limit) for trial in result.trials for item in trial.scores)
-    say(f"{result.suite}: {result.status.value}, {limits - len(rejected)} of {limits} limits kept")
+    for line in summary_lines(result, verbose=verbose, colour=coloured()):
+        say(line)
     if json:
         say(str(folder / "report.html"))
     else:
         typer.echo(str(folder / "report.html"))
     stopped_by = result.provenance.get("stopped_by", "")
-    if interruptible and result.status is Status.INCOMPLETE and stopped_by == "interrupted":
+    if resume and result.status is Status.INCOMPLETE and stopped_by == "interrupted":
+        say(f"interrupted; to go on: {resume}")
         raise typer.Exit(INTERRUPTED)
     if result.status is not Status.PASSED:
         raise typer.Exit(result.status.exit_status)

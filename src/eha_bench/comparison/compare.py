@@ -7,32 +7,48 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from eha_bench.comparison.caveats import caveats, check_targets, trial_problem
 from eha_bench.comparison.comparison import Compared, Comparison, Values
 from eha_bench.comparison.correction import holm
+from eha_bench.comparison.dependence import learned
 from eha_bench.comparison.direction import Direction, direction_of
-from eha_bench.comparison.evidence import ALPHA, Evidence, evidence
+from eha_bench.comparison.evidence import (
+    ALPHA,
+    Evidence,
+    dependence_of,
+    evidence,
+    exact,
+)
+from eha_bench.comparison.exactly import known_exactly
 from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
-from eha_bench.comparison.sequential import sequential
+from eha_bench.comparison.sequential import sequential, spent
 from eha_bench.comparison.side import Run, Side
 from eha_bench.comparison.verdict import Verdict
 from eha_bench.core.errors import UnitError
 from eha_bench.core.margin import parse_margin
-from eha_bench.core.metric import Better
+from eha_bench.core.metric import Better, matters_by_default
 from eha_bench.core.score import Score
 
-DEFAULT_SHARE = 0.02
-"""Of the baseline: the smallest difference that matters where the suite does not say."""
-
+FloatArray = NDArray[np.float64]
 Key = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
 class _Pair:
-    """One metric of one trial, both sides scored: what the test needs."""
+    """One metric of one trial, one side scored at least: what the test needs.
+
+    Attributes:
+        item: what is compared, not judged yet.
+        direction: which way is better.
+        baseline, candidate: the values; those of whole pairs where repeats were run in pairs.
+        counted: whether the values are counts.
+        p_missing: of 'both sides fail to be scored equally often'; NaN where none failed.
+        exactly: how the difference is known without any test; "" where it is not.
+    """
 
     item: Compared
     direction: Direction
@@ -40,6 +56,7 @@ class _Pair:
     candidate: Sample
     counted: bool
     p_missing: float = math.nan
+    exactly: str = ""
 
 
 def compare_sides(
@@ -65,7 +82,7 @@ def compare_sides(
     items: list[Compared] = []
     pairs: dict[int, _Pair] = {}
     for trial in dict.fromkeys((*baseline.runs, *candidate.runs)):
-        found = _trial(baseline, candidate, trial, paired=bool(looks))
+        found = _trial(baseline, candidate, trial, looks)
         for entry in found:
             if isinstance(entry, _Pair):
                 pairs[len(items)] = entry
@@ -80,7 +97,9 @@ def compare_sides(
     )
 
 
-def _trial(baseline: Side, candidate: Side, trial: str, *, paired: bool) -> list[Compared | _Pair]:
+def _trial(
+    baseline: Side, candidate: Side, trial: str, looks: Sequence[float]
+) -> list[Compared | _Pair]:
     sides = [side.runs.get(trial, ()) for side in (baseline, candidate)]
     usable = [[run for run in runs if run.usable] for runs in sides]
     keys: dict[Key, None] = {}
@@ -96,6 +115,9 @@ def _trial(baseline: Side, candidate: Side, trial: str, *, paired: bool) -> list
     problem = problem or trial_problem(baseline, candidate, trial)
     if not keys:  # nothing was scored, but that must be told
         return [Compared(trial, "", "", "", reason=problem or "nothing was scored")]
+    # of runs in pairs, that they are identical is believed from the first look on
+    looked = not looks or any(looks[: min(map(len, usable))])
+    exactly = known_exactly(*usable) if looked else ""
     entries: list[Compared | _Pair] = []
     units: dict[tuple[str, str], set[str]] = {}
     for metric, channel, unit in keys:
@@ -108,14 +130,15 @@ def _trial(baseline: Side, candidate: Side, trial: str, *, paired: bool) -> list
             listed = " and ".join(f"'{unit}'" for unit in sorted(found))
             entries.append(replace(item, reason=f"mixed units: {listed}"))
         else:
-            entries.append(_metric(item, usable, paired=paired))
+            entries.append(_metric(item, usable, looks, exactly))
     return entries
 
 
-def _metric(item: Compared, usable: list[list[Run]], *, paired: bool) -> Compared | _Pair:
-    scores = [[_score(run, item) for run in runs] for runs in usable]
-    if paired:
-        scores = _in_pairs(usable, scores)
+def _metric(
+    item: Compared, usable: list[list[Run]], looks: Sequence[float], exactly: str
+) -> Compared | _Pair:
+    runs = _in_pairs(usable) if looks else usable
+    scores = [[_score(run, item) for run in side] for side in runs]
     known = [score for side in scores for score in side if score is not None]
     limit = next((score.limit for score in known if score.limit), "")
     direction = direction_of(item.metric, item.unit, limit)
@@ -125,19 +148,21 @@ def _metric(item: Compared, usable: list[list[Run]], *, paired: bool) -> Compare
         baseline=_values(scores[0]),
         candidate=_values(scores[1]),
     )
-    missing = _p_missing(item.baseline, item.candidate)
+    missing = _p_missing(scores, looks)
     counts = [len(side.values) for side in (item.baseline, item.candidate)]
     if not any(counts):
         why = (*item.baseline.reasons, *item.candidate.reasons, "no such score")[0]
-        return replace(item, reason=f"not scored on either side: {why}")
-    samples = [_sample(side) for side in scores]
+        # of two equal results, what neither could score is no difference either
+        verdict = Verdict.SAME if exactly else Verdict.NOT_COMPARED
+        return replace(item, verdict=verdict, reason=f"not scored on either side: {why}")
+    samples = [_sample(side) for side in (_whole(scores) if looks else scores)]
     if math.isfinite(direction.aim):
         samples = [sample.distance_from(direction.aim) for sample in samples]
-    values = np.concatenate([sample.values for sample in samples])
+    values = np.array([*item.baseline.values, *item.candidate.values])
     counted = item.unit == "" and bool(np.all(values == np.round(values)) and values.max() > 0)
-    margin, text = _margin(item, known, samples, counted=counted)
+    margin, text = _margin(item, known)
     item = replace(item, margin=margin, margin_text=text)
-    return _Pair(item, direction, samples[0], samples[1], counted, missing)
+    return _Pair(item, direction, samples[0], samples[1], counted, missing, exactly)
 
 
 def _score(run: Run, item: Compared) -> Score | None:
@@ -147,26 +172,21 @@ def _score(run: Run, item: Compared) -> Score | None:
     return None
 
 
-def _in_pairs(
-    usable: list[list[Run]], scores: list[list[Score | None]]
-) -> list[list[Score | None]]:
-    """Return the scores of those repeats that both sides have, in the same order."""
-    by_repeat = [
-        {run.trial.repeat: score for run, score in zip(runs, side, strict=True)}
-        for runs, side in zip(usable, scores, strict=True)
-    ]
+def _in_pairs(usable: list[list[Run]]) -> list[list[Run]]:
+    """Return the runs of those repeats that both sides have, in the same order."""
+    by_repeat = [{run.trial.repeat: run for run in runs} for runs in usable]
     common = sorted(by_repeat[0].keys() & by_repeat[1].keys())
-    whole = [
-        repeat
-        for repeat in common
-        if all(
-            score is not None and math.isfinite(score.value)
-            for score in (side[repeat] for side in by_repeat)
-        )
+    return [[side[repeat] for repeat in common] for side in by_repeat]
+
+
+def _whole(scores: list[list[Score | None]]) -> list[list[Score | None]]:
+    """Return the scores of those pairs of which both have a value."""
+    pairs = [
+        pair
+        for pair in zip(*scores, strict=True)
+        if all(score is not None and math.isfinite(score.value) for score in pair)
     ]
-    # what is missing on one side costs the pair, but stays visible where nothing is left
-    kept = whole or common
-    return [[side[repeat] for repeat in kept] for side in by_repeat]
+    return [[pair[side] for pair in pairs] for side in (0, 1)]
 
 
 def _values(scores: Sequence[Score | None]) -> Values:
@@ -186,23 +206,28 @@ def _sample(scores: Sequence[Score | None]) -> Sample:
     return Sample(columns[:, 0], columns[:, 1], columns[:, 2])
 
 
-def _p_missing(baseline: Values, candidate: Values) -> float:
-    """Return Fisher's exact p-value of 'both sides fail to be scored equally often'."""
-    if not baseline.missing and not candidate.missing:
+def _p_missing(scores: list[list[Score | None]], looks: Sequence[float]) -> float:
+    """Return the p-value of 'both sides fail to be scored equally often'; NaN if none failed."""
+    scored = [[s is not None and math.isfinite(s.value) for s in side] for side in scores]
+    if all(all(side) for side in scored):
         return math.nan
-    table = np.array(
-        [[len(baseline.values), baseline.missing], [len(candidate.values), candidate.missing]]
-    )
-    return float(stats.fisher_exact(table).pvalue)
+    if not looks:
+        return _fisher(scored)
+    pairs = len(scored[0])
+    return spent([_fisher([side[:count] for side in scored]) for count in range(1, pairs + 1)],
+                 looks)  # fmt: skip
 
 
-def _margin(
-    item: Compared, known: Sequence[Score], samples: Sequence[Sample], *, counted: bool
-) -> tuple[float, str]:
-    """Return the smallest difference that matters: the suite's, or one by default, and its words.
+def _fisher(scored: list[list[bool]]) -> float:
+    """Return Fisher's exact p-value that the shares of scored runs are the same."""
+    table = [[sum(side), len(side) - sum(side)] for side in scored]
+    return float(stats.fisher_exact(np.array(table)).pvalue)
 
-    By default a difference matters from 2 % of the baseline on, but not below the scatter from
-    run to run: any single run varies by that much.
+
+def _margin(item: Compared, known: Sequence[Score]) -> tuple[float, str]:
+    """Return the smallest difference that matters, SI: the suite's, else the metric's; its words.
+
+    It never depends on the scatter: what is noisy does not matter less.
     """
     reference = item.baseline.mean if item.baseline.values else item.candidate.mean
     for text in dict.fromkeys(score.matters for score in reversed(known) if score.matters):
@@ -210,59 +235,79 @@ def _margin(
             return parse_margin(text, item.unit).about(reference), text
         except UnitError:
             continue  # written for the metric on another channel
-    spreads = [sample.variance for sample in samples if len(sample) > 1]
-    if spreads:
-        scatter = math.sqrt(sum(spreads) / len(spreads))
-    else:
-        halves = [(sample.high - sample.low) / 2.0 for sample in samples if len(sample)]
-        widths = np.concatenate(halves)
-        scatter = float(np.nanmax(widths)) if np.isfinite(widths).any() else 0.0
-    share = DEFAULT_SHARE * abs(reference)
-    if counted:
-        return max(1.0, share, scatter), "by default: 1, 2 %, or the scatter of the runs"
-    return max(share, scatter), "by default: 2 %, or the scatter of the runs"
+    text = matters_by_default(item.metric, item.unit)
+    return parse_margin(text, item.unit).about(reference), f"by default: {text}"
 
 
 def _judged(pairs: Sequence[_Pair], looks: Sequence[float]) -> list[Compared]:
-    found = [_evidence(pair, len(pairs), looks) for pair in pairs]
-    both = list(zip(pairs, found, strict=True))
-    p_difference = holm([_combined(one, pair.p_missing) for pair, one in both])
-    p_same = holm([one.p_same if one is not None else math.nan for one in found])
-    return [
-        _verdict(pair, one, p_difference[i], p_same[i], len(pairs), paired=bool(looks))
-        for i, (pair, one) in enumerate(both)
+    priors = {} if looks else _dependence(pairs)
+    found = [
+        _evidence(pair, len(pairs), looks, priors.get(place)) for place, pair in enumerate(pairs)
     ]
+    both = list(zip(pairs, found, strict=True))
+    nothing = math.nan
+    p_difference = holm(
+        [_combined(one.p_difference if one else nothing, pair.p_missing) for pair, one in both]
+    )
+    p_beyond = holm(
+        [_combined(one.p_beyond if one else nothing, pair.p_missing) for pair, one in both]
+    )
+    p_same = holm([one.p_same if one is not None else nothing for one in found])
+    judged = []
+    for place, (pair, one) in enumerate(both):
+        item = replace(
+            pair.item,
+            p_difference=p_difference[place],
+            p_beyond=p_beyond[place],
+            p_same=p_same[place],
+        )
+        judged.append(_verdict(replace(pair, item=item), one, len(pairs), paired=bool(looks)))
+    return judged
 
 
-def _evidence(pair: _Pair, family: int, looks: Sequence[float]) -> Evidence | None:
+def _dependence(pairs: Sequence[_Pair]) -> dict[int, FloatArray]:
+    """Return, by place, the prior of how alike neighbouring repeats are, where they can be seen."""
+    seen = {
+        place: likelihood
+        for place, pair in enumerate(pairs)
+        if not pair.exactly
+        and (likelihood := dependence_of(pair.baseline, pair.candidate)) is not None
+    }
+    if not seen:
+        return {}
+    residuals = [
+        np.concatenate([side.values - side.mean for side in (pair.baseline, pair.candidate)])
+        for pair in (pairs[place] for place in seen)
+    ]
+    priors = learned(np.array(list(seen.values())), residuals)
+    return dict(zip(seen, priors, strict=True))
+
+
+def _evidence(
+    pair: _Pair, family: int, looks: Sequence[float], dependence: FloatArray | None
+) -> Evidence | None:
     if not len(pair.baseline) or not len(pair.candidate):
         return None
     samples, margin = (pair.baseline, pair.candidate), pair.item.margin
+    if pair.exactly:
+        return exact(*samples, margin, pair.exactly)
     if looks:
         return sequential(*samples, margin, family=family, counted=pair.counted, looks=looks)
-    return evidence(*samples, margin, family=family, counted=pair.counted)
+    return evidence(*samples, margin, family=family, counted=pair.counted, dependence=dependence)
 
 
-def _combined(found: Evidence | None, p_missing: float) -> float:
+def _combined(p_values: float, p_missing: float) -> float:
     """Return the p-value of 'neither the values nor how often there are any differ'."""
-    values = found.p_difference if found is not None else math.nan
-    tested = [p for p in (values, p_missing) if not math.isnan(p)]
+    tested = [p for p in (p_values, p_missing) if not math.isnan(p)]
     return min(1.0, len(tested) * min(tested)) if tested else math.nan
 
 
-def _verdict(
-    pair: _Pair,
-    found: Evidence | None,
-    p_difference: float,
-    p_same: float,
-    family: int,
-    *,
-    paired: bool,
-) -> Compared:
-    item = replace(pair.item, p_difference=p_difference, p_same=p_same, reason=_missing(pair.item))
+def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) -> Compared:
+    item = pair.item
+    gone = _missing(item)
     lost = item.candidate.missing / item.candidate.runs - item.baseline.missing / item.baseline.runs
     by_missing = not math.isnan(pair.p_missing) and (
-        found is None or not pair.p_missing > found.p_difference
+        found is None or not pair.p_missing > found.p_beyond
     )
     if found is not None:
         item = replace(
@@ -271,17 +316,27 @@ def _verdict(
             low=found.low,
             high=found.high,
             method=found.method,
+            reason="; ".join(part for part in (found.note, gone) if part),
         )
-    significant = p_difference <= ALPHA
+    significant = item.p_beyond <= ALPHA
     if significant and by_missing and lost != 0.0:
         verdict = Verdict.WORSE if lost > 0.0 else Verdict.BETTER
-        return replace(item, verdict=verdict, method="Fisher's exact test of how often scored")
+        word = "not scored any more" if lost > 0.0 else "scored now"
+        return replace(
+            item,
+            verdict=verdict,
+            method="Fisher's exact test of how often scored",
+            reason=f"{word} ({gone})",
+        )
     if found is None:
-        return replace(item, verdict=Verdict.UNDECIDED)
-    if significant and abs(found.difference) >= item.margin:
+        return replace(item, verdict=Verdict.UNDECIDED, reason=gone)
+    if significant:
         return replace(item, verdict=_worse_or_better(found.difference, pair.direction))
-    if p_same <= ALPHA:
+    if item.p_same <= ALPHA:
         return replace(item, verdict=Verdict.SAME)
+    differs = "there is a difference, but it is not shown to be as large as what matters"
+    if item.p_difference <= ALPHA:
+        item = replace(item, reason="; ".join(part for part in (differs, item.reason) if part))
     more = more_repeats(
         found.difference, item.margin, found.scatter,
         min(len(pair.baseline), len(pair.candidate)),

@@ -14,6 +14,7 @@ from eha_bench.comparison.side import Side
 from eha_bench.comparison.verdict import Verdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.finite import finite_or_none
+from eha_bench.core.showing import html_table
 
 SCHEMA_VERSION = 1
 
@@ -48,8 +49,9 @@ class Compared:
         difference, low, high: candidate minus baseline with its 95 % interval (not corrected);
             of the distances from the aim where the metric has one.
         margin: smallest difference that matters; `margin_text` says where it comes from.
-        p_difference, p_same: p-values of 'no difference' and of 'differs by the margin or more',
-            corrected for all metrics looked at (Holm).
+        p_difference, p_beyond, p_same: p-values of 'no difference', of 'differs by no more than
+            the margin' and of 'differs by the margin or more', corrected for all metrics looked
+            at (Holm).
         verdict: what is said.
         more_repeats: on each side, that would decide with 80 % probability; None if unknown.
         method: how it was tested.
@@ -69,6 +71,7 @@ class Compared:
     margin: float = math.nan
     margin_text: str = ""
     p_difference: float = math.nan
+    p_beyond: float = math.nan
     p_same: float = math.nan
     verdict: Verdict = Verdict.NOT_COMPARED
     more_repeats: int | None = None
@@ -128,6 +131,25 @@ class Comparison:
         """0 no regression, 1 a regression, 2 there is nothing that can be compared."""
         return {"regression": 1, "no_regression": 0, "nothing_compared": 2}[self.status]
 
+    def __repr__(self) -> str:
+        """What it is in one line: the sides, the verdict, how many metrics are what."""
+        counts = ", ".join(f"{n} {verdict.value}" for verdict, n in self.counts().items() if n)
+        status = self.status.replace("_", " ")
+        return f"<Comparison: {status}; {counts or 'nothing compared'}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a line a metric, what is not the same first."""
+        rows = sorted(
+            (
+                (item.trial, item.metric, item.baseline.mean, item.candidate.mean, item.unit,
+                 item.verdict.value)
+                for item in self.items
+            ),
+            key=lambda row: row[-1] == Verdict.SAME.value,
+        )  # fmt: skip
+        names = ("trial", "metric", "baseline", "candidate", "unit", "verdict")
+        return html_table(repr(self).strip("<>"), names, rows)
+
     def to_json(self) -> str:
         """Return the comparison as JSON; NaN becomes null."""
         content = {
@@ -183,6 +205,7 @@ def _item(item: Compared) -> dict[str, Any]:
         "matters": finite_or_none(item.margin),
         "matters_text": item.margin_text,
         "p_difference": finite_or_none(item.p_difference),
+        "p_beyond": finite_or_none(item.p_beyond),
         "p_same": finite_or_none(item.p_same),
         "more_repeats": item.more_repeats,
         "method": item.method,

@@ -1,32 +1,41 @@
-"""How far two samples differ, with an interval and what speaks against 'no difference'.
+"""How far two samples differ, with an interval and what speaks for and against a difference.
 
-With enough repeats the tests are permutation tests; with fewer, whose permutations could not reach
-the level that many metrics ask for, Student's t (Welch 1947, doi:10.1093/biomet/34.1-2.28). Which
-of them depends on the numbers of repeats and metrics alone, never on the values.
+Repeats are compared by what is believed of the difference of their means, whatever the ratio of
+their scatters (`two_samples`) and, from enough repeats on, however alike neighbours are
+(`dependence`). Where the numbers of repeats and metrics let a permutation test reach the level that
+many metrics ask for, it has to agree: the larger p-value counts. Which tests are made depends on
+the numbers of repeats and metrics alone, never on the values.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from eha_bench.comparison import permutation
+from eha_bench.comparison.dependence import COEFFICIENTS, FEWEST
 from eha_bench.comparison.sample import Sample
+from eha_bench.comparison.skewness import wider_of_pairs, wider_of_samples
+from eha_bench.comparison.student_mixture import StudentMixture
+from eha_bench.comparison.two_samples import two_samples, widest_ratio
 
 FloatArray = NDArray[np.float64]
 
 ALPHA = 0.05
 """Family-wise error rate, and the complement of the intervals' confidence."""
 
-WIDER = 2.0
-"""What a single run's own interval is multiplied by: it knows nothing of the scatter of runs."""
+ONE_RUN = "one run a side"
+"""Why nothing is decided where neither side was repeated."""
 
-_NORMAL = 1.959963984540054
 _LAST_DIGIT = 1e-9
+_NORMAL = 1.959963984540054
+_ALIKE = 0.3  # correlation of neighbours from which on it is said
+_SURE = 0.75  # and how probable it has to be
+_TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -37,18 +46,42 @@ class Evidence:
         difference: of the means.
         low, high: 95 % interval of the difference; NaN where nothing is known of the scatter.
         p_difference: two-sided p-value of 'there is no difference'; NaN if not testable.
+        p_beyond: p-value of 'it differs by no more than the margin'.
         p_same: p-value of 'it differs by the margin or more' (two one-sided tests).
         scatter: standard deviation that one repeat (one pair of them) adds; NaN if unknown.
         method: how, in words.
+        note: what else there is to say; "" for nothing.
     """
 
     difference: float
     low: float
     high: float
     p_difference: float
+    p_beyond: float
     p_same: float
     scatter: float
     method: str
+    note: str = ""
+
+
+def dependence_of(baseline: Sample, candidate: Sample) -> FloatArray | None:
+    """Return the likelihood of each correlation of neighbours, (c,); None where it cannot be seen.
+
+    Args:
+        baseline, candidate: in the order of their runs.
+    """
+    if not _shows_dependence(baseline, candidate):
+        return None
+    return two_samples(baseline.values, candidate.values, COEFFICIENTS).of_coefficients
+
+
+def _shows_dependence(baseline: Sample, candidate: Sample) -> bool:
+    enough = len(baseline) + len(candidate) - 2 >= FEWEST
+    return enough and not (_constant(baseline) and _constant(candidate))
+
+
+def _constant(sample: Sample) -> bool:
+    return len(sample) < 2 or float(np.ptp(sample.values)) == 0.0
 
 
 def evidence(
@@ -59,138 +92,188 @@ def evidence(
     family: int = 1,
     paired: bool = False,
     counted: bool = False,
+    dependence: FloatArray | None = None,
 ) -> Evidence:
     """Compare two samples of at least one value each.
 
     Args:
-        baseline, candidate: the values; of equal length if paired.
+        baseline, candidate: the values, in the order of their runs; of equal length if paired.
         margin: the difference from which on it matters, SI.
         family: how many metrics are looked at.
         paired: whether repeat i of both sides was run next to each other.
         counted: whether the values are counts, which scatter even where they happen to be equal.
+        dependence: (c,) prior of the correlation of neighbouring repeats; independent if None.
     """
     n, m = len(baseline), len(candidate)
+    difference = candidate.mean - baseline.mean
+    if n == m == 1:
+        nothing = math.nan
+        method = "one run on each side: how runs scatter is not known"
+        return Evidence(
+            difference, nothing, nothing, nothing, nothing, nothing, nothing, method, ONE_RUN
+        )
     scale = float(np.abs(np.concatenate((baseline.values, candidate.values))).max())
     floor = _LAST_DIGIT * scale
     if counted:
         floor = max(floor, math.sqrt(max(0.0, baseline.mean) / n + max(0.0, candidate.mean) / m))
-    if paired and n == m and n > 1:
-        return _paired(candidate.values - baseline.values, margin, family, floor)
-    if n > 1 and m > 1:
-        return _repeated(baseline, candidate, margin, family, floor)
-    if n > 1 or m > 1:
-        return _one_single(baseline, candidate, margin, floor)
-    return _singles(baseline, candidate, margin)
+    if paired and n == m:
+        return _paired(baseline.values, candidate.values, margin, family, floor)
+    if _constant(baseline) and _constant(candidate):
+        return _constants(baseline, candidate, margin, floor, counted=counted)
+    return _repeated(baseline, candidate, margin, family, floor, dependence)
 
 
-def _paired(differences: FloatArray, margin: float, family: int, floor: float) -> Evidence:
+def exact(baseline: Sample, candidate: Sample, margin: float, method: str) -> Evidence:
+    """Return the evidence of values without any scatter: the difference itself is known."""
+    difference = candidate.mean - baseline.mean
+    differs = difference != 0.0
+    return Evidence(
+        difference, difference, difference,
+        float(not differs), float(not differs or abs(difference) < margin),
+        float(differs and abs(difference) >= margin), 0.0, method,
+    )  # fmt: skip
+
+
+def _paired(
+    baseline: FloatArray, candidate: FloatArray, margin: float, family: int, floor: float
+) -> Evidence:
+    differences = candidate - baseline
     n = differences.size
     mean, spread = float(differences.mean()), float(differences.std(ddof=1))
-    error = max(spread / math.sqrt(n), floor)
-    if 2.0 * permutation.smallest_paired_p(n) > ALPHA / family or spread == 0.0:
-        return _student(mean, error, n - 1.0, margin, spread, "Student's t of the pairs")
-    up, down = (permutation.p_greater_paired(sign * differences) for sign in (1.0, -1.0))
-    p_same = max(
-        permutation.p_greater_paired(margin + differences),
-        permutation.p_greater_paired(margin - differences),
-    )
-    low, high = _t_interval(mean, error, n - 1.0)
-    return Evidence(
-        mean, low, high, min(1.0, 2.0 * min(up, down)), p_same, spread, "permutation of the pairs"
-    )
+    error = max(wider_of_pairs(baseline, candidate) * spread / math.sqrt(n), floor)
+    believed = StudentMixture.one(mean, max(error, _TINY), n - 1.0)
+    tests, method = _believed(believed), "Student's t of the pairs"
+    if spread > 0.0 and 2.0 * permutation.smallest_paired_p(n) <= ALPHA / family:
+        method = "permutation and Student's t of the pairs"
+        tests = tests.and_also(
+            lambda bound: permutation.p_greater_paired(differences - bound),
+            lambda bound: permutation.p_greater_paired(bound - differences),
+        )
+    return _judged(tests, believed, mean, margin, max(spread, error), method)
 
 
 def _repeated(
-    baseline: Sample, candidate: Sample, margin: float, family: int, floor: float
+    baseline: Sample,
+    candidate: Sample,
+    margin: float,
+    family: int,
+    floor: float,
+    dependence: FloatArray | None,
 ) -> Evidence:
     n, m = len(baseline), len(candidate)
-    parts = baseline.variance / n, candidate.variance / m
-    difference, square = candidate.mean - baseline.mean, sum(parts)
-    error = max(math.sqrt(square), floor)
-    degrees = _welch(parts, (n, m))
-    scatter = error / math.sqrt(1.0 / n + 1.0 / m)
-    listed = 2.0 * permutation.smallest_p(n, m) <= ALPHA / family
-    if not listed or math.sqrt(square) <= floor:
-        return _student(difference, error, degrees, margin, scatter, "Welch's t")
     first, second = baseline.values, candidate.values
-    up, down = permutation.p_greater(first, second), permutation.p_greater(second, first)
-    p_same = max(
-        permutation.p_greater(first, second + margin),
-        permutation.p_greater(second - margin, first),
-    )
-    least, most = permutation.null_quantiles(first, second, ALPHA)
-    return Evidence(
-        difference,
-        difference - most * error,
-        difference - least * error,
-        min(1.0, 2.0 * min(up, down)),
-        p_same,
-        scatter,
-        "permutation",
-    )
-
-
-def _welch(parts: tuple[float, float], sizes: tuple[int, int]) -> float:
-    """Return the degrees of freedom of Welch and Satterthwaite."""
-    below = sum(part**2 / (size - 1) for part, size in zip(parts, sizes, strict=True))
-    return sum(parts) ** 2 / below if below > 0.0 else float(sum(sizes) - 2)
-
-
-def _one_single(baseline: Sample, candidate: Sample, margin: float, floor: float) -> Evidence:
-    """One run on one side: it scatters as the repeats of the other side do."""
-    repeated = baseline if len(baseline) > 1 else candidate
-    spread = math.sqrt(repeated.variance)
-    n = len(repeated)
-    error = max(spread * math.sqrt(1.0 + 1.0 / n), floor)
+    ordered = dependence is not None and _shows_dependence(baseline, candidate)
+    prior = dependence if dependence is not None and ordered else np.ones(1)
+    found = two_samples(first, second, COEFFICIENTS[: prior.size], floor=floor)
+    method = f"one run against repeats, scatters within {widest_ratio(n, m):g} : 1"
+    wider, note = 1.0, "one run on one side"
+    if min(n, m) > 1:
+        method, note = "Student's t, any ratio of scatters", ""
+        wider = wider_of_samples(first, second)
+    believed = found.difference(prior, wider=wider)
+    tests = _believed(believed)
+    if min(n, m) > 1 and 2.0 * permutation.smallest_p(n, m) <= ALPHA / family:
+        method = f"permutation and {method}"
+        tests = tests.and_also(
+            lambda bound: permutation.p_greater(first + bound, second),
+            lambda bound: permutation.p_greater(second, first + bound),
+        )
+    if ordered:
+        method += ", neighbours alike or not"
+        note = _likeness(found.chances(prior)) or note
     difference = candidate.mean - baseline.mean
-    method = "one run against repeats, Student's t with the repeats' scatter"
-    return _student(difference, error, n - 1.0, margin, spread, method)
+    spreads = [sample.variance for sample in (baseline, candidate) if len(sample) > 1]
+    scatter = wider * math.sqrt(sum(spreads) / len(spreads))
+    return _judged(tests, believed, difference, margin, scatter, method, note)
 
 
-def _singles(baseline: Sample, candidate: Sample, margin: float) -> Evidence:
-    """One run on each side: the scores' own intervals, widened (Newcombe's square-and-add)."""
-    difference = candidate.mean - baseline.mean
-    below = math.hypot(
-        candidate.values[0] - candidate.low[0], baseline.high[0] - baseline.values[0]
-    )
-    above = math.hypot(
-        candidate.high[0] - candidate.values[0], baseline.values[0] - baseline.low[0]
-    )
-    below, above = WIDER * below, WIDER * above
-    method = "one run on each side, their own intervals doubled"
-    if not math.isfinite(below + above) or below + above <= 0.0:
-        method = "one run on each side, and no interval"
-        nothing = math.nan
-        return Evidence(difference, nothing, nothing, nothing, nothing, nothing, method)
-
-    def upper(value: float, width: float) -> float:
-        """Return the p-value of 'not above 0' of a value whose lower half-width is `width`."""
-        return float(stats.norm.sf(_NORMAL * value / width)) if width > 0 else float(value <= 0)
-
-    p_same = max(upper(difference + margin, below), upper(margin - difference, above))
-    p_up, p_down = upper(difference, below), upper(-difference, above)
-    return Evidence(
-        difference,
-        difference - below,
-        difference + above,
-        min(1.0, 2.0 * min(p_up, p_down)),
-        p_same,
-        (below + above) / 2.0 / _NORMAL / math.sqrt(2.0),
-        method,
-    )
-
-
-def _student(
-    difference: float, error: float, degrees: float, margin: float, scatter: float, method: str
+def _constants(
+    baseline: Sample, candidate: Sample, margin: float, floor: float, *, counted: bool
 ) -> Evidence:
-    if error <= 0.0:  # all values are 0
-        return Evidence(difference, difference, difference, 1.0, 0.0, 0.0, method)
-    p_difference = 2.0 * float(stats.t.sf(abs(difference) / error, degrees))
-    p_same = float(stats.t.sf((margin - abs(difference)) / error, degrees))
-    low, high = _t_interval(difference, error, degrees)
-    return Evidence(difference, low, high, p_difference, p_same, scatter, method)
+    """Compare values that do not scatter on either side, of runs that otherwise do.
+
+    Their own intervals say how they may scatter; where they have none, nothing but how often it
+    happens by chance that all of one side are on one side of the other.
+    """
+    n, m = len(baseline), len(candidate)
+    difference = candidate.mean - baseline.mean
+    own = math.hypot(_own_error(baseline), _own_error(candidate))
+    if counted or own > 0.0:
+        error = max(own, floor, _TINY)
+        believed = StudentMixture.one(difference, error, n + m - 2.0)
+        method = "values without scatter, Student's t by their own intervals"
+        return _judged(_believed(believed), believed, difference, margin, error, method)
+    least = permutation.smallest_p(n, m)
+    tests = _Tests(
+        lambda bound: least if difference > bound else 1.0,
+        lambda bound: least if difference < bound else 1.0,
+    )
+    believed = StudentMixture.one(difference, max(floor, _TINY), n + m - 2.0)
+    method = "values without scatter, permutation"
+    return _judged(tests, believed, difference, margin, math.nan, method)
 
 
-def _t_interval(difference: float, error: float, degrees: float) -> tuple[float, float]:
-    half = float(stats.t.isf(ALPHA / 2.0, degrees)) * error
-    return difference - half, difference + half
+def _own_error(sample: Sample) -> float:
+    """Return the standard error of the mean by the values' own intervals; 0 where unknown."""
+    halves = (sample.high - sample.low) / 2.0 / _NORMAL
+    known = halves[np.isfinite(halves)]
+    return float(np.sqrt(np.mean(known**2) / len(sample))) if known.size else 0.0
+
+
+def _likeness(chances: FloatArray) -> str:
+    """Return that neighbouring repeats are alike, if it is more likely than not."""
+    if float(chances[COEFFICIENTS >= _ALIKE].sum()) <= _SURE:
+        return ""
+    about = float(chances @ COEFFICIENTS)
+    return (
+        f"neighbouring repeats are alike (correlation about {about:.1f}), "
+        "so that they tell less than as many independent ones; `ab` takes turns instead"
+    )
+
+
+@dataclass(frozen=True)
+class _Tests:
+    """One-sided tests of a difference, as p-values by bound.
+
+    Attributes:
+        not_above: of 'the difference is not above the bound'.
+        not_below: of 'it is not below the bound'.
+    """
+
+    not_above: Callable[[float], float]
+    not_below: Callable[[float], float]
+
+    def and_also(
+        self, not_above: Callable[[float], float], not_below: Callable[[float], float]
+    ) -> _Tests:
+        """Return the tests that reject where these and the others do."""
+        return _Tests(
+            lambda bound: max(self.not_above(bound), not_above(bound)),
+            lambda bound: max(self.not_below(bound), not_below(bound)),
+        )
+
+
+def _believed(believed: StudentMixture) -> _Tests:
+    return _Tests(believed.below, believed.above)
+
+
+def _judged(
+    tests: _Tests,
+    believed: StudentMixture,
+    difference: float,
+    margin: float,
+    scatter: float,
+    method: str,
+    note: str = "",
+) -> Evidence:
+    return Evidence(
+        difference,
+        believed.quantile(ALPHA / 2.0),
+        believed.quantile(1.0 - ALPHA / 2.0),
+        min(1.0, 2.0 * min(tests.not_above(0.0), tests.not_below(0.0))),
+        min(1.0, 2.0 * min(tests.not_above(margin), tests.not_below(-margin))),
+        max(tests.not_above(-margin), tests.not_below(margin)),
+        scatter,
+        method,
+        note,
+    )

@@ -101,10 +101,3 @@ def p_greater_paired(differences: FloatArray) -> float:
 def _upper(statistics: FloatArray) -> float:
     seen = statistics[0] - _TIE * abs(statistics[0])
     return float(np.mean(statistics >= seen))
-
-
-def null_quantiles(first: FloatArray, second: FloatArray, alpha: float) -> tuple[float, float]:
-    """Return the alpha/2 and 1 - alpha/2 quantiles of Welch's t where the means are equal."""
-    centred = _statistics(first - first.mean(), second - second.mean())
-    low, high = np.quantile(centred, (alpha / 2.0, 1.0 - alpha / 2.0))
-    return float(low), float(high)

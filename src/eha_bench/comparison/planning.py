@@ -36,8 +36,8 @@ def more_repeats(
     sizes = np.arange(max(2, have + 1), MOST + have + 1)
     degrees = sizes - 1.0 if paired else 2.0 * (sizes - 1.0)
     error = scatter * np.sqrt((1.0 if paired else 2.0) / sizes)
-    if abs(difference) >= margin:  # decided where it is significant and seen to matter
-        least = np.maximum(stats.t.isf(alpha / 2.0, degrees) * error, margin)
+    if abs(difference) >= margin:  # decided where all of its interval matters
+        least = margin + stats.t.isf(alpha / 2.0, degrees) * error
         enough = abs(difference) - least >= stats.norm.ppf(_POWER) * error
     else:  # decided where it is shown to be below the margin and above its opposite
         steps = np.array([[margin - difference], [margin + difference]])

@@ -51,7 +51,7 @@ def sequential(
         looks: shares of the error rate by number of pairs, from `shares`.
     """
     pairs = min(len(baseline), len(candidate))
-    p_difference = p_same = 1.0
+    p_difference = p_beyond = p_same = 1.0
     found = None
     for count in range(1, pairs + 1):
         share = looks[min(count, len(looks)) - 1]
@@ -67,10 +67,28 @@ def sequential(
         )
         if share > 0.0:
             p_difference = min(p_difference, found.p_difference / share)
+            p_beyond = min(p_beyond, found.p_beyond / share)
             p_same = min(p_same, found.p_same / share)
     assert found is not None
     return replace(
-        found, p_difference=p_difference, p_same=p_same, method=f"{found.method}, looked at often"
+        found,
+        p_difference=p_difference,
+        p_beyond=p_beyond,
+        p_same=p_same,
+        method=f"{found.method}, looked at often",
+    )
+
+
+def spent(p_values: Sequence[float], looks: Sequence[float]) -> float:
+    """Return a p-value that holds at any time one may have stopped.
+
+    Args:
+        p_values: after 1, 2, ... pairs.
+        looks: shares of the error rate by number of pairs, from `shares`.
+    """
+    allowed = [looks[min(place, len(looks) - 1)] for place in range(len(p_values))]
+    return min(
+        (p / share for p, share in zip(p_values, allowed, strict=True) if share > 0.0), default=1.0
     )
 
 

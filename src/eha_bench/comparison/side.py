@@ -117,4 +117,7 @@ def load_side(path: str | Path) -> Side:
             where=Place(file=str(path)),
             hint="give a result folder, or a folder of several",
         )
-    return Side(str(path), tuple((Result.read(file), file.parent) for file in files))
+    found = [(Result.read(file), file.parent) for file in files]
+    # in the order of their runs: neighbours may be alike
+    found.sort(key=lambda entry: entry[0].provenance.get("started", ""))
+    return Side(str(path), tuple(found))

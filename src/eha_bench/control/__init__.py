@@ -1,1 +1,1 @@
-"""Controllers: from a reference and what the sensors read to a motor current, once a tick."""
+"""Controllers: from a reference and what the sensors read to a command, once a tick."""

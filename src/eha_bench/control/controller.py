@@ -23,13 +23,26 @@ class Context:
 
     Attributes:
         period: time between ticks, s.
-        current_limit: what the drive can deliver, A.
+        command_limit: the largest command that the target follows, SI.
         linkage: geometry of the joint, None where there is no joint.
+        command: what is commanded: `current_command`, `voltage`, `valve_command` ...
+        command_unit: its SI unit.
+        channel: what should follow the reference.
+        unit: its SI unit.
     """
 
     period: float
-    current_limit: float
+    command_limit: float
     linkage: Linkage | None = None
+    command: str = "current_command"
+    command_unit: str = "A"
+    channel: str = ""
+    unit: str = ""
+
+    @property
+    def current_limit(self) -> float:
+        """The largest command, where it is a current, A."""
+        return self.command_limit
 
 
 class NoGains(StrictModel):
@@ -50,7 +63,7 @@ class Controller(ABC):
 
     @abstractmethod
     def step(self, reference: float, reading: Mapping[str, float]) -> float:
-        """Return the motor current to ask for now, A.
+        """Return the command to give now, SI: a motor current in A, a voltage in V ...
 
         Args:
             reference: what the trial asks for now, SI, in the unit of the control mode.
@@ -64,8 +77,8 @@ def clip(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
 
 
-def a_current(command: object) -> float:
-    """Return what a controller asked for as a number, A.
+def as_command(command: object) -> float:
+    """Return what a controller asked for as a number, SI.
 
     Raises:
         TargetFault: it is none; most often a `step` without `return`.
@@ -73,6 +86,4 @@ def a_current(command: object) -> float:
     try:
         return float(command)  # type: ignore[arg-type]  # that is what is found out
     except (TypeError, ValueError) as error:
-        raise TargetFault(
-            f"the controller's step returned {command!r}, not a current in A"
-        ) from error
+        raise TargetFault(f"the controller's step returned {command!r}, not a number") from error

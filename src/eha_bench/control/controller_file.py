@@ -3,26 +3,32 @@
     pressure:    {controller: pressure_pi, k_1: 0.9 A/MPa, ...}
     joint_angle: {controller: my_package.module:MyController, ...}
 
-`controller` is a registered name or `module:Class`; the other keys are its gains. A mode without a
-block cannot be run, except `current`, which needs no controller.
+A mode is one of the well-known ones or any channel of the target. `controller` is a registered name
+or `module:Class`; the other keys are its gains. A mode without a block cannot be run, except the
+target's command, which needs no controller. `extends: base.yaml` (or a shipped name) takes over the
+blocks of another file, key by key: only what differs is written again.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from eha_bench.control.controller import Context, Controller, NoGains
 from eha_bench.control.open_loop import OpenLoop
 from eha_bench.core import plugins, yaml_file
-from eha_bench.core.errors import InputError, Place, PluginError
-from eha_bench.core.trial import ControlMode
+from eha_bench.core.errors import InputError, Mistakes, Place, PluginError
+from eha_bench.core.located import Located
+from eha_bench.core.shipped import by_name
+from eha_bench.core.trial import ControlMode, mode_named, passes_on
 from eha_bench.core.yaml_file import StrictModel
+
+_NO_MODES = ("description", "extends")
 
 Block = Annotated[
     dict[str, Any], Field(description="controller: name or module:Class, and its gains")
@@ -30,9 +36,15 @@ Block = Annotated[
 
 
 class ControllerFile(StrictModel):
-    """controller.yaml: the controller of each control mode."""
+    """controller.yaml: the controller of each control mode, by the mode's name."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
+    __pydantic_extra__: dict[str, Block]
 
     description: str = ""
+    extends: Annotated[
+        str | None, Field(description="controller.yaml whose blocks this one takes over")
+    ] = None
     current: Block | None = None
     pressure: Block | None = None
     joint_angle: Block | None = None
@@ -42,21 +54,37 @@ class ControllerFile(StrictModel):
 
 @dataclass(frozen=True)
 class ControllerSpec:
-    """A controller class with its gains; makes a fresh controller for every run."""
+    """A controller class with its gains; makes a fresh controller for every run.
+
+    Attributes:
+        kind, gains: the class, and what it is made with.
+        places: where each gain is written, by its key.
+    """
 
     kind: type[Controller]
     gains: StrictModel
+    places: Mapping[str, Place] = field(default_factory=dict)
 
     def make(self, context: Context) -> Controller:
-        """Return a controller at rest."""
-        return self.kind(self.gains, context)
+        """Return a controller at rest.
+
+        Raises:
+            InputError: a gain that does not suit the target, with its line.
+        """
+        try:
+            return self.kind(self.gains, context)
+        except InputError as error:
+            place = self.places.get(error.where.key)
+            if place is None:
+                raise
+            raise InputError(error.what, where=place, hint=error.hint) from error
 
 
 @dataclass(frozen=True)
 class ControllerSet:
     """One revision: a controller for each control mode, and the text it came from."""
 
-    by_mode: Mapping[ControlMode, ControllerSpec]
+    by_mode: Mapping[str, ControllerSpec]
     name: str = ""
     text: str = ""
 
@@ -71,63 +99,100 @@ class ControllerSet:
         Raises:
             InputError: the revision has no controller for that mode.
         """
-        spec = self.by_mode.get(mode)
+        spec = self.by_mode.get(mode.name)
         if spec is None:
-            if mode is ControlMode.CURRENT:
+            if passes_on(mode, context.command):
                 return OpenLoop(NoGains(), context)
             raise InputError(
-                f"no controller for mode '{mode.value}'",
+                f"no controller for mode '{mode.name}'",
                 where=Place(file=self.name),
-                hint=f"add a block '{mode.value}:' to the controller file",
+                hint=f"add a block '{mode.name}:' to the controller file, e.g. with `pid`",
             )
         return spec.make(context)
 
 
 def load_controllers(path: Path) -> ControllerSet:
-    """Read a controller.yaml; classes that it names are loaded.
+    """Read a controller.yaml and those it extends; classes that they name are loaded.
 
     Raises:
-        InputError: unknown controller or gain, wrong unit, with file, line and key.
+        InputError: unknown controller or gain, wrong unit, files that extend each other in a
+            circle, with file, line and key; further mistakes in `also`.
     """
-    content = yaml_file.load(path)
-    text = path.read_text(encoding="utf-8")
-    return parse_controllers(content, str(path), text, base=path.resolve().parent)
+    content = _extended(path, ())
+    text = yaml_file.read_text(path)
+    if "extends" in _own(path).value:
+        # a recording carries all of it
+        text = yaml_file.to_text(content.without("extends").value)
+    return parse_controllers(content, str(path), text)
 
 
-def parse_controllers(content: Any, name: str, text: str, *, base: Path | None) -> ControllerSet:
-    """Return the controllers that a YAML mapping holds."""
-    file = yaml_file.validate(ControllerFile, content, name)
+def _own(path: Path) -> Located:
+    text = yaml_file.read_text(path)
+    content = Located.of(yaml_file.parse(text, str(path)), str(path))
+    yaml_file.validate(
+        ControllerFile, content.value, str(path), places=content.place, kind="controller"
+    )
+    return content
+
+
+def _extended(path: Path, on_the_way: tuple[Path, ...]) -> Located:
+    """Return a file's content over that of the file it extends."""
+    content = _own(path)
+    base = content.value.get("extends")
+    if base is None:
+        return content
+    where = content.place(("extends",))
+    file = by_name("controllers", base) or yaml_file.named_file(path.parent, base, where)
+    if file.resolve() in (path.resolve(), *on_the_way):
+        raise InputError(
+            f"'{base}' extends this file in turn",
+            where=where,
+            hint="let one of the files stand on its own",
+        )
+    return content.over_all(_extended(file, (*on_the_way, path.resolve())))
+
+
+def parse_controllers(content: Located, name: str, text: str) -> ControllerSet:
+    """Return the controllers that a controller file holds.
+
+    Raises:
+        InputError: as `load_controllers`.
+    """
+    mistakes = Mistakes()
     by_mode = {}
-    for mode in ControlMode:
-        if getattr(file, mode.value) is not None:
-            by_mode[mode] = _parse_block(content, name, mode.value, base)
+    for key, block in content.items():
+        if key not in _NO_MODES and block.value is not None:
+            with mistakes:
+                mode = mode_named(key, where=block.place())
+                by_mode[mode.name] = _parse_block(block)
+    mistakes.tell()
     return ControllerSet(by_mode, name, text)
 
 
-def _parse_block(content: Any, name: str, mode: str, base: Path | None) -> ControllerSpec:
-    block = content[mode]
-    line = yaml_file.line_of(content, [mode, "controller"])
-    where = Place(file=name, line=line, key=f"{mode}.controller")
-    reference = block.get("controller")
+def _parse_block(block: Located) -> ControllerSpec:
+    where = block.place(("controller",))
+    reference = block.value.get("controller")
     if not isinstance(reference, str):
-        raise InputError("key 'controller' is missing", where=where)
+        raise InputError(
+            "key 'controller' is missing",
+            where=where,
+            hint=f"known: {', '.join(plugins.names('controllers'))}, or module:Class",
+        )
     try:
         if ":" in reference:
-            kind = plugins.load_class(reference, base=base)
+            kind = plugins.load_class(reference, base=Path(where.file).resolve().parent)
         else:
             kind = plugins.load("controllers", reference)
     except PluginError as error:
         raise InputError(error.what, where=where, hint=error.hint) from error
+    if kind is None:  # the file is only checked, and this stands in for what is not loaded
+        return ControllerSpec(OpenLoop, NoGains())
     if not (isinstance(kind, type) and issubclass(kind, Controller)):
-        raise InputError(f"'{reference}' is not a Controller class", where=where)
-    gains = {key: value for key, value in block.items() if key != "controller"}
-
-    def places(keys: Sequence[int | str]) -> Place:
-        path = (mode, *keys)
-        return Place(
-            file=name,
-            line=yaml_file.line_of(content, path),
-            key=".".join(str(key) for key in path),
+        raise InputError(
+            f"'{reference}' is not a Controller class",
+            where=where,
+            hint="derive it from eha_bench.control.controller.Controller",
         )
-
-    return ControllerSpec(kind, yaml_file.validate(kind.Gains, gains, name, places=places))
+    gains = block.without("controller")
+    checked = yaml_file.validate(kind.Gains, gains.value, where.file, places=gains.place)
+    return ControllerSpec(kind, checked, {key: gains.place((key,)) for key in gains.value})

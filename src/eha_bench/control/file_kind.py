@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from eha_bench.core.file_kind import FileKind
-from eha_bench.core.trial import ControlMode
+from eha_bench.core.trial import MODES
 
 
 def _check(path: Path) -> object:
@@ -21,4 +22,17 @@ def _schema() -> dict[str, Any]:
     return ControllerFile.model_json_schema()
 
 
-KIND = FileKind("controller", frozenset(mode.value for mode in ControlMode), 0, _check, _schema)
+def _blocks(content: Mapping[Any, Any]) -> bool:
+    """Whether a block of any name says what controller it is of."""
+    return any(isinstance(block, dict) and "controller" in block for block in content.values())
+
+
+KIND = FileKind(
+    "controller",
+    frozenset((*(mode.name for mode in MODES), "extends")),
+    0,
+    _check,
+    _schema,
+    recognises=_blocks,
+    use="a line 'controller: FILE' of a target or suite",
+)

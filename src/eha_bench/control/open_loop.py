@@ -1,4 +1,4 @@
-"""No control: the reference is the motor current."""
+"""No control: the reference is the command."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from eha_bench.core.yaml_file import StrictModel
 
 
 class OpenLoop(Controller):
-    """Passes a current reference (A) on to the drive, within what the drive can deliver."""
+    """Passes the reference on as the command, within what the target follows."""
 
     Gains = NoGains
 
     def __init__(self, gains: StrictModel, context: Context) -> None:
         del gains  # it has none
-        self._limit = context.current_limit
+        self._limit = context.command_limit
 
     def step(self, reference: float, reading: Mapping[str, float]) -> float:
-        """Return the reference, A."""
+        """Return the reference, SI."""
         del reading  # nothing is fed back
         return clip(reference, self._limit)

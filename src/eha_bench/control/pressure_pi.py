@@ -55,7 +55,7 @@ class PressurePI(Controller):
             + gains.k_i * self._integral
             - gains.k_2 * reading["motor_speed"]
         )
-        limit = self._context.current_limit
+        limit = self._context.command_limit
         saturated = abs(current) > limit and current * error > 0
         if not saturated and abs(error) > gains.dead_band:
             self._integral += error * self._context.period

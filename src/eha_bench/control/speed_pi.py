@@ -43,7 +43,7 @@ class SpeedPI(Controller):
         gains = self._gains
         error = clip(reference, gains.speed_limit) - reading["motor_speed"]
         current = gains.k_p * error + gains.k_i * self._integral
-        limit = self._context.current_limit
+        limit = self._context.command_limit
         self.saturated = abs(current) > limit
         if not self.saturated or current * error < 0:
             self._integral += error * self._context.period

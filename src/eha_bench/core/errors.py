@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import ClassVar
+from types import TracebackType
+from typing import ClassVar, Self
 
 BUG = 70
 """Exit status of a bug (EX_SOFTWARE of sysexits.h): no other status may pass for a verdict."""
@@ -35,6 +36,14 @@ class Place:
         return ", ".join(part for part in parts if part)
 
 
+_LONGEST = 1200
+"""Letters of a sentence about a recording: more are what the file is full of."""
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} ..."
+
+
 class EhaBenchError(Exception):
     """Root of all errors raised on purpose: one sentence, a place and a way out."""
 
@@ -42,14 +51,29 @@ class EhaBenchError(Exception):
     trace: str = ""
     """Traceback of a bug that ended what was done elsewhere; empty where a sentence says it all."""
 
-    def __init__(self, what: str, *, where: Place | None = None, hint: str = "") -> None:
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: Place | None = None,
+        hint: str = "",
+        also: tuple[EhaBenchError, ...] = (),
+    ) -> None:
         self.what = what
         self.where = where or Place()
         self.hint = hint
+        self.also = also
+        """Further mistakes in the same input."""
         place = str(self.where)
         text = f"{place}: {what}" if place else what
         # names from a file may hold line ends or a terminal's escape sequences
-        super().__init__(_CONTROL.sub(" ", f"{text}; {hint}" if hint else text))
+        self.sentence = _CONTROL.sub(" ", f"{text}; {hint}" if hint else text)
+        super().__init__(self.sentence + (f" (and {len(also)} more)" if also else ""))
+
+    @property
+    def each(self) -> tuple[EhaBenchError, ...]:
+        """This mistake and the further ones."""
+        return (self, *self.also)
 
 
 class InputError(EhaBenchError):
@@ -58,6 +82,17 @@ class InputError(EhaBenchError):
 
 class RecordingError(InputError):
     """A recording cannot be read: missing, empty, damaged, or not what it says it is."""
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: Place | None = None,
+        hint: str = "",
+        also: tuple[EhaBenchError, ...] = (),
+    ) -> None:
+        # names from a file may be without end as well
+        super().__init__(_shortened(what), where=where, hint=_shortened(hint), also=also)
 
 
 class MissingChannelError(InputError):
@@ -89,3 +124,41 @@ class TargetFault(EhaBenchError):
 
 class SafetyStop(TargetFault):
     """A safety limit stopped the run."""
+
+
+class Mistakes:
+    """Collects what is wrong in several parts of one input, so that all of it can be told at once.
+
+    Each part is looked at within `with mistakes:`; in the end `tell` raises what was found.
+    """
+
+    def __init__(self) -> None:
+        self._found: list[EhaBenchError] = []
+
+    def __enter__(self) -> Self:
+        """Begin a part."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        """Note a mistake and go on after it; anything else is raised."""
+        if not isinstance(error, InputError):
+            return False
+        known = {(item.where, item.what) for item in self._found}
+        self._found += [item for item in error.each if (item.where, item.what) not in known]
+        return True
+
+    def tell(self) -> None:
+        """Raise the first mistake, with the others in `also`; do nothing where there is none.
+
+        Raises:
+            InputError: there is a mistake.
+        """
+        if self._found:
+            first, *others = self._found
+            kind = PluginError if isinstance(first, PluginError) else InputError
+            raise kind(first.what, where=first.where, hint=first.hint, also=tuple(others))

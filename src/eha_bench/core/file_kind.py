@@ -6,13 +6,14 @@ A kind is one object, registered as an entry point of `eha_bench.file_kinds`, so
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from eha_bench.core import plugins, yaml_file
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.near_miss import suggest
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,11 @@ class FileKind:
         priority: kinds are tried from high to low; more telling keys stand higher.
         check: reads a file and raises an InputError where it is wrong.
         schema: returns the JSON Schema.
+        remarks: says what is allowed in a checked file, and may not be meant.
+        model: reads the file as a model that can be simulated; None for files that hold none.
+        recognises: whether content without any of the keys is of this kind all the same.
+        title: what a sentence calls it, `name` if that will do.
+        use: the command that takes it.
 
     All kinds are loaded to tell which one a file is, so a module that registers one imports what
     checks it inside these functions.
@@ -35,6 +41,15 @@ class FileKind:
     priority: int
     check: Callable[[Path], object]
     schema: Callable[[], dict[str, Any]]
+    remarks: Callable[[Any], Sequence[str]] = field(default=lambda _: ())
+    model: Callable[[Path], object] | None = None
+    recognises: Callable[[Mapping[Any, Any]], bool] | None = None
+    title: str = ""
+    use: str = ""
+
+    def __post_init__(self) -> None:
+        """Call a kind by its name where nothing else is said."""
+        object.__setattr__(self, "title", self.title or self.name)
 
 
 def kinds() -> tuple[FileKind, ...]:
@@ -54,6 +69,16 @@ def kind_named(name: str) -> FileKind:
     return kind
 
 
+def kind_by_keys(content: object) -> FileKind | None:
+    """Return the kind that the top-level keys tell; None where they tell none."""
+    if not isinstance(content, dict) or not content:
+        return None
+    for kind in kinds():
+        if kind.keys & set(content):
+            return kind
+    return next((kind for kind in kinds() if kind.recognises and kind.recognises(content)), None)
+
+
 def kind_of(path: Path) -> FileKind:
     """Return the kind of a YAML file by its top-level keys.
 
@@ -61,10 +86,19 @@ def kind_of(path: Path) -> FileKind:
         InputError: not YAML, or of no known kind.
     """
     content = yaml_file.peek(path)
-    keys = set(content) if isinstance(content, dict) else set()
-    for kind in kinds():
-        if kind.keys & keys:
-            return kind
+    found = kind_by_keys(content)
+    if found is not None:
+        return found
+    telling = [key for kind in kinds() for key in kind.keys]
+    for key in content if isinstance(content, dict) else ():
+        near = suggest(str(key), telling)
+        if near.startswith("did you mean"):
+            line = yaml_file.line_of(content, [key])
+            raise InputError(
+                f"key '{key}' tells no kind of file",
+                where=Place(file=str(path), line=line, key=str(key)),
+                hint=near,
+            )
     known = "; ".join(f"{kind.name} ({', '.join(sorted(kind.keys))})" for kind in kinds())
     raise InputError(
         "is of no known kind",

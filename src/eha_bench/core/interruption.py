@@ -2,7 +2,8 @@
 
 A KeyboardInterrupt can be raised anywhere, also inside a finalizer, where Python only reports it
 and goes on. While a suite runs or a model is fitted, the first SIGINT (or SIGTERM, as a nightly job
-sends it) is therefore only noted; a second one interrupts at once.
+sends it, or SIGHUP, as a terminal sends it that is closed) is therefore only noted; a second one
+interrupts at once. Whoever started the command with `nohup` keeps SIGHUP ignored.
 """
 
 from __future__ import annotations
@@ -15,11 +16,15 @@ from contextvars import ContextVar
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
+
+
+_ASKED_FOR = (signal.SIGINT, signal.SIGTERM)
+"""Signals that are noted even where whoever started the command had them ignored."""
 
 
 class Interruption:
-    """A context in which a first SIGINT or SIGTERM is noted instead of raised.
+    """A context in which a first SIGINT, SIGTERM or SIGHUP is noted instead of raised.
 
     Outside of the main thread signals cannot be caught, and it does nothing.
     """
@@ -36,6 +41,8 @@ class Interruption:
         """Start noting signals."""
         if threading.current_thread() is threading.main_thread():
             for number in _SIGNALS:
+                if number not in _ASKED_FOR and signal.getsignal(number) is signal.SIG_IGN:
+                    continue
                 self._before[number] = signal.signal(number, self._note)
         return self
 

@@ -7,6 +7,18 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 
+def later(module: str, name: str) -> Callable[..., Any]:
+    """Return a function of another room that is imported when it is first called.
+
+    With it an object of the floor offers what rooms above it do: `recording.plot()`.
+    """
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        return getattr(importlib.import_module(module), name)(*arguments, **options)
+
+    return call
+
+
 def lazy_names(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """Return a package's `__getattr__` (PEP 562): name -> the object in its home module.
 

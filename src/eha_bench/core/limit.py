@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from enum import StrEnum
+
+_SIDE = re.compile(r"(<=|>=) (\S+?)(?=,|\s|$)")
 
 
 @dataclass(frozen=True)
@@ -13,6 +16,18 @@ class Bounds:
 
     low: float = -math.inf
     high: float = math.inf
+
+    @staticmethod
+    def read(text: str) -> Bounds | None:
+        """Return the bounds that `AcceptanceLimit.in_si` wrote; None for any other text."""
+        sides = dict(_SIDE.findall(text))
+        try:
+            low, high = (float(sides[sign]) if sign in sides else None for sign in (">=", "<="))
+        except ValueError:
+            return None
+        if low is None and high is None:
+            return None
+        return Bounds(-math.inf if low is None else low, math.inf if high is None else high)
 
     def holds(self, value: float) -> bool:
         """Whether the value lies inside; NaN never does."""
@@ -69,8 +84,12 @@ class AcceptanceLimit:
 
 @dataclass(frozen=True)
 class SafetyLimit:
-    """Bounds (SI) that a channel must keep during a run; outside of them the run stops."""
+    """Bounds (SI) that a channel must keep during a run; outside of them the run stops.
+
+    `unit` is that of a channel that eha_bench does not know, by the suite's quantities.
+    """
 
     channel: str
     bounds: Bounds
     text: str
+    unit: str = ""

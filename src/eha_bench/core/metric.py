@@ -14,6 +14,7 @@ from eha_bench.core import plugins
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, PluginError
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.signal import FromRecording, Signal
 
 
 class Better(StrEnum):
@@ -24,6 +25,24 @@ class Better(StrEnum):
     NEARER_ZERO = "nearer to 0"
     NEARER_ONE = "nearer to 1"
     UNKNOWN = ""
+
+
+class Needs(StrEnum):
+    """What a trial's signal must have for a metric to have a value at all."""
+
+    STEP = "a step"
+    SINE = "a sine"
+    BAND = "a sweep, a multisine or a stepped sine"
+
+    def met_by(self, signal: Signal) -> bool:
+        """Whether a signal has it; one that is known from a recording only may have anything."""
+        if isinstance(signal, FromRecording):
+            return True
+        if self is Needs.STEP:
+            return bool(signal.edges)
+        if self is Needs.SINE:
+            return bool(signal.tones)
+        return bool(signal.lines or signal.sweeps) or len(signal.tones) > 1
 
 
 @dataclass(frozen=True)
@@ -38,6 +57,9 @@ class MetricSpec:
         channel: the channel it is scored on unless the suite says otherwise: None for the channel
             that should follow the reference, "" for the recording as a whole.
         better: which of two values is the better one; UNKNOWN where that depends on the purpose.
+        needs: what the signal must have; None where any will do.
+        matters: the smallest difference between two results that matters where the suite does not
+            say, as a suite writes it; "" for the one by unit (`matters_by_default`).
     """
 
     id: str
@@ -45,6 +67,8 @@ class MetricSpec:
     unit: str | None = ""
     channel: str | None = None
     better: Better = Better.UNKNOWN
+    needs: Needs | None = None
+    matters: str = ""
 
     def unit_on(self, channel: str) -> str:
         """Return the SI unit of the metric's value when scored on `channel`."""
@@ -57,32 +81,70 @@ class MetricSpec:
 
 _ALL: Final = (
     MetricSpec(
-        "rise_time", "10 to 90 % of the step, interpolated crossings", "s", better=Better.LOWER
+        "rise_time",
+        "10 to 90 % of the step, interpolated crossings",
+        "s",
+        better=Better.LOWER,
+        needs=Needs.STEP,
     ),
     MetricSpec(
-        "response_time", "from the command's edge to 95 % of the step", "s", better=Better.LOWER
+        "response_time",
+        "from the command's edge to 95 % of the step",
+        "s",
+        better=Better.LOWER,
+        needs=Needs.STEP,
     ),
     MetricSpec(
         "settling_time",
         "from the edge until within 2 % of the step for good",
         "s",
         better=Better.LOWER,
+        needs=Needs.STEP,
     ),
     MetricSpec(
-        "overshoot", "beyond the final level, as a fraction of the step", better=Better.LOWER
+        "overshoot",
+        "beyond the final level, as a fraction of the step",
+        better=Better.LOWER,
+        needs=Needs.STEP,
+        matters="0.01",
     ),
     MetricSpec(
-        "undershoot", "before the initial level, as a fraction of the step", better=Better.LOWER
+        "undershoot",
+        "before the initial level, as a fraction of the step",
+        better=Better.LOWER,
+        needs=Needs.STEP,
+        matters="0.01",
     ),
-    MetricSpec("peak", "the extreme value after the edge, in the direction of the step", None),
-    MetricSpec("peak_time", "from the edge to the peak", "s", better=Better.LOWER),
     MetricSpec(
-        "delay_time", "from the command's edge to 50 % of the step", "s", better=Better.LOWER
+        "peak",
+        "the extreme value after the edge, in the direction of the step",
+        None,
+        needs=Needs.STEP,
     ),
     MetricSpec(
-        "steady_state_error", "reference minus final level", None, better=Better.NEARER_ZERO
+        "peak_time", "from the edge to the peak", "s", better=Better.LOWER, needs=Needs.STEP
     ),
-    MetricSpec("holding_current", "mean current while the final level is held", "A", "current"),
+    MetricSpec(
+        "delay_time",
+        "from the command's edge to 50 % of the step",
+        "s",
+        better=Better.LOWER,
+        needs=Needs.STEP,
+    ),
+    MetricSpec(
+        "steady_state_error",
+        "reference minus final level",
+        None,
+        better=Better.NEARER_ZERO,
+        needs=Needs.STEP,
+    ),
+    MetricSpec(
+        "holding_current",
+        "mean current while the final level is held",
+        "A",
+        "current",
+        needs=Needs.STEP,
+    ),
     MetricSpec(
         "tracking_rms", "root mean square of reference minus measurement", None, better=Better.LOWER
     ),
@@ -93,37 +155,94 @@ _ALL: Final = (
         better=Better.LOWER,
     ),
     MetricSpec(
-        "tracking_nrmse", "tracking_rms over the span of the reference", better=Better.LOWER
+        "tracking_nrmse",
+        "tracking_rms over the span of the reference",
+        better=Better.LOWER,
+        matters="2 % of baseline",
     ),
     MetricSpec(
         "amplitude_ratio",
         "fundamental of the measurement over that of the reference",
         better=Better.NEARER_ONE,
+        needs=Needs.SINE,
     ),
     MetricSpec(
         "phase_lag",
         "phase of the reference minus that of the measurement",
         "rad",
         better=Better.NEARER_ZERO,
+        needs=Needs.SINE,
     ),
     MetricSpec(
         "time_lag",
         "phase lag as time at the frequency of the fundamental",
         "s",
         better=Better.NEARER_ZERO,
-    ),
-    MetricSpec("distortion", "total harmonic distortion of the measurement", better=Better.LOWER),
-    MetricSpec("bandwidth_3db", "where the gain has fallen by 3 dB", "Hz", better=Better.HIGHER),
-    MetricSpec(
-        "bandwidth_90deg", "where the phase lag reaches 90 degrees", "Hz", better=Better.HIGHER
+        needs=Needs.SINE,
     ),
     MetricSpec(
-        "loop_overruns", "ticks at which the control loop was late", "", "", better=Better.LOWER
+        "distortion",
+        "total harmonic distortion of the measurement",
+        better=Better.LOWER,
+        needs=Needs.SINE,
+        matters="0.005",
+    ),
+    MetricSpec(
+        "bandwidth_3db",
+        "where the gain has fallen by 3 dB",
+        "Hz",
+        better=Better.HIGHER,
+        needs=Needs.BAND,
+    ),
+    MetricSpec(
+        "bandwidth_90deg",
+        "where the phase lag reaches 90 degrees",
+        "Hz",
+        better=Better.HIGHER,
+        needs=Needs.BAND,
+    ),
+    MetricSpec(
+        "loop_overruns",
+        "ticks at which the control loop was late",
+        "",
+        "",
+        better=Better.LOWER,
+        matters="1",
     ),
 )
 
 METRICS: Final[dict[str, MetricSpec]] = {spec.id: spec for spec in _ALL}
 """Specifications of the built-in metrics by id."""
+
+
+_MATTERS_NEAR_ZERO: Final = {
+    "Pa": "0.05 MPa", "rad": "0.2 deg", "rad/s": "1 rpm", "m": "0.05 mm", "m/s": "0.5 mm/s",
+    "N": "10 N", "N*m": "0.1 N*m", "A": "0.05 A", "K": "0.5 K", "s": "0.5 ms",
+}  # fmt: skip
+_MATTERS: Final = "2 %"
+_MATTERS_OF_FRACTION: Final = "0.02"
+
+
+def matters_by_default(metric: str, unit: str) -> str:
+    """Return the smallest difference that matters where no suite says, as a suite writes it.
+
+    The metric's own; else 2 % of the baseline, 0.02 of what has no unit, and of an error that
+    should be 0 (of which a share means nothing) a quantity by its unit. It is fixed: it does not
+    grow with the scatter.
+
+    Args:
+        metric: id; also of one that is not installed.
+        unit: SI unit of the values.
+    """
+    try:
+        spec = metric_spec(metric)
+    except (InputError, PluginError):
+        return _MATTERS if unit else _MATTERS_OF_FRACTION
+    if spec.matters:
+        return spec.matters
+    if spec.better is Better.NEARER_ZERO:
+        return _MATTERS_NEAR_ZERO.get(unit, _MATTERS if unit else _MATTERS_OF_FRACTION)
+    return _MATTERS if unit else _MATTERS_OF_FRACTION
 
 
 def metric_spec(name: str, *, where: Place | None = None) -> MetricSpec:

@@ -6,11 +6,14 @@ import difflib
 from collections.abc import Iterable
 
 
-def suggest(name: str, known: Iterable[str]) -> str:
-    """Return a hint such as `did you mean 'sine'?`, or the names there are."""
+def suggest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
+    """Return a hint such as `did you mean 'sine'?`, or the names there are.
+
+    `likeness` (0 to 1) is what a name needs to be suggested: more where any name is allowed.
+    """
     names = list(known)
     folded = {other.lower(): other for other in reversed(names)}
-    close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=likeness)
     if close:
         return f"did you mean '{folded[close[0]]}'?"
     return f"known: {', '.join(names)}" if names else "there are none"

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -55,8 +58,31 @@ def load(group: str, name: str, *, where: Place | None = None) -> Any:
         ) from error
 
 
-def load_class(reference: str, *, base: Path | None = None, where: Place | None = None) -> Any:
+_unseen: ContextVar[list[str] | None] = ContextVar("unseen", default=None)
+
+
+@contextmanager
+def running_nothing() -> Iterator[list[str]]:
+    """Import no class that a file names, as long as files are only checked.
+
+    Yields:
+        The classes that were not looked into, in the order in which they were met.
+    """
+    found: list[str] = []
+    token = _unseen.set(found)
+    try:
+        yield found
+    finally:
+        _unseen.reset(token)
+
+
+def load_class(
+    reference: str, *, base: Path | None = None, where: Place | None = None
+) -> Any | None:
     """Import `module:Class`; `base` is put first on the search path (the YAML file's folder).
+
+    Returns:
+        The class; None inside of `running_nothing`.
 
     Raises:
         PluginError: the text is not `module:Class`, or it cannot be imported.
@@ -64,6 +90,10 @@ def load_class(reference: str, *, base: Path | None = None, where: Place | None 
     module_name, colon, attribute = reference.partition(":")
     if not colon or not module_name or not attribute:
         raise PluginError(f"'{reference}' is not of the form module:Class", where=where)
+    unseen = _unseen.get()
+    if unseen is not None:
+        unseen.append(reference)
+        return None
     if base is not None and str(base) not in sys.path:
         sys.path.insert(0, str(base))
     try:

@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
+from eha_bench.core.lazy import later
+from eha_bench.core.showing import html_table
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+
+_plot = later("eha_bench.report.plot", "plot_recording")
 
 
 def _is_frozen(array: Any) -> bool:
@@ -49,6 +54,7 @@ class Recording:
         attachments: files carried inside the recording, by name (suite, model, controller).
         notes: what the reader did or found (resampling, gaps, a torn end), one sentence each.
         source: the file it came from, for messages.
+        damaged: names of attachments that the file holds, but damaged; they are left out.
     """
 
     time: FloatArray
@@ -59,6 +65,7 @@ class Recording:
     attachments: Mapping[str, bytes] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     source: str = ""
+    damaged: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Freeze the arrays and check that they share one increasing clock."""
@@ -144,6 +151,36 @@ class Recording:
     def with_values(self, values: Mapping[str, FloatArray]) -> Recording:
         """Return a copy with channels added or replaced."""
         return replace(self, values={**self.values, **values})
+
+    def __repr__(self) -> str:
+        """What it is in one line: samples, duration, rate, channels."""
+        span = self.time[-1] - self.time[0] if len(self) > 1 else 0.0
+        rate = f" at {1.0 / self.sample_period:.6g} Hz" if len(self) > 1 else ""
+        name = f" of {self.source}" if self.source else ""
+        return f"<Recording{name}: {len(self)} samples over {span:.4g} s{rate}, {', '.join(self)}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a line a channel."""
+        rows = []
+        for name in self:
+            values = self[name]
+            known = np.isfinite(values)
+            low, high = (values[known].min(), values[known].max()) if known.any() else (np.nan,) * 2
+            rows.append((name, self.unit(name), float(low), float(high), int((~known).sum())))
+        return html_table(
+            repr(self).strip("<>").partition(", ")[0],
+            ("channel", "unit", "smallest", "largest", "missing"),
+            rows,
+        )
+
+    def plot(self, *channels: str) -> Figure:
+        """Return a matplotlib figure of the channels named, or of all that show more than noise.
+
+        Raises:
+            MissingChannelError: a channel is not there.
+        """
+        figure: Figure = _plot(self, *channels)
+        return figure
 
     def to_frame(self) -> pd.DataFrame:
         """Return a pandas DataFrame of all channels, indexed by time in s."""

@@ -5,18 +5,27 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from eha_bench.core.atomic_file import write_text
+from eha_bench.core.budget import Budget, Contribution, Evaluation
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
+from eha_bench.core.lazy import later
 from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.score import Measure, Score, ScoreStatus
+from eha_bench.core.showing import html_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 SCHEMA_VERSION = 1
+
+_plot = later("eha_bench.report.plot", "plot_trial")
 
 
 class Status(StrEnum):
@@ -52,11 +61,26 @@ class TrialResult:
     definition: str = ""
 
 
+class MissedLimit(NamedTuple):
+    """A limit that was not kept, or (without a metric) a run that was stopped; values are SI."""
+
+    trial: str
+    repeat: int
+    metric: str
+    status: str
+    value: float
+    unit: str
+    limit: str
+    reason: str
+
+
 @dataclass(frozen=True)
 class Result:
     """All trials of a suite on a target, with where they came from.
 
-    `repeats` sums up every metric over the repeats of its trial, where there are several.
+    `repeats` sums up every metric over the repeats of its trial, where there are several;
+    `not_run` names the trials and repeats that a stopped run did not come to; `folder` is where it
+    lies with its recordings, None for one that was not written.
     """
 
     suite: str
@@ -66,6 +90,84 @@ class Result:
     provenance: Mapping[str, str] = field(default_factory=dict)
     description: str = ""
     repeats: tuple[RepeatsSummary, ...] = ()
+    not_run: tuple[tuple[str, int], ...] = ()
+    folder: Path | None = field(default=None, compare=False)
+
+    @property
+    def failed(self) -> tuple[MissedLimit, ...]:
+        """Limits that were not kept, and what stopped a run; in the order of the suite."""
+        found = []
+        for run in self.trials:
+            missed = [score for score in run.scores if score.limit and score.status.rejects]
+            found += [
+                MissedLimit(
+                    run.id, run.repeat, item.metric, item.status.value, item.value, item.unit,
+                    item.limit, "" if math.isfinite(item.value) else item.measure.reason,
+                )
+                for item in missed
+            ]  # fmt: skip
+            if run.status in (Status.FAULT, Status.INCOMPLETE) and not missed:
+                found.append(
+                    MissedLimit(
+                        run.id, run.repeat, "", run.status.value, math.nan, "", "", run.reason
+                    )
+                )
+        return tuple(found)
+
+    def __repr__(self) -> str:
+        """What it is in one line: suite, target, verdict, limits kept."""
+        limits = [score for run in self.trials for score in run.scores if score.limit]
+        kept = sum(not score.status.rejects for score in limits)
+        told = f"{kept} of {len(limits)} limits kept" if limits else "no limits"
+        where = f", in {self.folder}" if self.folder else ""
+        return f"<Result of {self.suite} on {self.target}: {self.status.value}, {told}{where}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a line a limit."""
+        rows = [
+            (run.id, run.repeat, score.metric, score.value, score.unit, score.limit,
+             score.status.value.replace("_", " "))
+            for run in self.trials
+            for score in run.scores
+            if score.limit
+        ]  # fmt: skip
+        rows.sort(key=lambda row: row[-1] == ScoreStatus.PASSED.value)
+        names = ("trial", "repeat", "metric", "value", "unit", "limit", "verdict")
+        return html_table(repr(self).strip("<>"), names, rows)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a pandas DataFrame with a row for every score of every run; values are SI."""
+        import pandas as pd
+
+        rows = [
+            {
+                "trial": run.id,
+                "repeat": run.repeat,
+                "metric": score.metric,
+                "channel": score.channel,
+                "value": score.measure.value,
+                "low": score.measure.low,
+                "high": score.measure.high,
+                "unit": score.unit,
+                "limit": score.limit,
+                "status": score.status.value,
+                "reason": score.measure.reason,
+            }
+            for run in self.trials
+            for score in run.scores
+        ]
+        names = ("trial", "repeat", "metric", "channel", "value", "low", "high", "unit", "limit",
+                 "status", "reason")  # fmt: skip
+        return pd.DataFrame(rows, columns=list(names))
+
+    def plot(self, trial: str, repeat: int = 0) -> Figure:
+        """Return a matplotlib figure of a trial's recording.
+
+        Raises:
+            InputError: there is no such trial, or its recording is not there.
+        """
+        figure: Figure = _plot(self, trial, repeat)
+        return figure
 
     @staticmethod
     def overall(trials: tuple[TrialResult, ...], *, complete: bool) -> Status:
@@ -106,7 +208,7 @@ class Result:
                 hint="read it with the eha-bench that wrote it, or run the suite again",
             )
         try:
-            return _from_dict(data)
+            return replace(_from_dict(data), folder=path.parent)
         except _WRONG as error:
             raise InputError(
                 f"not a result ({_why(error)})", where=Place(file=str(path))
@@ -135,6 +237,7 @@ def _to_dict(result: Result) -> dict[str, Any]:
             for trial in result.trials
         ],
         "repeats": [summary.to_dict() for summary in result.repeats],
+        "not_run": [{"id": trial, "repeat": repeat} for trial, repeat in result.not_run],
         "provenance": dict(result.provenance),
     }
 
@@ -152,6 +255,17 @@ def _score_to_dict(score: Score) -> dict[str, Any]:
         "matters": score.matters,
         "status": score.status.value,
         "reason": score.measure.reason,
+        "budget": [_contribution_to_dict(part) for part in score.measure.budget.parts],
+    }
+
+
+def _contribution_to_dict(part: Contribution) -> dict[str, Any]:
+    return {
+        "source": part.source,
+        "type": part.evaluation.value,
+        "standard": finite_or_none(part.standard),
+        "freedom": finite_or_none(part.freedom),
+        "distribution": "rectangular" if part.rectangular else "normal",
     }
 
 
@@ -187,6 +301,17 @@ def _float(value: Any) -> float:
         raise ValueError(f"{value!r} is not a number") from error
 
 
+def _contribution(data: Mapping[str, Any]) -> Contribution:
+    freedom = data.get("freedom")
+    return Contribution(
+        source=str(data["source"]),
+        evaluation=Evaluation(data["type"]),
+        standard=_float(data["standard"]),
+        freedom=math.inf if freedom is None else _float(freedom),
+        rectangular=data.get("distribution") == "rectangular",
+    )
+
+
 def _score(data: Mapping[str, Any]) -> Score:
     return Score(
         metric=str(data["metric"]),
@@ -196,6 +321,7 @@ def _score(data: Mapping[str, Any]) -> Score:
             _float(data.get("low")),
             _float(data.get("high")),
             str(data.get("reason") or ""),
+            Budget(_each(data, "budget", _contribution)),
         ),
         unit=str(data.get("unit") or ""),
         status=ScoreStatus(data["status"]),
@@ -229,5 +355,8 @@ def _from_dict(data: Mapping[str, Any]) -> Result:
         trials=_each(data, "trials", _trial),
         provenance={str(k): str(v) for k, v in (data.get("provenance") or {}).items()},
         description=str(data.get("description", "")),
+        not_run=_each(
+            data, "not_run", lambda item: (str(item["id"]), int(_float(item.get("repeat", 0))))
+        ),
         repeats=_each(data, "repeats", RepeatsSummary.from_dict),
     )

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
+from eha_bench.core.budget import UNSAID, Budget
+
 
 class ScoreStatus(StrEnum):
     """What the acceptance limit says of a score."""
@@ -30,12 +32,14 @@ class Measure:
         value: SI; NaN when it cannot be computed.
         low, high: bounds of the 95 % interval; NaN when unknown.
         reason: why there is no value, or the convention used.
+        budget: what the interval is made of; empty where nobody said.
     """
 
     value: float
     low: float = math.nan
     high: float = math.nan
     reason: str = ""
+    budget: Budget = UNSAID
 
     @staticmethod
     def none(reason: str) -> Measure:

@@ -4,31 +4,107 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import ClassVar, Final
 
-from eha_bench.core.channels import unit_of
+from eha_bench.core.channels import CHANNELS, unit_of
+from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit, SafetyLimit
 from eha_bench.core.margin import Margin
+from eha_bench.core.near_miss import suggest
 from eha_bench.core.signal import FloatArray, Signal
 
+_MISSPELT = 0.9
+"""So like a known name is one that was meant to be it; a channel of its own is less so."""
 
-class ControlMode(StrEnum):
-    """What the reference means."""
 
-    CURRENT = "current"
-    PRESSURE = "pressure"
-    JOINT_ANGLE = "joint_angle"
-    MOTOR_SPEED = "motor_speed"
-    PISTON_POSITION = "piston_position"
+@dataclass(frozen=True)
+class ControlMode:
+    """What the reference means: the channel that should follow it.
 
-    @property
-    def unit(self) -> str:
-        """SI unit of the reference."""
-        return unit_of(self.channel)
+    A plant's command is a mode as well: the reference is then passed on to it.
+
+    Attributes:
+        name: a channel, or `pressure` for the pressure difference.
+        declared: SI unit of a channel that eha_bench does not know, by the suite's quantities;
+            None where they name none.
+        where: where the suite says it.
+    """
+
+    name: str
+    declared: str | None = field(default=None, compare=False)
+    where: Place = field(default=Place(), compare=False, repr=False)
+
+    CURRENT: ClassVar[ControlMode]
+    PRESSURE: ClassVar[ControlMode]
+    JOINT_ANGLE: ClassVar[ControlMode]
+    MOTOR_SPEED: ClassVar[ControlMode]
+    PISTON_POSITION: ClassVar[ControlMode]
 
     @property
     def channel(self) -> str:
-        """The measured channel that should follow the reference."""
-        return {"pressure": "pressure_difference"}.get(self.value, self.value)
+        """The channel that should follow the reference."""
+        return _CHANNELS.get(self.name, self.name)
+
+    @property
+    def known(self) -> bool:
+        """Whether eha_bench knows the channel and its unit."""
+        return self.channel in CHANNELS
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the reference; "" where it is not known."""
+        return unit_of(self.channel) if self.known else self.declared or ""
+
+
+_CHANNELS: Final = {"pressure": "pressure_difference"}
+COMMANDS: Final = ("current_command", "voltage")
+"""What controllers command, among the channels that eha_bench knows."""
+_SPOKEN: Final = {"current_command": "current"}
+"""Commands that a mode calls by what they command."""
+MODES: Final = tuple(
+    ControlMode(name)
+    for name in ("current", "pressure", "joint_angle", "motor_speed", "piston_position")
+)
+"""Modes of the shipped suites and controllers."""
+(
+    ControlMode.CURRENT,
+    ControlMode.PRESSURE,
+    ControlMode.JOINT_ANGLE,
+    ControlMode.MOTOR_SPEED,
+    ControlMode.PISTON_POSITION,
+) = MODES
+
+
+def mode_named(name: str, declared: str | None = None, where: Place | None = None) -> ControlMode:
+    """Return the mode that a name stands for: a channel, or one of `MODES`.
+
+    Args:
+        name: as in a suite. declared: SI unit of a channel that eha_bench does not know.
+        where: where it is written.
+
+    Raises:
+        InputError: `reference`, or a name so like a known one that it is most likely misspelt.
+    """
+    spoken = {channel: mode for mode, channel in _CHANNELS.items()}.get(name, name)
+    mode = ControlMode(spoken, declared, where or Place())
+    if name == "reference":
+        raise InputError("the reference cannot follow itself", where=where)
+    names = [item.name for item in MODES]
+    hint = "" if mode.known else suggest(name, [*names, *CHANNELS], likeness=_MISSPELT)
+    if hint.startswith("did you mean"):
+        raise InputError(f"unknown mode '{name}'", where=where, hint=hint)
+    return mode
+
+
+def passes_on(mode: ControlMode, command: str) -> bool:
+    """Whether a mode asks for a target's command itself, which needs no controller."""
+    return mode.channel in (command, _SPOKEN.get(command))
+
+
+def command_of(mode: ControlMode) -> str:
+    """Return the channel that a mode which is passed on commands: `current_command` of current."""
+    spoken = {name: command for command, name in _SPOKEN.items()}
+    return spoken.get(mode.name, mode.channel)
 
 
 class Piston(StrEnum):
@@ -52,12 +128,26 @@ class Setup:
     Attributes:
         piston: locked or free.
         bypass: closed or open.
-        initial: start values by channel name (`joint_angle` or `piston_position`), SI.
+        initial: start values by channel, SI.
+        units: SI units of those among them that eha_bench does not know, by the suite's quantities.
     """
 
     piston: Piston = Piston.FREE
     bypass: Bypass = Bypass.CLOSED
     initial: dict[str, float] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class AskedLevel:
+    """A level that a trial asks of the channel it controls, SI, and where that was written.
+
+    `low` and `high` differ for what swings about a level.
+    """
+
+    low: float
+    high: float
+    where: Place
 
 
 @dataclass(frozen=True)
@@ -80,6 +170,7 @@ class Trial:
         margins: smallest difference that matters between two results, by metric.
         source: the trial as JSON text, so that a recording alone can be re-scored.
         description: for people.
+        levels: what it asks of the channel it controls, as far as the suite names levels.
     """
 
     id: str
@@ -97,6 +188,7 @@ class Trial:
     margins: dict[str, Margin] = field(default_factory=dict)
     source: str = ""
     description: str = ""
+    levels: tuple[AskedLevel, ...] = field(default=(), compare=False)
 
     @property
     def channel(self) -> str:

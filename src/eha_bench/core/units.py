@@ -56,7 +56,7 @@ def factor_and_offset(unit: str, si_unit: str) -> tuple[float, float]:
         return common[1:]
     registry = _registry()
     source = _parsed(unit, _expected(si_unit))
-    target = registry.Unit(si_unit or "dimensionless")
+    target = _parsed(si_unit, "")
     if source.dimensionality != target.dimensionality or not _same_kind(source, unit, si_unit):
         raise UnitError(f"unit '{unit}' has the wrong dimension", hint=_expected(si_unit))
     zero = float(registry.Quantity(0.0, source).to(target).magnitude)
@@ -130,7 +130,7 @@ def parse(text: str | float, si_unit: str) -> float:
     if isinstance(text, bool):
         raise UnitError(f"'{text}' is not a quantity", hint=_expected(si_unit))
     if isinstance(text, (int, float)):
-        value = float(text)
+        value = _float(text)
     else:
         match = _NUMBER.match(text)
         if match is None:
@@ -143,6 +143,14 @@ def parse(text: str | float, si_unit: str) -> float:
     if not math.isfinite(value):
         raise UnitError(f"'{text}' is not finite", hint=_expected(si_unit))
     return value
+
+
+def _float(value: float) -> float:
+    """Return a number as float; infinite where it is a whole one of too many digits."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def positive(name: str, text: str | float, si_unit: str) -> float:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.shipped import by_name, find
 
 
 class StrictModel(BaseModel):
@@ -60,16 +64,50 @@ M = TypeVar("M", bound=BaseModel)
 Places: TypeAlias = Callable[[Sequence[int | str]], Place]
 
 
+_GIVEN: dict[str, str] = {}
+
+
+def given(content: Mapping[str, Any], kind: str) -> Path:
+    """Return the path under which content that was given as a dict is read like a file.
+
+    File names in it are relative to the working directory. There is no such file on the disk.
+
+    Args:
+        content: what a YAML file would hold.
+        kind: what it is, for messages: suite, target, model, dataset, channels.
+    """
+    text = json.dumps(content, indent=1, ensure_ascii=False, default=str)
+    digest = hashlib.sha256(text.encode()).hexdigest()[:8]
+    path = Path.cwd() / f"<{kind} {digest}>.yaml"
+    _GIVEN[str(path)] = text
+    return path
+
+
+def file_of(source: str | Path | Mapping[str, Any], kind: str, *folders: str) -> Path:
+    """Return the file that is meant: one on the disk, a shipped one by its name, or a dict as one.
+
+    Raises:
+        InputError: a bare name that nothing shipped has.
+    """
+    return given(source, kind) if isinstance(source, Mapping) else find(source, *folders)
+
+
 def read_text(path: Path) -> str:
-    """Return the text of a file.
+    """Return the text of a file, or of content that was `given`.
 
     Raises:
         InputError: the file is missing, cannot be read, or is not UTF-8.
     """
+    if str(path) in _GIVEN:
+        return _GIVEN[str(path)]
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
-        raise InputError("no such file", where=Place(file=str(path))) from error
+        raise InputError(
+            "no such file",
+            where=Place(file=str(path)),
+            hint="check the name, or let 'eha-bench init' write files to begin with",
+        ) from error
     except (OSError, ValueError) as error:  # a name with a NUL is a ValueError, as is bad UTF-8
         raise InputError(f"cannot be read ({error})", where=Place(file=str(path))) from error
 
@@ -136,6 +174,17 @@ def _size(content: Any, name: str, depth: int, known: dict[int, int]) -> int:
     return known[id(content)]
 
 
+def to_text(content: Any) -> str:
+    """Return plain content as YAML text."""
+    from ruamel.yaml import YAML
+
+    stream = StringIO()
+    yaml = YAML()
+    yaml.default_flow_style = False
+    yaml.dump(plain(content), stream)
+    return stream.getvalue()
+
+
 def line_of(content: Any, keys: Sequence[int | str]) -> int:
     """Return the 1-based line of the deepest of `keys` that the content has (0 if unknown)."""
     line = 0
@@ -154,13 +203,16 @@ def line_of(content: Any, keys: Sequence[int | str]) -> int:
 
 
 def named_file(folder: Path, name: str, where: Place) -> Path:
-    """Return the path of a file that a key names, relative to a folder.
+    """Return the path of a file that a key names, relative to a folder, or of a shipped one.
 
     Raises:
         InputError: it is not there; `where` is the key.
     """
     path = folder / name
     if not path.is_file():
+        found = by_name(f"{where.key.rpartition('.')[2]}s", name)
+        if found is not None:
+            return found
         raise InputError(
             f"there is no file '{name}'",
             where=where,
@@ -177,10 +229,14 @@ def plain(content: Any) -> Any:
         return [plain(value) for value in content]
     if isinstance(content, bool) or content is None:
         return content
-    for kind in (int, float, str):
+    for kind in (int, float):
         if isinstance(content, kind):
             return kind(content)
-    return str(content)
+    text = str(content)
+    if text.isascii():
+        return text
+    # YAML may write a letter as two escapes, halves that no file can hold
+    return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
 def validate(
@@ -191,8 +247,9 @@ def validate(
     *,
     context: Any = None,
     places: Places | None = None,
+    kind: str = "",
 ) -> M:
-    """Return `content` as `model`; the first problem becomes one sentence with file, line and key.
+    """Return `content` as `model`; every mistake becomes a sentence with file, line and key.
 
     Args:
         model: the file format.
@@ -201,9 +258,10 @@ def validate(
         prefix: keys that lead from the file's top to `content`, for messages.
         context: handed to the model's validators (`info.context`).
         places: says where a key stands, for content that was put together from several places.
+        kind: name of the kind of file, where it is a whole file; one of another kind is called so.
 
     Raises:
-        InputError: an unknown key, a missing key, a wrong type or unit.
+        InputError: an unknown key, a missing key, a wrong type or unit; further ones in `also`.
     """
 
     def place(keys: Sequence[int | str]) -> Place:
@@ -221,15 +279,55 @@ def validate(
     try:
         return model.model_validate(plain(content), context=context)
     except ValidationError as error:
+        if kind:
+            _refuse_other_kind(content, kind, name)
         details = error.errors(include_url=False, include_input=False)
-        first = min(details, key=_rank)
         # a value that may be written in several ways is wrong in each of them, and still one
-        wrong = {tuple(_key_path(content, detail["loc"])) for detail in details}
+        wrong: dict[tuple[str, ...], Any] = {}
+        for detail in sorted(details, key=_rank):
+            wrong.setdefault(tuple(_key_path(content, detail["loc"])), detail)
+        for keys in _results_of_misspelling(model, list(wrong.items())):
+            del wrong[keys]
+        first, *others = [_mistake(model, detail, place) for detail in wrong.values()]
         raise InputError(
-            _sentence(first["type"], first["msg"], first["loc"]) + _others(len(wrong) - 1),
-            where=place(_location(first)),
-            hint=_way_out(model, first["type"], first["loc"]),
+            first.what, where=first.where, hint=first.hint, also=tuple(others)
         ) from error
+
+
+def _mistake(model: type[BaseModel], detail: Any, place: Places) -> InputError:
+    """Return what pydantic found as a sentence of ours, with its place and the way out."""
+    what = _sentence(detail["type"], detail["msg"], detail["loc"])
+    hint = _way_out(model, detail["type"], detail["loc"], detail["msg"])
+    # a wrong unit comes with a way out of its own
+    cause = getattr(detail.get("ctx", {}).get("error"), "__cause__", None)
+    if not hint and isinstance(cause, EhaBenchError) and what.endswith(f"; {cause.hint}"):
+        what, hint = what.removesuffix(f"; {cause.hint}"), cause.hint
+    return InputError(what, where=place(_location(detail)), hint=hint)
+
+
+def _results_of_misspelling(
+    model: type[BaseModel], wrong: Sequence[tuple[tuple[str, ...], Any]]
+) -> list[tuple[str, ...]]:
+    """Return the keys that are only missing because they are there under a misspelt name."""
+    meant = {
+        (*keys[:-1], _way_out(model, detail["type"], detail["loc"], "").removesuffix("'?")[14:])
+        for keys, detail in wrong
+        if detail["type"] == "extra_forbidden"
+    }
+    return [keys for keys, detail in wrong if detail["type"] == "missing" and keys in meant]
+
+
+def _refuse_other_kind(content: Any, kind: str, name: str) -> None:
+    """Raise an InputError where the content is a file of another kind than the one expected."""
+    from eha_bench.core.file_kind import kind_by_keys, kind_named
+
+    found, wanted = kind_by_keys(content), kind_named(kind)
+    if found is not None and found.name != kind:
+        raise InputError(
+            f"this is a {found.title}, and a {wanted.title} is expected",
+            where=Place(file=name, line=1),
+            hint=f"a {found.title} goes to: {found.use}" if found.use else "",
+        )
 
 
 def _location(detail: Any) -> tuple[int | str, ...]:
@@ -270,11 +368,21 @@ def _is_index(content: Any, key: int | str) -> bool:
 _PLAINER = {
     "dict_type": "expected keys and values",
     "model_type": "expected keys and values",
-    "list_type": "expected a list, as in [a, b]",
-    "tuple_type": "expected a list, as in [a, b]",
+    "list_type": "expected a list",
+    "tuple_type": "expected a list",
     "string_type": "expected text",
 }
 """What pydantic says in Python's words, in those of a file."""
+
+_HINTS = {
+    "dict_type": "write it as 'key: value' lines",
+    "model_type": "write it as 'key: value' lines",
+    "list_type": "write [a, b], or a line '- a' for each",
+    "tuple_type": "write [a, b], or a line '- a' for each",
+    "string_type": "put it into quotes",
+    "string_pattern_mismatch": "use letters, digits, '_', '-' and '.'",
+}
+"""The way out of each."""
 
 
 def _sentence(kind: str, message: str, location: Sequence[int | str]) -> str:
@@ -291,12 +399,16 @@ def _sentence(kind: str, message: str, location: Sequence[int | str]) -> str:
     return text[:1].lower() + text[1:] if text.startswith("Input should") else text
 
 
-def _others(count: int) -> str:
-    return f" (and {count} more)" if count else ""
-
-
-def _way_out(model: type[BaseModel], kind: str, location: Sequence[int | str]) -> str:
-    """Return the nearest key that the format has, for a key that it does not have."""
+def _way_out(model: type[BaseModel], kind: str, location: Sequence[int | str], message: str) -> str:
+    """Return what to write instead: the nearest key that the format has, or the form of a value."""
+    if kind == "missing":
+        return f"add a line '{location[-1]}: ...'"
+    if kind == "too_short":
+        return "write [a, b], or take the key out"
+    if kind in _HINTS:
+        return _HINTS[kind]
+    if kind in ("enum", "literal_error"):
+        return _nearest_choice(message)
     if kind != "extra_forbidden":
         return ""
     known: type[BaseModel] | None = model
@@ -310,6 +422,12 @@ def _way_out(model: type[BaseModel], kind: str, location: Sequence[int | str]) -
     if known is None:
         return ""
     return suggest(str(location[-1]), [f.alias or name for name, f in known.model_fields.items()])
+
+
+def _nearest_choice(message: str) -> str:
+    """Return the choices that pydantic's message lists, as a way out."""
+    choices = re.findall(r"'([^']+)'", message.partition("should be")[2])
+    return f"known: {', '.join(choices)}" if choices else ""
 
 
 def _model_within(model: type[BaseModel], key: int | str) -> type[BaseModel] | None:
@@ -334,10 +452,10 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
     return [model for part in get_args(annotation) for model in _models_in(part)]
 
 
-def load_model(model: type[M], path: Path) -> M:
-    """Read a YAML file and return it as `model`.
+def load_model(model: type[M], path: Path, kind: str = "") -> M:
+    """Read a YAML file of a kind and return it as `model`.
 
     Raises:
         InputError: as `load` and `validate`.
     """
-    return validate(model, load(path), str(path))
+    return validate(model, load(path), str(path), kind=kind)

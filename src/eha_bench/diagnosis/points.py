@@ -26,7 +26,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from eha_bench.core.errors import InputError, MissingChannelError, Place
-from eha_bench.diagnosis.data.dataset import Dataset, Run
+from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
 from eha_bench.diagnosis.fit.candidates import Start, all_starts
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
@@ -291,12 +291,15 @@ def _told(
             notes += [_stretch(plant, item) for item in others]
     separate = {name: plant.layout.effect(name).separate for group in equivalent for name in group}
     after = revised(model, final.vector, keys, added)
-    held_out = [_points(run, plant) for run in dataset.holdout]
+    held_out = [_points(run, plant) for run in dataset.held_out]
     models = (model, recalibrated, after)
     replays = tuple(_replayed(plant, item, models) for item in (*training, *held_out))
     sigma = np.concatenate([item.sigma for item in (*training, *held_out)])
     floors = {name: float(np.sqrt(np.mean(sigma[:, k] ** 2)))
               for k, name in enumerate(plant.outputs)}  # fmt: skip
+    errors = {
+        use: replay_errors([item for item in replays if item.use is use], floors) for use in Use
+    }
     notes.append(f"chi-square {final.left:.3g} after")
     return Diagnosis(
         verdict,
@@ -307,12 +310,13 @@ def _told(
         equivalent,
         separate,
         tuple(_line(plant, item, base, best) for item in ranked),
-        replay_errors(replays[: len(training)], floors),
-        replay_errors(replays[len(training) :], floors),
-        {key: _estimate(plant, key, final) for key in keys if key in final.spread},
-        _undetermined(own, final),
-        tuple(notes),
-        replays,
+        train=errors[Use.TRAIN],
+        holdout=errors[Use.HOLDOUT],
+        unseen=errors[Use.UNSEEN],
+        calibrated={key: _estimate(plant, key, final) for key in keys if key in final.spread},
+        undetermined=_undetermined(own, final),
+        notes=tuple(notes),
+        replays=replays,
     )
 
 
@@ -340,7 +344,7 @@ def _effect(plant: StaticPlant, best: Tried, base: Tried) -> FoundEffect:
     }
     numbers = {key.split(".", 1)[1]: _estimate(plant, key, best) for key in best.start.keys}
     share = 1.0 - best.left / base.left
-    equation = effect.equation(plant.id, words)
+    equation = effect.equation(words)
     return FoundEffect(
         effect.id, str(equation.value), numbers, words, share, _by_chance(best, base)
     )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.atomic_file import write_text
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import EhaBenchError, InputError, Place
+from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption, checkpoints
 from eha_bench.core.output_folder import writable
 from eha_bench.core.workers import HERE, Workers
-from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
+from eha_bench.diagnosis.data.dataset import Dataset, Use, load_dataset
 from eha_bench.diagnosis.fit.baseline import (
     COARSE,
     Baseline,
@@ -26,34 +27,44 @@ from eha_bench.diagnosis.fit.baseline import (
     calibrated,
     no_progress,
 )
+from eha_bench.diagnosis.fit.convergence import Convergence, moved_notes
 from eha_bench.diagnosis.fit.effort import counted
-from eha_bench.diagnosis.fit.evidence import groups_of
+from eha_bench.diagnosis.fit.evidence import Groups, groups_of
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.profile import profile_interval
 from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
 from eha_bench.diagnosis.fit.start_angles import said, starts_of
-from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates, undetermined
-from eha_bench.diagnosis.outcome.at_rest import with_friction_at_rest
+from eha_bench.diagnosis.fit.uncertainty import (
+    Direction,
+    Estimate,
+    covariance,
+    directions,
+    estimates,
+    open_parameters,
+    undetermined,
+)
+from eha_bench.diagnosis.outcome.at_rest import Calibrated, with_friction_at_rest
 from eha_bench.diagnosis.outcome.decide import Decision, decide
 from eha_bench.diagnosis.outcome.diagnosis import (
     SCHEMA_VERSION,
     Diagnosis,
+    FailedStage,
     Unknown,
     Verdict,
     errors_to_dict,
     estimate_to_dict,
+    failed_stage,
+    own_to_dict,
 )
-from eha_bench.diagnosis.outcome.findings import assemble, units_of
+from eha_bench.diagnosis.outcome.findings import assemble, own_estimates, units_of
+from eha_bench.diagnosis.outcome.honest import curve_is_worse, pruned, worse
 from eha_bench.diagnosis.outcome.revise import revised
-from eha_bench.diagnosis.outcome.scoring import scored
+from eha_bench.diagnosis.outcome.scoring import scored, scores_of
 from eha_bench.diagnosis.points import diagnose_points
-from eha_bench.diagnosis.replay.errors_by_channel import (
-    ChannelError,
-    floors,
-    replay_errors,
-    replay_notes,
-)
-from eha_bench.diagnosis.replay.replay import replay
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search import stepwise
-from eha_bench.diagnosis.search.stepwise import Search
+from eha_bench.diagnosis.search.backward import drop, without
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
 
@@ -64,6 +75,14 @@ _NOTHING = 5.0
 
 
 @dataclass(frozen=True)
+class Covariance:
+    """Of fitted numbers: their keys in order, and the matrix, (p, p) SI."""
+
+    parameters: tuple[str, ...]
+    matrix: FloatArray
+
+
+@dataclass(frozen=True)
 class Calibration:
     """Parameters under `calibrate`, estimated on all training runs.
 
@@ -71,17 +90,30 @@ class Calibration:
         model: with the estimates. parameters: with 95 % intervals, SI; friction at rest among them
             where it was estimated.
         undetermined: directions that the data do not determine, in words.
-        train: channel -> errors (before: declared; after: calibrated).
+        train, holdout, unseen: channel -> errors (before: declared; after: calibrated).
+        per_run: run -> parameter that it has of its own -> value; of held-out runs by their first
+            part.
         notes: what the data gate found, and what was estimated beside `calibrate`.
         complete: False where it was interrupted.
+        convergence: how the fit ended. weakest: direction of the information matrix, if any.
+        covariance: of all fitted numbers; None where no interval is given. seconds: it took.
+        failed: the stage that failed, if any: what was found before it stands.
     """
 
     model: Model
     parameters: dict[str, Estimate]
     undetermined: tuple[str, ...]
-    train: dict[str, ChannelError]
+    train: Mapping[str, ChannelError]
     notes: tuple[str, ...]
     complete: bool = True
+    holdout: Mapping[str, ChannelError] = field(default_factory=dict)
+    unseen: Mapping[str, ChannelError] = field(default_factory=dict)
+    per_run: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
+    convergence: Convergence | None = None
+    weakest: tuple[Direction, ...] = ()
+    covariance: Covariance | None = None
+    seconds: float = math.nan
+    failed: FailedStage | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of calibration.json; what is not computable is null."""
@@ -89,11 +121,28 @@ class Calibration:
             "schema_version": SCHEMA_VERSION,
             "parameters": {name: estimate_to_dict(e) for name, e in self.parameters.items()},
             "undetermined": list(self.undetermined),
-            "error": {"train": errors_to_dict(self.train)},
+            "weakest_direction": [
+                {"deviation": finite_or_none(item.deviation), "parameters": dict(item.shares)}
+                for item in self.weakest
+            ],
+            "convergence": None if self.convergence is None else self.convergence.to_dict(),
+            "covariance": None if self.covariance is None else {
+                "parameters": list(self.covariance.parameters),
+                "matrix": [[finite_or_none(float(x)) for x in row]
+                           for row in self.covariance.matrix],
+            },
+            "seconds": finite_or_none(self.seconds),
+            "per_run": own_to_dict(self.per_run),
+            "error": {
+                "train": errors_to_dict(self.train),
+                "holdout": errors_to_dict(self.holdout),
+                "unseen": errors_to_dict(self.unseen),
+            },
             "model": "calibrated.yaml",
             "notes": list(self.notes),
             "complete": self.complete,
-        }
+            "failed": None if self.failed is None else self.failed.to_dict(),
+        }  # fmt: skip
 
     def write(self, folder: Path) -> None:
         """Write calibration.json and calibrated.yaml into a folder."""
@@ -104,7 +153,9 @@ class Calibration:
 
 
 def calibrate(
-    dataset: Dataset | str | Path, out: str | Path | None = None, progress: Progress = no_progress
+    dataset: Dataset | str | Path | Mapping[str, Any],
+    out: str | Path | None = None,
+    progress: Progress = no_progress,
 ) -> Calibration:
     """Estimate the parameters under `calibrate` on all training runs by simulation error.
 
@@ -113,14 +164,15 @@ def calibrate(
     then (`complete` is False).
 
     Args:
-        dataset: dataset.yaml, or as loaded.
+        dataset: dataset.yaml, a dict of what it would hold, or as loaded.
         out: folder that gets calibration.json and calibrated.yaml.
         progress: called with the stage and the fraction of it done.
 
     Raises:
         InputError: a file is wrong or missing, nothing can be compared, or `out` cannot be used.
     """
-    loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    started = time.perf_counter()
+    loaded = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
     if out is not None:
         writable(Path(out))
     if isinstance(loaded.model.plant, StaticPlant):
@@ -136,35 +188,103 @@ def calibrate(
                 base = calibrated(loaded, progress)
         except CalibrationInterrupted as stop:
             base, complete = stop.baseline, False
-        groups, units = groups_of(base.problem), units_of(loaded.model)
-        ended = with_friction_at_rest(base, groups, units)
-        end = ended.end
-        model = revised(loaded.model, end.fit.vector, ended.keys)
-        noise = base.problem.noise
-        replays = replay(
-            base.measured, [loaded.model, model], noise, lambda done: progress("replay", done)
-        )
-        errors = replay_errors(replays, floors(noise), places=(0, 0, 1))
-    notes = (*base.notes, *ended.notes)
-    if not complete:
-        notes = (*notes, "interrupted before the fit had ended")
-    if begun := starts_of(base.problem):
-        notes = (*notes, said(begun))
-    found = Calibration(
-        model,
-        estimates(end.fit, groups, units, shift=end.shifts),
-        undetermined(end.fit),
-        errors,
-        (*notes, *replay_notes(replays, errors)),
-        complete,
-    )
-    if out is not None:
-        found.write(Path(out))
+        groups = groups_of(base.problem)
+        ended = with_friction_at_rest(base, groups, units_of(loaded.model))
+        found = replace(_estimated(base, ended, groups), complete=False)
+        _write(found, out)
+        stage = "intervals"
+        try:
+            if complete:
+                found = _profiled(base.problem, ended.end.fit, found, progress)
+            stage = "score"
+            found = _with_errors(found, base, ended.end.fit, progress)
+        except Exception as error:
+            found = _ended_in(found, stage, error)
+            _write(found, out)
+            if isinstance(error, EhaBenchError):
+                raise
+            complete = False
+    if not complete and found.failed is None:
+        found = replace(found, notes=(*found.notes, "interrupted before the fit had ended"))
+    found = replace(found, complete=complete, seconds=time.perf_counter() - started)
+    _write(found, out)
     return found
 
 
+def _estimated(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration:
+    """Return what a fit has estimated, without errors: no run is replayed here."""
+    model, end, places = base.dataset.model, ended.end, base.problem.places
+    vector = end.fit.vector
+    notes = [
+        *base.notes,
+        *ended.notes,
+        *ended.convergence.notes(),
+        *moved_notes(
+            model,
+            {key: float(vector[places.index[key]]) for key in ended.keys},
+            ended.convergence.at_bounds,
+        ),
+    ]
+    if begun := starts_of(base.problem):
+        notes.append(said(begun))
+    values = estimates(end.fit, groups, units_of(model), shift=end.shifts)
+    open_ = open_parameters(end.fit) if ended.convergence.has_intervals else values.keys()
+    values = {key: item.without_interval if key in open_ else item for key, item in values.items()}
+    return Calibration(
+        revised(model, vector, ended.keys),
+        {key: item for key, item in values.items() if key not in places.runs},
+        undetermined(end.fit),
+        {},
+        tuple(notes),
+        per_run=own_estimates(places, values),
+        convergence=ended.convergence,
+        weakest=directions(end.fit)[:1],
+        covariance=_covariance(end.fit, groups) if ended.convergence.has_intervals else None,
+    )
+
+
+def _with_errors(found: Calibration, base: Baseline, fit: Fit, progress: Progress) -> Calibration:
+    """Return a calibration with its errors on all runs, held-out ones included."""
+    declared = base.dataset.model
+    scores = scores_of(
+        base.dataset,
+        base,
+        (declared, declared, found.model),
+        (base.problem.places.lengthened(declared.vector()), fit.vector),
+        progress,
+    )
+    return replace(
+        found,
+        train=scores.errors[Use.TRAIN],
+        holdout=scores.errors[Use.HOLDOUT],
+        unseen=scores.errors[Use.UNSEEN],
+        per_run={**found.per_run, **scores.per_run},
+        notes=(*found.notes, *scores.notes),
+    )
+
+
+def _ended_in(found: Calibration, stage: str, error: Exception) -> Calibration:
+    """Return what was found before a stage that failed."""
+    failed = failed_stage(stage, error)
+    return replace(found, failed=failed, notes=(*found.notes, failed.note))
+
+
+def _profiled(problem: Problem, fit: Fit, found: Calibration, progress: Progress) -> Calibration:
+    """Return a calibration with the profile's intervals where they reach further."""
+    values = dict(found.parameters)
+    for number, (key, item) in enumerate(found.parameters.items()):
+        progress("intervals", number / len(values))
+        half = max(item.high - item.value, item.value - item.low)
+        values[key] = replace(item, profile=profile_interval(problem, fit, key, half))
+    return replace(found, parameters=values)
+
+
+def _covariance(fit: Fit, groups: Groups) -> Covariance:
+    return Covariance(tuple(item.key for item in fit.free), covariance(fit, groups))
+
+
 def diagnose(
-    dataset: Dataset | str | Path,
+    dataset: Dataset | str | Path | Mapping[str, Any],
     out: str | Path | None = None,
     progress: Progress = no_progress,
     workers: Workers = HERE,
@@ -175,7 +295,7 @@ def diagnose(
     was found until then (`complete` is False); pressed again it leaves the errors out.
 
     Args:
-        dataset: dataset.yaml, or as loaded.
+        dataset: dataset.yaml, a dict of what it would hold, or as loaded.
         out: folder that gets diagnosis.json, revised.yaml and recalibrated.yaml.
         progress: called with the stage and the fraction of it done.
         workers: do the fits that are independent; this process does so on threads.
@@ -185,7 +305,7 @@ def diagnose(
         WorkError: a worker could not do what it was given.
     """
     started = time.perf_counter()
-    loaded = dataset if isinstance(dataset, Dataset) else load_dataset(Path(dataset))
+    loaded = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
     if out is not None:
         writable(Path(out))
     if isinstance(loaded.model.plant, StaticPlant):
@@ -194,59 +314,164 @@ def diagnose(
             found.write(Path(out))
         return found
     with one_thread_of_algebra(), Interruption() as asked, counted() as spent:
-        with fits_by(workers):
-            base, search, decision, complete = _searched(loaded, asked, progress)
-        found = assemble(loaded, base, search, decision)
-        base = base.begun(starts_of(search.problem))
-        vectors = (search.base.vector, found.revised.vector())
+        progress("calibrate", 0.0)
         try:
-            found = scored(found, loaded, base, vectors, progress)
-        except KeyboardInterrupt:
-            complete = False
-            found = replace(found, notes=(*found.notes, "interrupted before the runs were scored"))
+            with checkpoints(asked), fits_by(workers):
+                base, interrupted = calibrated(loaded, progress), False
+        except CalibrationInterrupted as stop:
+            base, interrupted = stop.baseline, True
+        closing = _Closing(loaded, base, Path(out) if out is not None else None, progress)
+        closing.keep(complete=False)
+        try:
+            found = closing.interrupted() if interrupted else closing.ended(asked, workers)
+        except Exception as error:
+            found = closing.failed(error)
+            if isinstance(error, EhaBenchError):
+                _write(replace(found, seconds=time.perf_counter() - started), out)
+                raise
     found = replace(
         found,
-        complete=complete,
         seconds=time.perf_counter() - started,
         # exactly, as threads end in any order
         simulations=math.fsum(spent) / sum(float(item.time[-1]) for item in base.measured),
     )
-    if out is not None:
-        found.write(Path(out))
+    _write(found, out)
     progress("done", 1.0)
     return found
 
 
-def _searched(
-    dataset: Dataset, asked: Interruption, progress: Progress
-) -> tuple[Baseline, Search, Decision, bool]:
-    """Calibrate, search and decide, or as far as that went until a stop was asked for.
+def _write(found: Diagnosis | Calibration, out: str | Path | None) -> None:
+    if out is not None:
+        found.write(Path(out))
 
-    The last value says whether all of it was done.
+
+class _Closing:
+    """A diagnosis from its calibrated model on, stage by stage.
+
+    What has been found is on disk before the next stage begins, so none takes it away.
+
+    Args:
+        dataset: with the declared model. base: calibrated. out: folder, or None.
+        progress: called with the stage and the fraction of it done.
     """
-    try:
-        with checkpoints(asked):
-            base = calibrated(dataset, progress)
-    except CalibrationInterrupted as stop:
-        search = stepwise.begin(stop.baseline)
+
+    def __init__(
+        self, dataset: Dataset, base: Baseline, out: Path | None, progress: Progress
+    ) -> None:
+        self.dataset, self.base, self.out, self.progress = dataset, base, out, progress
+        self.stage = "search"
+        self.refused: list[str] = []
+        self.search = stepwise.begin(base)
+        note = "nothing was searched for yet, so the verdict is open"
+        self.decision = self._open(note)
+        self.found = _unsearched(dataset, base, self.decision)
+
+    def ended(self, asked: Interruption, workers: Workers) -> Diagnosis:
+        """Search, decide, and score; or as far as that goes until a stop is asked for."""
+        try:
+            with checkpoints(asked), fits_by(workers):
+                stepwise.run(self.search, self._told)
+                self.stage = "decide"
+                self.refused = pruned(self.search)
+                self.decision = decide(self.search, COARSE, self._told, self.refused)
+        except KeyboardInterrupt:
+            self.decision = self._stopped()
+            return self._scored(complete=False)
+        found = self._scored(complete=True)
+        while found.complete and found.verdict is Verdict.EFFECT and (why := worse(found)):
+            found = self._without_the_weakest(why)
+        if found.complete and self.decision.learned and curve_is_worse(found):
+            found = self._without_the_curve()
+        return found
+
+    def interrupted(self) -> Diagnosis:
+        """Return what there is where the calibration was interrupted."""
         note = "interrupted while calibrating: nothing was searched for, so the verdict is open"
-        decision = Decision(Verdict.UNKNOWN, search.fit, (note,), Unknown(None, (), note))
-        return stop.baseline, search, decision, False
-    search = stepwise.begin(base)
-    complete = True
-    try:
-        with checkpoints(asked):
-            stepwise.run(search, progress)
-            decision = decide(search, COARSE, progress)
-    except KeyboardInterrupt:
-        complete = False
+        self.decision = self._open(note)
+        return self._scored(complete=False)
+
+    def failed(self, error: Exception) -> Diagnosis:
+        """Return what was found before the stage that failed."""
+        failed = failed_stage(self.stage, error)
+        unknown = self.found.unknown
+        if self.found.verdict is Verdict.UNKNOWN and unknown is None:
+            unknown = Unknown(None, (), failed.note)
+        return replace(
+            self.found,
+            complete=False,
+            unknown=unknown,
+            failed=failed,
+            notes=(*self.found.notes, failed.note),
+        )
+
+    def keep(self, *, complete: bool) -> None:
+        """Write what has been found so far."""
+        _write(replace(self.found, complete=complete), self.out)
+
+    def _told(self, stage: str, fraction: float) -> None:
+        self.stage = stage
+        self.progress(stage, fraction)
+
+    def _open(self, note: str) -> Decision:
+        return Decision(Verdict.UNKNOWN, self.search.fit, (note,), Unknown(None, (), note))
+
+    def _stopped(self) -> Decision:
         note = "interrupted while searching: what is named was found until then"
-        verdict = Verdict.EFFECT if search.effects else Verdict.UNKNOWN
-        if search.excess_base.significance < _NOTHING:
+        verdict = Verdict.EFFECT if self.search.effects else Verdict.UNKNOWN
+        if self.search.excess_base.significance < _NOTHING:
             verdict = Verdict.NONE
         unknown = Unknown(None, (), note) if verdict is Verdict.UNKNOWN else None
-        decision = Decision(verdict, search.fit, (note,), unknown)
-    return base, search, decision, complete
+        return Decision(verdict, self.search.fit, (note,), unknown)
+
+    def _scored(self, *, complete: bool) -> Diagnosis:
+        """Assemble what was decided, and replay all runs."""
+        self.stage = "assemble"
+        self.found = assemble(self.dataset, self.base, self.search, self.decision)
+        self.keep(complete=False)
+        self.stage = "score"
+        base = self.base.begun(starts_of(self.search.problem))
+        try:
+            found = scored(self.found, self.dataset, base, self.search.base.vector, self._told)
+        except KeyboardInterrupt:
+            note = "interrupted before the runs were scored"
+            return replace(self.found, notes=(*self.found.notes, note), complete=False)
+        self.found = replace(found, complete=complete)
+        return self.found
+
+    def _without_the_weakest(self, why: str) -> Diagnosis:
+        """Decide anew without the weakest effect, with which runs never fitted are worse."""
+        search = self.search
+        weakest = min(search.effects, key=lambda item: item.comparison.gain)
+        self.stage = "decide"
+        drop(search, weakest, without(search, weakest))
+        self.refused.append(f"{weakest.start.candidate} is not accepted: {why}")
+        self.decision = decide(search, COARSE, self._told, self.refused)
+        return self._scored(complete=True)
+
+    def _without_the_curve(self) -> Diagnosis:
+        """Leave a learned curve out of the revised model with which fits and replays are worse."""
+        self.stage = "decide"
+        note = "the learned curve makes errors of fitted and held-out runs larger: it is left out"
+        self.decision = replace(
+            self.decision,
+            fit=self.search.fit,
+            learned=False,
+            notes=(*self.decision.notes, note),
+        )
+        return self._scored(complete=True)
+
+
+def _unsearched(dataset: Dataset, base: Baseline, decision: Decision) -> Diagnosis:
+    """Return what a calibration alone says, without intervals: no run is simulated here."""
+    model = revised(dataset.model, base.fit.vector, base.keys)
+    return Diagnosis(
+        decision.verdict,
+        model,
+        model,
+        unknown=decision.unknown,
+        notes=(*base.notes, *decision.notes),
+        complete=False,
+    )
 
 
 run_diagnosis = diagnose

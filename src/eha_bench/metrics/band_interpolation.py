@@ -7,13 +7,16 @@ imaginary part of 1 / G over f: what is interpolated is nearly a polynomial, on 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from eha_bench.core.budget import UNSAID, Budget
 from eha_bench.core.score import Measure
+from eha_bench.metrics.coverage import between, reach, type_a
 from eha_bench.metrics.frequency_response import FrequencyResponse
 from eha_bench.metrics.metric import NotScored
 
@@ -29,12 +32,12 @@ class Curve:
     Attributes:
         values: (n,) at the response's frequencies.
         sd: (n,) standard deviations.
-        common: variance that all values share.
+        common: what moves all values alike.
     """
 
     values: FloatArray
     sd: FloatArray
-    common: float
+    common: Budget = UNSAID
 
 
 @dataclass(frozen=True)
@@ -110,31 +113,72 @@ def crossing(response: FrequencyResponse, curve: Curve, first: int, reason: str)
     local = local_cubic(x, curve.values, sd)
     place = _root(local, float(x[first - 1]), float(x[first]))
     row = local.weights(place)
-    variance = local.misfit * float(np.sum((row * sd[local.chosen]) ** 2)) + curve.common
     # relative error of the frequency: half that of its square
-    slope = max(abs(local.slope(place)) * place, 1e-12)
-    reach = 0.5 * band_quantile(response, local.chosen) * math.sqrt(variance) / slope
+    half = 0.5 / max(abs(local.slope(place)) * place, 1e-12)
+    variance = local.misfit * float(np.sum((row * sd[local.chosen]) ** 2))
+    others = (_cubic(x, curve.values, sd, chosen) for chosen in _beside(local, x.size, first))
+    at_place = [(other.chosen, other.weights(place)) for other in others]
+    budget = (
+        type_a("noise", variance, _freedom(response, local.chosen))
+        + curve.common
+        + between("interpolation", _disagreement(curve, sd, (local.chosen, row), at_place))
+    ).scaled(half)
     value = math.sqrt(guess * place)
-    if not math.isfinite(reach) or reach > 3.0:
+    own = reach(budget)
+    if not math.isfinite(own) or own > 3.0:
         return Measure(value, reason=reason)
-    return Measure(value, value * math.exp(-reach), value * math.exp(reach), reason)
+    low, high = value * math.exp(-own), value * math.exp(own)
+    return Measure(value, low, high, reason, budget.scaled(value))
+
+
+def _beside(local: Local, size: int, first: int) -> list[NDArray[np.intp]]:
+    """Return the points of cubics beside the one that is used: one point to the left, or right."""
+    found = []
+    for start in (first - 3, first - 2, first - 1):
+        if 0 <= start <= size - 4:
+            chosen = np.arange(start, start + 4)
+            if not np.array_equal(chosen, local.chosen):
+                found.append(chosen)
+    return found
+
+
+Weights = tuple[NDArray[np.intp], FloatArray]
+"""Points, and the weight of each in a value."""
+
+
+def _disagreement(curve: Curve, sd: FloatArray, own: Weights, others: Sequence[Weights]) -> float:
+    """Return how far other cubics are from the one that is used, noise taken off."""
+
+    def spread_out(chosen: NDArray[np.intp], weights: FloatArray) -> FloatArray:
+        row = np.zeros(curve.values.size)
+        row[chosen] = weights
+        return row
+
+    mine = spread_out(*own)
+    rows = [spread_out(*other) for other in others]
+    return max((apart(row, mine, curve.values, sd) for row in rows), default=0.0)
+
+
+def apart(one: FloatArray, other: FloatArray, values: FloatArray, sd: FloatArray) -> float:
+    """Return how far two linear functions of (n,) values are apart beyond what noise explains."""
+    difference = one - other
+    noise = float(np.sum((difference * sd) ** 2))
+    return math.sqrt(max(float(difference @ values) ** 2 - 2.0 * noise, 0.0))
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """A minimum between points: its frequency in Hz, with what is known of it.
+    """A minimum between points.
 
     Attributes:
-        frequency, reach: Hz, and half its 95 % interval.
-        value, sd: of the curve there.
-        quantile: Student's, two-sided 95 %.
+        frequency: Hz; `place` is what moves it.
+        value: of the curve there; `height` is what moves it.
     """
 
     frequency: float
-    reach: float
+    place: Budget
     value: float
-    sd: float
-    quantile: float
+    height: Budget
 
 
 def extreme_between(response: FrequencyResponse, curve: Curve, index: int) -> Minimum | None:
@@ -143,27 +187,51 @@ def extreme_between(response: FrequencyResponse, curve: Curve, index: int) -> Mi
     guess = float(squares[index])
     x = squares / guess
     sd = np.nan_to_num(curve.sd)
+    bounds = float(x[index - 1]), float(x[index + 1])
     local = local_cubic(x, curve.values, sd)
-    low, high = float(x[index - 1]), float(x[index + 1])
+    found = _lowest(local, bounds)
+    if found is None:
+        return None
+    place, value = found
+
+    def spread(row: FloatArray) -> float:
+        return local.misfit * float(np.sum((row * sd[local.chosen]) ** 2))
+
+    freedom = _freedom(response, local.chosen)
+    height = type_a("noise", spread(local.weights(place)), freedom)
+    shift = type_a("noise", spread(local.slope_weights(place)), freedom)
+    shift = shift.scaled(1.0 / local.bend(place))
+    # where the minimum lies, and how low, by the cubics through other points
+    places, values = [], []
+    for first in (index, index + 1):
+        for chosen in _beside(local, x.size, first):
+            other = _lowest(_cubic(x, curve.values, sd, chosen), bounds)
+            if other is not None:
+                places.append(abs(other[0] - place))
+                values.append(abs(other[1] - value))
+    noise_place, noise_value = 2.0 * shift.variance, 2.0 * height.variance
+    moved = math.sqrt(max(max(places, default=0.0) ** 2 - 2.0 * noise_place, 0.0))
+    raised = math.sqrt(max(max(values, default=0.0) ** 2 - 2.0 * noise_value, 0.0))
+    frequency = math.sqrt(guess * place)
+    return Minimum(
+        frequency=frequency,
+        place=(shift + between("interpolation", moved)).scaled(0.5 * frequency / place),
+        value=value,
+        height=height + between("interpolation", raised),
+    )
+
+
+def _lowest(local: Local, bounds: tuple[float, float]) -> tuple[float, float] | None:
+    """Return place and value of the least minimum of a polynomial within bounds."""
     roots = np.roots(np.polynomial.polynomial.polyder(local.coefficients)[::-1])
     real = roots[np.abs(roots.imag) < 1e-9].real + 1.0
-    real = real[(real > low) & (real < high)]
-    bends = [place for place in real.tolist() if local.bend(place) > 0.0]
+    real = real[(real > bounds[0]) & (real < bounds[1])]
+    bends = [at for at in real.tolist() if local.bend(at) > 0.0]
     if not bends:
         return None
     place = min(bends, key=lambda at: float(local.value(at)))
     value = float(local.value(place))
-    if not value > 0.0:
-        return None
-
-    def spread(row: FloatArray) -> float:
-        return math.sqrt(local.misfit * float(np.sum((row * sd[local.chosen]) ** 2)))
-
-    quantile = band_quantile(response, local.chosen)
-    shift = quantile * spread(local.slope_weights(place)) / local.bend(place)
-    frequency = math.sqrt(guess * place)
-    reach = 0.5 * shift / place * frequency
-    return Minimum(frequency, reach, value, spread(local.weights(place)), quantile)
+    return (place, value) if value > 0.0 else None
 
 
 def local_cubic(x: FloatArray, values: FloatArray, sd: FloatArray) -> Local:
@@ -205,9 +273,14 @@ def _root(local: Local, low: float, high: float) -> float:
     return 1.0 if near.size == 0 else float(near[np.argmin(np.abs(near - 1.0))])
 
 
+def _freedom(response: FrequencyResponse, chosen: NDArray[np.intp]) -> float:
+    """Return the degrees of freedom of the points' variances taken together."""
+    return min(response.points[int(index)].freedom for index in chosen)
+
+
 def band_quantile(response: FrequencyResponse, chosen: NDArray[np.intp]) -> float:
     """Return Student's quantile for the points' variances taken together."""
-    lowest = min(response.points[int(index)].freedom for index in chosen)
+    lowest = _freedom(response, chosen)
     return float(stdtrit(lowest, 0.975)) if lowest > 0.0 else math.nan
 
 

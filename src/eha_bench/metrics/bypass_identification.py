@@ -19,11 +19,12 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial
 from eha_bench.metrics.known import declared, known
+from eha_bench.metrics.levels import level
 from eha_bench.metrics.locked_identification import against_model
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import estimate
-from eha_bench.metrics.step_response import final_window, level, require_finite
+from eha_bench.metrics.step_response import final_window, require_finite
 from eha_bench.metrics.window import commanded_edges, timeline
 
 FloatArray = NDArray[np.float64]
@@ -166,7 +167,7 @@ class BypassMetric(Metric):
     def applies(self, trial: Trial) -> bool:
         """Whether the trial is the second experiment of Section 4.2."""
         return (
-            trial.mode is ControlMode.CURRENT
+            trial.mode == ControlMode.CURRENT
             and trial.setup.piston is Piston.LOCKED
             and trial.setup.bypass is Bypass.OPEN
             and _FEWEST <= len(trial.signal.edges) <= 64

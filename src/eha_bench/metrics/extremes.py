@@ -8,20 +8,23 @@ largest of as much noise would reach.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 
+from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
+from eha_bench.metrics.coverage import NORMAL, between, reach, type_a, type_b
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.local_peak import Peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
+from eha_bench.metrics.samples import samples
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge
 from eha_bench.metrics.step_response import (
     NotSettled,
@@ -32,6 +35,7 @@ from eha_bench.metrics.step_response import (
 from eha_bench.metrics.window import commanded_edges, timeline
 
 _PARABOLA = 9
+_FEWEST_PLACES = 8.0  # that a maximum is chosen from, where it is one of noise
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 
 _LEAST = 5e-4  # of the step: below this a final level that is still creeping looks like a peak
@@ -69,16 +73,14 @@ def _extreme(step: StepResponse, side: float, level: float) -> Extreme:
     if step.exact or not step.noise.known:
         # between the kink at the edge and its neighbours there is nothing to interpolate
         index = step.origin + int(np.argmax(values[step.origin :]))
-        at = float(step.time[index])
-        here = Peak(float(values[index]), at, 0.0, at, at)
-        return Extreme(here if index == step.origin else vertex(step.time, values, index), 0.0)
-    # no polynomial follows a jump: of one that is not resolved, only what comes after it
-    after = slice(first if not step.resolved else None, None)
-    place = index - (0 if step.resolved else first)
+        return Extreme(vertex(step.time, values, index, step.origin), 0.0)
+    # no polynomial follows the kink at the edge, nor a jump that is not resolved
+    after = slice(first, None)
     height = side * float(track.values[index]) - level
-    found = peak(step.time[after], values[after], place, step.noise, step.transit, height)
-    independent = max((values.size - first) / (2 * track.half + 1), 2.0)
-    return Extreme(found, track.sd * math.sqrt(2.0 * math.log(independent)))
+    found = peak(step.time[after], values[after], index - first, step.noise, step.transit, height)
+    independent = max((values.size - first) / (2 * track.half + 1), _FEWEST_PLACES)
+    sd = max(track.sd, math.sqrt(found.variance))
+    return Extreme(found, sd * math.sqrt(2.0 * math.log(independent)))
 
 
 def tracked(step: StepResponse) -> Smooth:
@@ -100,9 +102,10 @@ class Overshoot(StepMetric):
         """Return the overshoot, never below 0."""
         found = highest(step)
         value = max(found.peak.value - 1.0, 0.0)
-        levels = (1.0 + value) ** 2 * step.final_variance + value**2 * step.initial_variance
+        # r - 1 with r = (y - initial) / (final - initial)
+        levels = step.final_budget.scaled(1.0 + value) + step.initial_budget.scaled(value)
         convention = f"beyond the final level as a fraction of the step, {LEVELS}"
-        return _fraction(step, value, found, found.peak.variance + levels, convention)
+        return _fraction(step, value, found, levels, convention)
 
 
 class Undershoot(StepMetric):
@@ -114,19 +117,28 @@ class Undershoot(StepMetric):
         """Return the undershoot, never below 0."""
         found = lowest(step)
         value = max(found.peak.value, 0.0)
-        levels = (1.0 + value) ** 2 * step.initial_variance + value**2 * step.final_variance
+        levels = step.initial_budget.scaled(1.0 + value) + step.final_budget.scaled(value)
         convention = f"before the initial level as a fraction of the step, {LEVELS}"
-        return _fraction(step, value, found, found.peak.variance + levels, convention)
+        return _fraction(step, value, found, levels, convention)
+
+
+def _own_budget(step: StepResponse, found: Peak) -> Budget:
+    """Return what moves the height of an extreme (normalised), without the levels."""
+    return (
+        type_a("noise", found.variance, step.noise.freedom)
+        + between("interpolation", found.between)
+        + step.reading
+    )
 
 
 def _fraction(
-    step: StepResponse, value: float, found: Extreme, variance: float, convention: str
+    step: StepResponse, value: float, found: Extreme, levels: Budget, convention: str
 ) -> Measure:
-    measure = around(step, value, variance, convention)
+    measure = around(step, value, _own_budget(step, found.peak) + levels, convention)
     low = 0.0 if value <= found.threshold else max(measure.low, 0.0)
     if math.isnan(measure.low):
         low = math.nan
-    return Measure(value, low, measure.high, measure.reason)
+    return replace(measure, low=low)
 
 
 class PeakValue(StepMetric):
@@ -144,12 +156,21 @@ class PeakValue(StepMetric):
     def of(self, step: StepResponse) -> Measure:
         """Return the value of the local polynomial's extreme."""
         found = highest(step)
-        reach = step.noise.quantile() * math.sqrt(found.peak.variance)
-        low, high = found.peak.value - reach, found.peak.value + reach
+        budget = _own_budget(step, found.peak).scaled(step.step)
+        value = step.initial + step.step * found.peak.value
+        absolute, relative = step.calibration
+        sensor = type_b("sensor", math.hypot(absolute, relative * value))
+        own = reach(budget + sensor)
+        low, high = value - own, value + own
         if found.peak.value - 1.0 <= found.threshold:
-            low = min(low, 1.0 - step.noise.quantile() * math.sqrt(step.final_variance))
-        value, *ends = (step.initial + step.step * part for part in (found.peak.value, low, high))
-        return Measure(value, min(ends), max(ends), said(step, "extreme after the edge"))
+            # no more than the level that it settles at
+            settled = reach(step.final_budget.scaled(step.step) + sensor)
+            if step.step > 0.0:
+                low = min(low, step.final - settled)
+            else:
+                high = max(high, step.final + settled)
+        reason = said(step, "extreme after the edge")
+        return Measure(value, low, high, reason, (budget + sensor).merged())
 
 
 def _also_as_high(step: StepResponse, found: Peak) -> tuple[float, float]:
@@ -176,7 +197,8 @@ def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: st
     line = timeline(recording, trial)
     edges = commanded_edges(line, trial)
     span = line.between(edges[0].time, edges[-1].until)
-    values = recording[channel]
+    data = samples(recording, trial, channel)
+    values = data.values
     require_finite(line, values, span)
     before = values[initial_window(line, edges[0], float(line.time[0]))]
     inside = values[span]
@@ -185,8 +207,12 @@ def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: st
     smoothed = savgol_filter(inside, _PARABOLA, 2)
     away = smoothed - float(np.mean(before))
     value = float(smoothed[int(np.argmax(np.abs(away)))])
-    reach = 2.0 * math.sqrt(59.0 / 231.0) * white_noise(inside)
-    return Measure(value, value - reach, value + reach, f"extreme after the first edge; {reason}")
+    noise = type_a("noise", 59.0 / 231.0 * white_noise(inside) ** 2)
+    rounding = between("resolution", 0.5 * data.resolution)
+    budget = noise + rounding + type_b("sensor", data.calibration(value))
+    own = reach(budget)
+    notes = "; ".join((f"extreme after the first edge; {reason}", *data.notes(line, span)))
+    return Measure(value, value - own, value + own, notes, budget.merged())
 
 
 class PeakTime(StepMetric):
@@ -200,7 +226,13 @@ class PeakTime(StepMetric):
         if found.peak.value - 1.0 <= max(found.threshold, _LEAST):
             raise NotScored("no peak: the response does not overshoot beyond its noise")
         low, high = _also_as_high(step, found.peak)
-        if not step.noise.known:
+        budget = between("interpolation", found.peak.between_times)
+        own = reach(budget)
+        low, high = low - own, high + own
+        flat = (high - low) / 2.0 - own
+        if step.noise.known:
+            budget += type_a("noise", (flat / NORMAL) ** 2, step.noise.freedom)
+        else:
             low = high = math.nan
-        measure = Measure(found.peak.time, low, high, said(step, "edge to the peak"))
-        return since_edge(step, measure)
+        reason = said(step, "edge to the peak")
+        return since_edge(step, Measure(found.peak.time, low, high, reason, budget))

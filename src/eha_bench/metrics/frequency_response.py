@@ -15,6 +15,7 @@ from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.multisine_response import multisine_points
 from eha_bench.metrics.response_point import ResponsePoint
+from eha_bench.metrics.samples import samples
 from eha_bench.metrics.stepped_sine_response import stepped_sine_points
 from eha_bench.metrics.window import timeline
 
@@ -36,6 +37,7 @@ class FrequencyResponse:
         left_out: frequency in Hz and reason of the others.
         method: how it was found.
         how: how the signal was found in the recording; "" for the bench's own.
+        notes: what is special about the samples.
         doubtful: those of the points left out that were measured, in order of frequency.
     """
 
@@ -44,6 +46,7 @@ class FrequencyResponse:
     method: str
     how: str
     doubtful: tuple[ResponsePoint, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def frequency(self) -> FloatArray:
@@ -106,16 +109,17 @@ def excites_a_band(trial: Trial) -> bool:
 def _response(recording: Recording, trial: Trial, channel: str) -> FrequencyResponse:
     signal = trial.signal
     line = timeline(recording, trial)
+    data = samples(recording, trial, channel)
     left_out: list[tuple[float, str]] = []
     if len(signal.tones) > 1:
         method = "stepped sine"
         found, left_out = stepped_sine_points(recording, trial, channel)
     elif signal.lines:
         method = "multisine, robust method" if len(signal.lines) > 1 else "periodic, fast method"
-        found = multisine_points(recording[channel], line, signal.lines)
+        found = multisine_points(data.values, line, signal.lines)
     elif signal.sweeps:
         method = "chirp, H1 by local polynomials"
-        found = chirp_points(recording[channel], line, signal.sweeps)
+        found = chirp_points(data.values, line, signal.sweeps)
     else:
         raise NotScored("the signal excites no band of frequencies")
     reliable, doubtful = [], []
@@ -130,7 +134,12 @@ def _response(recording: Recording, trial: Trial, channel: str) -> FrequencyResp
         reason = left_out[0][1] if left_out else "no line in the recording"
         raise NotScored(f"no frequency can be relied upon ({reason})")
     return FrequencyResponse(
-        tuple(reliable), tuple(sorted(left_out)), method, line.how, tuple(doubtful)
+        tuple(reliable),
+        tuple(sorted(left_out)),
+        method,
+        line.how,
+        tuple(doubtful),
+        data.notes(line, line.between(0.0, trial.duration)),
     )
 
 

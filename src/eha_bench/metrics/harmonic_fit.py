@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.metrics.between_lines import BetweenLines, between_lines
+
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
@@ -20,7 +22,9 @@ class HarmonicFit:
     """Phasors of a fundamental and its harmonics, with what they leave."""
 
     phasors: tuple[complex, ...]  # fundamental first
-    variance: float  # of each part of a phasor
+    variance: float  # of each part of a harmonic's phasor
+    fundamental_variance: float  # the same of the fundamental, from which a transient was taken
+    transient: complex  # that was taken off the fundamental
     residual_rms: float
     freedom: float
 
@@ -47,9 +51,8 @@ def harmonic_fits(
             power *= turn
             residual[part] -= power.real[:, None] * solution[h]
             residual[part] -= power.imag[:, None] * solution[highest + h]
-    return [
-        _fitted(solution[:, k], residual[:, k], periods, highest) for k in range(values.shape[1])
-    ]
+    under = between_lines(time, residual, frequency, periods, highest)
+    return [_fitted(solution[:, k], residual[:, k], highest, own) for k, own in enumerate(under)]
 
 
 def _parts(count: int) -> list[slice]:
@@ -95,26 +98,18 @@ def _normal(turns: ComplexArray, highest: int) -> FloatArray:
     return matrix
 
 
-def _fitted(solution: FloatArray, residual: FloatArray, periods: int, highest: int) -> HarmonicFit:
+def _fitted(
+    solution: FloatArray, residual: FloatArray, highest: int, under: BetweenLines
+) -> HarmonicFit:
     # a cos + b sin = Re((a - jb) exp(jwt)); a sine of phase 0 is -j
-    phasors = tuple(complex(solution[1 + h], -solution[1 + highest + h]) for h in range(highest))
-    density, freedom = _noise_density(residual, periods, highest)
-    variance = 2.0 * density / residual.size
+    phasors = [complex(solution[1 + h], -solution[1 + highest + h]) for h in range(highest)]
+    phasors[0] -= under.transient
     rms = math.sqrt(float(residual @ residual) / max(residual.size - 1 - 2 * highest, 1))
-    return HarmonicFit(phasors, variance, rms, freedom)
-
-
-def _noise_density(residual: FloatArray, periods: int, highest: int) -> tuple[float, float]:
-    """Return the noise variance per sample near the fundamental, and its degrees of freedom.
-
-    A record of P periods has P - 1 free lines between two harmonics: the nearest twelve to the
-    fundamental tell its noise, correlated or not.
-    """
-    spectrum = np.fft.rfft(residual)
-    bins = np.arange(1, min((residual.size - 1) // 2, 4 * periods + 64))
-    free = bins[(bins % periods != 0) | (bins > highest * periods)]
-    if free.size == 0:
-        return 0.0, 0.0
-    nearest = free[np.argsort(np.abs(free - periods), kind="stable")[:12]]
-    power = np.abs(spectrum[nearest]) ** 2 / residual.size
-    return float(power.mean()), 2.0 * float(nearest.size)
+    return HarmonicFit(
+        tuple(phasors),
+        under.variance,
+        under.variance + under.transient_variance,
+        under.transient,
+        rms,
+        under.freedom,
+    )

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from eha_bench.core.budget import Budget
+from eha_bench.metrics.coverage import between, type_a
+from eha_bench.metrics.noise import Noise
+from eha_bench.metrics.resolution import rounding_sd
 
 FloatArray = NDArray[np.float64]
 
@@ -17,6 +23,7 @@ class Level:
     Attributes:
         value: unit of the data.
         variance: of the value, by the noise and its correlation.
+        freedom: degrees of freedom of the variance.
         drift: change along the window by a line through its halves' means.
         drift_variance: of the drift.
         samples: in the window.
@@ -24,9 +31,42 @@ class Level:
 
     value: float
     variance: float
+    freedom: float
     drift: float
     drift_variance: float
     samples: int
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the drift cannot be noise."""
+        return abs(self.drift) > 3.0 * math.sqrt(self.drift_variance)
+
+    def budget(self, resolution: float, sd: float) -> Budget:
+        """Return what moves the value: noise, the sensor's resolution, a drift along the window.
+
+        `resolution` in the unit of the data, `sd` of the noise that dithers it.
+        """
+        rounding = math.sqrt(3.0) * rounding_sd(resolution, sd)
+        drift = 0.5 * abs(self.drift) if self.drifts else 0.0
+        return (
+            type_a("noise", self.variance, self.freedom)
+            + between("resolution", rounding)
+            + between("settling drift", drift)
+        )
+
+
+def level(values: FloatArray, noise: Noise) -> Level:
+    """Return the mean of (n,) samples with the variances of mean and drift."""
+    half = max(values.size // 2, 1)
+    drift = 2.0 * (float(values[-half:].mean()) - float(values[:half].mean()))
+    return Level(
+        value=float(values.mean()),
+        variance=noise.variance_of_mean(values.size),
+        freedom=noise.slow,
+        drift=drift,
+        drift_variance=8.0 * noise.variance_of_mean(half),
+        samples=int(values.size),
+    )
 
 
 def histogram_levels(values: FloatArray, bins: int = 100) -> tuple[float, float]:

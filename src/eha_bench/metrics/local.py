@@ -1,4 +1,4 @@
-"""Local polynomials: the value, the crossing and the peak of a noisy response, with their variance.
+"""Local polynomials: the value of a noisy response around a place, with its variance.
 
 The window is chosen by the intersection of confidence intervals of a lower order (Goldenshluger
 and Nemirovski, Math. Methods of Statistics 6, 1997), and the value is then taken from a fit of a
@@ -27,15 +27,6 @@ _GROWTH = 1.3
 _LARGEST = 4000
 UNDERSMOOTHED = 0.6
 """Share of the window in which a line is straight that a peak is sought in."""
-
-_PLACED = 1.12
-"""What the variance of a crossing is larger by than its weights say.
-
-The window is placed where the noise itself puts the crossing; by simulation the errors are 6 %
-larger than those of a window at a given place.
-"""
-
-_FOLLOWED = 1.5  # the same for a crossing: a cubic follows further than a line
 
 
 @dataclass(frozen=True)
@@ -192,92 +183,6 @@ def half_width(
         if half == widest:
             return widest
         half = min(max(half + 1, math.ceil(half * _GROWTH)), widest)
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """Where a response crosses a level.
-
-    Attributes:
-        time: s.
-        slope: of the response there, per s.
-        variance: of the response's value there.
-        around: the polynomial it was found with; None for a straight line between two samples.
-    """
-
-    time: float
-    slope: float
-    variance: float
-    around: Fit | None = None
-
-    def interval(self, level_variance: float, noise: Noise) -> tuple[float, float]:
-        """Return where the response cannot be told from the level, at 95 % (s).
-
-        That is the interval by inversion (Fieller), which a curved approach to the level makes
-        lopsided; where the polynomial's window ends first, the straight line goes on.
-        """
-        reach = noise.quantile() * math.sqrt(self.variance + level_variance) / abs(self.slope)
-        low, high = self.time - reach, self.time + reach
-        if self.around is None or not math.isfinite(reach):
-            return low, high
-        local, target = self.around, self.around.value(self.time)
-
-        spread, quantile = noise.spread(local.operator), noise.quantile()
-
-        def near(times: FloatArray) -> BoolArray:
-            own = _PLACED * spread.variances(local.powers(times))
-            reach = quantile * np.sqrt(own + level_variance)
-            return np.asarray(np.abs(local.values(times) - target) <= reach)
-
-        first, last = holds_around(local, self.time, near)
-        inside = (local.origin - local.scale, local.origin + local.scale)
-        return (
-            first if first > inside[0] else min(low, first),
-            last if last < inside[1] else max(high, last),
-        )
-
-
-def interpolated(time: FloatArray, values: FloatArray, level: float, index: int) -> Crossing:
-    """Return the crossing between samples index - 1 and index by a straight line."""
-    span = float(time[index] - time[index - 1])
-    rise = float(values[index] - values[index - 1])
-    share = (level - float(values[index - 1])) / rise if rise != 0.0 else 1.0
-    return Crossing(float(time[index - 1]) + share * span, rise / span, 0.0)
-
-
-def between_samples(
-    time: FloatArray, values: FloatArray, level: float, index: int, noise: Noise
-) -> Crossing:
-    """Return the crossing between samples index - 1 and index, with the noise of both."""
-    line = interpolated(time, values, level, index)
-    share = (line.time - float(time[index - 1])) / float(time[index] - time[index - 1])
-    weights = np.array([1.0 - share, share])
-    return Crossing(line.time, line.slope, noise.variance(weights))
-
-
-def refined(
-    time: FloatArray,
-    values: FloatArray,
-    level: float,
-    guess: Crossing,
-    noise: Noise,
-    widest: int,
-) -> Crossing:
-    """Return the crossing of a local polynomial near a guess; the guess where it has none."""
-    half = half_width(time, values, guess.time, noise, widest, _FOLLOWED)
-    local = fit(time, values, guess.time, half + 1, 3)
-    shifted = local.coefficients.copy()
-    shifted[0] -= level
-    roots = np.roots(shifted[::-1]) if np.any(shifted[1:] != 0.0) else np.zeros(0)
-    real = roots[np.abs(roots.imag) < 1e-9].real
-    real = real[np.abs(real) <= 1.0]
-    same = [x for x in real if local.slope(local.origin + x * local.scale) * guess.slope > 0.0]
-    place = local.origin + float(min(same, key=abs)) * local.scale if same else guess.time
-    at_place = local.powers(np.array([place]))
-    variance = _PLACED * float(noise.spread(local.operator).variances(at_place)[0])
-    if not same:
-        return Crossing(guess.time, guess.slope, variance)
-    return Crossing(place, local.slope(place), variance, local)
 
 
 def holds_around(

@@ -27,6 +27,7 @@ class Peak:
         time: s.
         variance: of the value.
         earliest, latest: 95 % interval of the time.
+        between, between_times: how far interpolation may be off, of the value and, in s, of time.
     """
 
     value: float
@@ -34,6 +35,8 @@ class Peak:
     variance: float
     earliest: float
     latest: float
+    between: float = 0.0
+    between_times: float = 0.0
 
 
 def peak(
@@ -115,21 +118,42 @@ def _curvature(local: Fit, place: float) -> float:
     return float(np.polynomial.polynomial.polyval(x, coefficients)) / local.scale**2
 
 
-def vertex(time: FloatArray, values: FloatArray, index: int) -> Peak:
-    """Return the vertex of the parabola through the three samples around `index` (no noise)."""
+def vertex(time: FloatArray, values: FloatArray, index: int, first: int) -> Peak:
+    """Return the maximum of the polynomial through the samples around `index` (no noise).
+
+    Through five samples, none before `first`; it is off by about as much as the parabola through
+    the nearest three is apart from it. Where there are no five, the parabola stands, and may be off
+    by what it adds to the sample.
+    """
     at = float(time[index])
     here = Peak(float(values[index]), at, 0.0, at, at)
-    if not 0 < index < values.size - 1:
+    three = _vertex(time, values, index, 1)
+    if three is None or not max(first, 0) <= index - 1 <= index + 1 < values.size:
         return here
-    left, right = float(time[index] - time[index - 1]), float(time[index + 1] - time[index])
-    before = (float(values[index] - values[index - 1])) / left
-    after = (float(values[index + 1] - values[index])) / right
-    bend = (after - before) / (left + right)
-    slope = before + bend * left
-    if not bend < 0.0:
-        return here
-    shift = -slope / (2.0 * bend)
-    if not -left <= shift <= right:
-        return here
-    place = at + shift
-    return Peak(here.value + slope * shift / 2.0, place, 0.0, place, place)
+    five = None
+    if max(first, 0) <= index - 2 and index + 2 < values.size:
+        five = _vertex(time, values, index, 2)
+    place, value = three if five is None else five
+    away = (here.time, here.value) if five is None else three
+    return Peak(value, place, 0.0, place, place, abs(value - away[1]), abs(place - away[0]))
+
+
+def _vertex(
+    time: FloatArray, values: FloatArray, index: int, half: int
+) -> tuple[float, float] | None:
+    """Return place and value of the maximum of the polynomial through 2 half + 1 samples."""
+    if not half <= index < values.size - half:
+        return None
+    around = slice(index - half, index + half + 1)
+    scale = float(time[index + 1] - time[index - 1])
+    place = (time[around] - time[index]) / scale
+    base = float(values[index])
+    coefficients = np.linalg.solve(np.vander(place), values[around] - base)
+    roots = np.roots(np.polyder(coefficients)) if np.any(coefficients[:-1] != 0.0) else np.zeros(0)
+    real = roots[np.abs(roots.imag) < 1e-9].real
+    real = real[(real >= place[half - 1]) & (real <= place[half + 1])]
+    if real.size == 0:
+        return None
+    best = float(real[int(np.argmax(np.polyval(coefficients, real)))])
+    height = float(np.polyval(coefficients, best))
+    return (float(time[index]) + best * scale, base + height) if height >= 0.0 else None

@@ -146,7 +146,7 @@ class LockedMetric(Metric):
     def applies(self, trial: Trial) -> bool:
         """Whether the trial is the first experiment of Section 4.2."""
         return (
-            trial.mode is ControlMode.CURRENT
+            trial.mode == ControlMode.CURRENT
             and trial.setup.piston is Piston.LOCKED
             and trial.setup.bypass is Bypass.CLOSED
             and 3 <= len(trial.signal.edges) <= 64

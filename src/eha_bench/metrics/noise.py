@@ -22,6 +22,10 @@ _FEWEST = 8
 _HIGHEST_ORDER = 12
 _LONGEST = 2000
 _FEW_LAGS = 40  # up to which adding lag by lag is quicker than a transform
+_LEFT = 0.3  # least share of the noise's variance that a fitted line is taken to leave
+_SLOW = 0.3  # coefficient of an autoregression below which its bias is no matter
+_KNOWN = 2.5
+_SLOWEST = 0.99
 _PENALTY = 4.0  # per coefficient: Akaike's 2 would find correlation in a third of all white noise
 
 
@@ -59,10 +63,18 @@ class Noise:
     Attributes:
         autocovariance: (m,) at lags 0..m-1 samples, in the unit of the data squared.
         freedom: degrees of freedom of the estimate (0: unknown, intervals are NaN).
+        slow: the same for what a mean over a long window has of it: noise at low frequency, of
+            which a record holds less than of all of it.
     """
 
     autocovariance: FloatArray
     freedom: float
+    slow: float = math.nan
+
+    def __post_init__(self) -> None:
+        """Take the slow part for as well known as the whole where nobody said."""
+        if math.isnan(self.slow):
+            object.__setattr__(self, "slow", self.freedom)
 
     @property
     def sd(self) -> float:
@@ -94,6 +106,12 @@ class Noise:
         blurred = fftconvolve(operator, kernel[None, :], axes=1)[:, lags.size - 1 :]
         total = operator @ blurred[:, : operator.shape[1]].T
         return Spread(0.5 * (total + total.T), white)
+
+    def correlation(self, lag: int) -> float:
+        """Return the correlation of two samples so many samples apart."""
+        if not 0 <= lag < self.autocovariance.size:
+            return 0.0
+        return float(self.autocovariance[lag] / max(float(self.autocovariance[0]), 1e-300))
 
     def variance_of_mean(self, count: int) -> float:
         """Return the variance of the mean of `count` consecutive samples."""
@@ -139,14 +157,34 @@ def estimate(segments: Sequence[FloatArray]) -> Noise:
     coefficients = _burg(residuals, count)
     if coefficients.size == 0:
         return Noise(np.array([variance]), freedom)
-    correlation = _correlation(coefficients)
+    length = count / len(residuals)
+    correlation = _correlation(_unbiased(coefficients, length))
     # what correlation costs: as many independent samples as have the same squared spread
     squares = 1.0 + 2.0 * float(np.sum(correlation[1:] ** 2))
     # a line fitted to correlated noise takes more of its variance away than two samples' worth
-    length = count / len(residuals)
-    mean = 1.0 + 2.0 * float(np.sum(correlation[1:]))
-    variance *= 1.0 / max(1.0 - 2.0 * max(mean, 0.0) / length, 0.5) * freedom / count
-    return Noise(variance * correlation, max(freedom / squares, 2.0))
+    mean = max(1.0 + 2.0 * float(np.sum(correlation[1:])), 1.0)
+    variance *= 1.0 / max(1.0 - 2.0 * mean / length, _LEFT) * freedom / count
+    # the noise at frequency 0, sd^2 / (1 - a)^2 of an autoregression of first order, is known as
+    # well as a is: var(a) = (1 - a^2) / n, so var(log) = 4 (1 + a) / ((1 - a) n) = 2 / freedom,
+    # which a's own error in it makes a little less
+    slow = min(freedom, max(count / (_KNOWN * mean), 1.0))
+    return Noise(variance * correlation, max(freedom / squares, 2.0), slow)
+
+
+def _unbiased(coefficients: FloatArray, length: float) -> FloatArray:
+    """Return an autoregression whose slowest pole is as slow as it was before the line was fitted.
+
+    A coefficient estimated from n samples about a fitted line is too small by (2 + 4 a) / n on
+    average (M. G. Kendall, Biometrika 41, 1954; a line instead of a mean doubles its constant).
+    """
+    poles = np.roots(np.concatenate([[1.0], -coefficients]))
+    slowest = poles[int(np.argmax(np.abs(poles)))]
+    if abs(slowest.imag) > 1e-6 or slowest.real < _SLOW:
+        return coefficients
+    true = min((slowest.real * length + 2.0) / (length - 4.0), _SLOWEST)
+    scale = max(true / slowest.real, 1.0)
+    stretched: FloatArray = coefficients * scale ** np.arange(1, coefficients.size + 1)
+    return stretched
 
 
 def _burg(residuals: Sequence[FloatArray], count: int) -> FloatArray:

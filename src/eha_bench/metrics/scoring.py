@@ -145,5 +145,5 @@ def _unit(found: Metric, recording: Recording, trial: Trial, channel: str) -> st
     if found.spec.unit is not None:
         return found.spec.unit
     if channel == "reference":
-        return unit_of(trial.channel)
+        return recording.unit(channel) or trial.mode.unit
     return recording.unit(channel) if channel in recording else unit_of(channel)

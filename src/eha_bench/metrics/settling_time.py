@@ -8,15 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.budget import Budget, Evaluation
 from eha_bench.core.score import Measure
-from eha_bench.metrics.local import (
-    Crossing,
-    Smooth,
-    between_samples,
-    interpolated,
-    refined,
-    smooth,
-)
+from eha_bench.metrics.coverage import NORMAL, reach, type_a
+from eha_bench.metrics.crossing import Crossing, between_samples, refined, straight
+from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.settling_model import settled_by_model
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, said, since_edge
@@ -48,8 +44,9 @@ class SettlingTime(StepMetric):
 
     def _found(self, step: StepResponse) -> Measure:
         track = _track(step)
-        spread = math.sqrt(track.sd**2 + step.final_variance)
-        if spread > BAND / 5.0:
+        spread = math.hypot(track.sd, step.final_budget.standard)
+        noise = type_a("noise", track.sd**2, step.noise.freedom)
+        if math.hypot(track.sd, _noise_of(step.final_budget)) > BAND / 5.0:
             return self._by_model(step, spread)
         distance = track.values - 1.0
         distance[: step.origin] = 1.0  # before the edge nothing has settled
@@ -61,12 +58,23 @@ class SettlingTime(StepMetric):
                 f"with the hold ending at {hold:.4g} s"
             )
         edge = 1.0 + math.copysign(BAND, float(distance[last]))
-        place = interpolated(step.time, track.values, edge, last + 1)
-        if not step.exact and step.noise.known:
+        if step.exact or not step.noise.known:
+            place = step.between_samples(edge, last + 1)
+        else:
+            place = straight(step.time, track.values, edge, last + 1)
             place = _refined(step, edge, place, last + 1)
-        low, high = self._interval(step, distance, last, place, spread)
+        level = step.final_budget + step.rounding(place)
+        # where the response turns, all that it is known to is a step of its sensor
+        turning = noise + step.final_budget + step.reading
+        beyond = reach(turning)
+        low, high = self._interval(step, distance, last, place, level, beyond)
         convention = f"2 % of the step for good, {LEVELS}"
-        return since_edge(step, Measure(place.time, low, high, said(step, convention)))
+        budget = place.budget(level, step.noise)
+        wide = (high - low) / (2.0 * NORMAL)
+        if wide > 1.5 * budget.standard:  # other exits from the band that noise hides or feigns
+            rest = math.sqrt(wide**2 - budget.variance)
+            budget += type_a("other exits", rest**2, step.noise.freedom)
+        return since_edge(step, Measure(place.time, low, high, said(step, convention), budget))
 
     @staticmethod
     def _by_model(step: StepResponse, spread: float) -> Measure:
@@ -81,7 +89,8 @@ class SettlingTime(StepMetric):
         convention = (
             f"2 % of the step for good, {LEVELS}; two modes fitted to the tail, since {floor}"
         )
-        return since_edge(step, Measure(value, low, high, said(step, convention)))
+        parameters = type_a("noise", ((high - low) / (2.0 * NORMAL)) ** 2, step.noise.freedom)
+        return since_edge(step, Measure(value, low, high, said(step, convention), parameters))
 
     @staticmethod
     def _interval(
@@ -89,14 +98,14 @@ class SettlingTime(StepMetric):
         distance: FloatArray,
         last: int,
         place: Crossing,
-        spread: float,
+        level: Budget,
+        beyond: float,
     ) -> tuple[float, float]:
         if not step.noise.known:
             return math.nan, math.nan
-        reach = step.noise.quantile()
-        surely = _last_outside(distance, BAND + reach * spread)
-        perhaps = _last_outside(distance, BAND - reach * spread)
-        low, high = place.interval(step.final_variance, step.noise)
+        surely = _last_outside(distance, BAND + beyond)
+        perhaps = _last_outside(distance, BAND - beyond)
+        low, high = place.interval(level, step.noise)
         own = 0.5 * (high - low)
         if step.exact:
             return low, high
@@ -109,6 +118,12 @@ class SettlingTime(StepMetric):
         return low, high
 
 
+def _noise_of(budget: Budget) -> float:
+    """Return the standard uncertainty of type A of a budget."""
+    own = (part.standard for part in budget.parts if part.evaluation is Evaluation.A)
+    return math.hypot(*own)
+
+
 def _not_before_its_response(step: StepResponse, found: Measure) -> Measure:
     """Return a settling time that is not before the response time; its interval only grows.
 
@@ -119,7 +134,7 @@ def _not_before_its_response(step: StepResponse, found: Measure) -> Measure:
         reached = step.crossing(RESPONDED)
     except NotScored:
         return found
-    _, latest = reached.interval(step.level_variance(RESPONDED), step.noise)
+    _, latest = reached.interval(step.place_budget(reached, RESPONDED), step.noise)
     least = since_edge(step, Measure(reached.time, reached.time, latest))
     if found.value >= least.value:
         return found
@@ -141,7 +156,9 @@ def _track(step: StepResponse) -> Smooth:
 def _refined(step: StepResponse, edge: float, guess: Crossing, index: int) -> Crossing:
     first = step.landed if not step.resolved else 0
     if index <= first:  # within the jump
-        return between_samples(step.time, step.rise, edge, index, step.noise)
+        return between_samples(
+            step.time, step.rise, edge, index, step.noise, step.origin, step.samples_a_rise
+        )
     widest = max(step.transit, 3)
     return refined(step.time[first:], step.rise[first:], edge, guess, step.noise, widest)
 

@@ -11,8 +11,12 @@ from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
+from eha_bench.metrics.coverage import NORMAL, between, reach, type_a
 from eha_bench.metrics.metric import Metric, NotScored, spec_of
 from eha_bench.metrics.tone_response import ToneResponse, tone_responses
+
+_LEAD = math.radians(5.0)  # a smaller one is no reason to think of a lag of nearly a turn
+_SURELY_NONE = 0.3  # turns that the onset is late by, below which there is none
 
 
 class SineMetric(Metric):
@@ -49,8 +53,9 @@ class AmplitudeRatio(SineMetric):
 
     def of(self, tone: ToneResponse) -> Measure:
         """Return the magnitude of the ratio of the phasors."""
-        value, reach = abs(tone.ratio), tone.quantile() * tone.ratio_sd
-        return Measure(value, max(value - reach, 0.0), value + reach, "sine fit (IEEE 1057)")
+        value, budget = abs(tone.ratio), tone.budget.merged()
+        own = reach(budget)
+        return Measure(value, max(value - own, 0.0), value + own, "sine fit (IEEE 1057)", budget)
 
     def badness(self, value: float) -> float:
         """Return the distance from 1."""
@@ -58,14 +63,16 @@ class AmplitudeRatio(SineMetric):
 
 
 class PhaseLag(SineMetric):
-    """Phase of the reference minus that of the measurement, rad, in [-pi/2, 3 pi/2)."""
+    """Phase of the reference minus that of the measurement, rad, from -pi/2 on.
+
+    A sine tells a lag but for whole turns; which one it is, the onset of the response tells.
+    """
 
     spec = spec_of("phase_lag")
 
     def of(self, tone: ToneResponse) -> Measure:
         """Return the lag; a lead of up to 90 degrees is negative."""
-        value, reach = phase_lag(tone)
-        return Measure(value, value - reach, value + reach, "sine fit (IEEE 1057), positive lags")
+        return phase_lag(tone, 1.0, "sine fit (IEEE 1057), positive lags")
 
 
 class TimeLag(SineMetric):
@@ -75,19 +82,33 @@ class TimeLag(SineMetric):
 
     def of(self, tone: ToneResponse) -> Measure:
         """Return phase lag / (2 pi f)."""
-        value, reach = phase_lag(tone)
         turn = 2.0 * math.pi * tone.frequency
-        reason = "phase lag over angular frequency"
-        return Measure(value / turn, (value - reach) / turn, (value + reach) / turn, reason)
+        return phase_lag(tone, 1.0 / turn, "phase lag over angular frequency")
 
 
-def phase_lag(tone: ToneResponse) -> tuple[float, float]:
-    """Return the lag in rad and the reach of its 95 % interval."""
+def phase_lag(tone: ToneResponse, factor: float, convention: str) -> Measure:
+    """Return the lag in rad times a factor.
+
+    In [-90, 270) degrees, where the response does not set in later than that: each whole turn that
+    its onset is later counts. Where a lag of so many turns is as likely, it is said.
+    """
     if abs(tone.response.value) < 3.0 * math.sqrt(tone.response.variance) or tone.ratio == 0.0:
         raise NotScored("the response's fundamental is lost in its noise: it has no phase")
     lag = -cmath.phase(tone.ratio)
     lag = lag + 2.0 * math.pi if lag < -0.5 * math.pi else lag
-    return lag, tone.quantile() * tone.ratio_sd / abs(tone.ratio)
+    parts = [convention]
+    late = tone.onset * tone.frequency - lag / (2.0 * math.pi)
+    turns = max(round(late), 0) if math.isfinite(late) else 0
+    if turns:
+        lag += 2.0 * math.pi * turns
+        parts.append(f"{turns} whole turn(s) by the response's onset after {tone.onset:.4g} s")
+    elif lag < -_LEAD and not late < _SURELY_NONE:
+        parts.append("read as a lead: a lag of 270 deg and more looks the same")
+    budget = type_a("noise", (tone.ratio_sd / abs(tone.ratio)) ** 2, tone.freedom)
+    budget += between("resolution", tone.rounding / abs(tone.response.value))
+    value, budget = lag * factor, budget.scaled(factor).merged()
+    own = reach(budget)
+    return Measure(value, value - own, value + own, "; ".join(parts), budget)
 
 
 class Distortion(SineMetric):
@@ -108,12 +129,14 @@ class Distortion(SineMetric):
         spread = math.sqrt(
             4.0 * max(clean, 0.0) * variance + 4.0 * len(tone.harmonics) * variance**2
         )
-        reach = tone.quantile() * spread
+        own = tone.quantile() * spread
         value, low, high = (
             math.sqrt(max(part, 0.0) / fundamental) if math.isfinite(part) else math.nan
-            for part in (clean, clean - reach, max(clean, 0.0) + reach)
+            for part in (clean, clean - own, max(clean, 0.0) + own)
         )
-        return Measure(value, low, high, f"harmonics 2-{len(tone.harmonics) + 1}, without noise")
+        noise = type_a("noise", ((high - low) / (2.0 * NORMAL)) ** 2, tone.freedom)
+        reason = f"harmonics 2-{len(tone.harmonics) + 1}, without noise"
+        return Measure(value, low, high, reason, noise)
 
 
 class SineResidual(SineMetric):

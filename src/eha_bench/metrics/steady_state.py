@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 
 from eha_bench.core.channels import unit_of
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.signal import Edge
 from eha_bench.core.trial import Trial
+from eha_bench.metrics.coverage import reach, type_b
+from eha_bench.metrics.levels import level
 from eha_bench.metrics.metric import Metric, NotScored, spec_of
-from eha_bench.metrics.noise import estimate
+from eha_bench.metrics.resolution import dithering
+from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.step_response import (
     FINAL_SHARE,
     final_window,
     has_steps,
-    level,
+    held_noise,
     magnitude,
     require_finite,
 )
@@ -38,11 +41,9 @@ class SteadyStateError(Metric):
         if channel != trial.channel:
             raise NotScored(f"{channel} is not what the reference asks for ({trial.channel} is)")
         line = timeline(recording, trial)
-        found = [
-            _mean(line, recording, channel, edge, edge.after)
-            for edge in commanded_edges(line, trial)
-        ]
-        return _largest(found)
+        data = samples(recording, trial, channel)
+        edges = commanded_edges(line, trial)
+        return _largest([_mean(line, data, edge, edge.after) for edge in edges])
 
 
 class HoldingCurrent(Metric):
@@ -63,35 +64,38 @@ class HoldingCurrent(Metric):
         if (recording.unit(channel) or unit_of(channel)) != "A":
             raise NotScored(f"{channel} is not a current")
         line = timeline(recording, trial)
+        data = samples(recording, trial, channel)
         edges = commanded_edges(line, trial)
-        return _largest([_mean(line, recording, channel, edge, None) for edge in edges])
+        return _largest([_mean(line, data, edge, None) for edge in edges])
 
 
-def _mean(
-    line: Timeline, recording: Recording, channel: str, edge: Edge, target: float | None
-) -> Measure:
+def _mean(line: Timeline, data: Samples, edge: Edge, target: float | None) -> Measure:
     """Return the mean of the final window, or what is missing from it to `target`."""
     window = final_window(line, edge)
-    values = recording[channel]
+    values = data.values
     if window.stop <= window.start:
         raise NotScored("no sample at the end of the hold")
     require_finite(line, values, window)
     scale = magnitude(values[window]) or 1.0
-    noise = estimate([values[window] / scale])
-    found = level(values[window] / scale, noise)
-    reach = noise.quantile() * math.sqrt(found.variance) * scale
-    if not noise.known:
-        reach = math.nan
+    last = values[window] / scale
+    held = values[line.between(edge.time, edge.until)] / scale
+    noise = held_noise(held, [last], [])
+    found = level(last, noise)
+    budget = found.budget(
+        data.resolution / scale, dithering((last,), data.resolution / scale)
+    ).scaled(scale)
+    budget += type_b("sensor", data.calibration(found.value * scale))
+    own = reach(budget)
     value = found.value * scale if target is None else target - found.value * scale
     notes = [_WINDOW, line.how] if line.how else [_WINDOW]
-    if abs(found.drift) > 3.0 * math.sqrt(found.drift_variance) and abs(found.drift) > 0.01:
+    if found.drifts and abs(found.drift) > 0.01:
         notes.append(f"not stationary: drifts by {found.drift * scale:.3g} along it")
-    return Measure(value, value - reach, value + reach, "; ".join(notes))
+    notes += data.notes(line, window)
+    return Measure(value, value - own, value + own, "; ".join(notes), budget.merged())
 
 
 def _largest(found: list[Measure]) -> Measure:
     chosen = max(found, key=lambda measure: abs(measure.value))
     if len(found) == 1:
         return chosen
-    reason = f"largest of {len(found)} edges; {chosen.reason}"
-    return Measure(chosen.value, chosen.low, chosen.high, reason)
+    return replace(chosen, reason=f"largest of {len(found)} edges; {chosen.reason}")

@@ -6,9 +6,11 @@ import math
 from abc import abstractmethod
 from dataclasses import replace
 
+from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
+from eha_bench.metrics.coverage import between, reach
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.step_response import StepResponse, has_steps, step_responses
 
@@ -52,10 +54,10 @@ def worst(found: list[tuple[StepResponse, Measure]]) -> Measure:
     )
 
 
-def around(step: StepResponse, value: float, variance: float, convention: str) -> Measure:
-    """Return a value with the interval that a (normalised) variance gives it."""
-    reach = step.noise.quantile() * math.sqrt(variance) if variance >= 0.0 else math.nan
-    return Measure(value, value - reach, value + reach, said(step, convention))
+def around(step: StepResponse, value: float, budget: Budget, convention: str) -> Measure:
+    """Return a value with the interval that its budget gives it."""
+    own = reach(budget)
+    return Measure(value, value - own, value + own, said(step, convention), budget.merged())
 
 
 def since_edge(step: StepResponse, measure: Measure) -> Measure:
@@ -68,7 +70,9 @@ def since_edge(step: StepResponse, measure: Measure) -> Measure:
         part if math.isnan(part) else max(part, 0.0)
         for part in (measure.low, measure.value, measure.high)
     )
-    return replace(measure, value=value, low=low, high=high + step.slack)
+    late = between("time stamps", 0.5 * step.slack)
+    budget = (measure.budget + late).merged()
+    return replace(measure, value=value, low=low, high=high + step.slack, budget=budget)
 
 
 def said(step: StepResponse, convention: str) -> str:

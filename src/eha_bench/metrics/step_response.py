@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge
 from eha_bench.core.trial import Trial
-from eha_bench.metrics.levels import Level, histogram_levels
-from eha_bench.metrics.local import Crossing, Smooth, between_samples, interpolated, refined, smooth
+from eha_bench.metrics.coverage import between
+from eha_bench.metrics.crossing import Crossing, between_samples, refined, straight
+from eha_bench.metrics.levels import Level, histogram_levels, level
+from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.noise import Noise, estimate, white_noise
+from eha_bench.metrics.resolution import dithering, rounding_sd
+from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.tail import asymptote
 from eha_bench.metrics.window import Timeline, commanded_edges, timeline
 
@@ -35,6 +40,12 @@ _LARGEST = 1e100
 _SMALLEST = 1e-100
 _RESOLVED = 4  # samples from 25 to 75 % below which a polynomial cannot follow the response
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
+_PREDICTED = 0.1  # of what a tail has still to go: how well prediction knows it
+_FEW_SLOW = 15.0  # degrees of freedom of slow noise below which more of the hold is looked at ...
+_ALIKE = 4.0  # ... and believed where its variance is no more than so many times as large
+_AWAY = 0.05  # of the step: a response that stays closer to its end has settled
+
+_FEW_A_RISE = 5.0  # below which the reader is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +61,14 @@ class StepResponse:
         origin: index of the last sample not after the edge.
         initial: level before the edge, SI.
         step: final minus initial level, SI, signed.
-        initial_variance, final_variance: of the normalised levels.
+        initial_budget, final_budget: what moves the normalised levels.
         noise: of `rise`.
+        resolution: of the sensor, normalised.
+        dither: standard deviation of the noise that carries it over the steps of its sensor.
+        calibration: standard uncertainties of the sensor: of a level's offset, SI, and relative.
         smooth: `rise` smoothed, for finding places.
         transit: samples from about 25 to 75 %.
+        samples_a_rise: sample periods from 10 to 90 %, by straight lines.
         slack: s by which the edge may really have been earlier (0 when its time is known).
         notes: what a reader of the score should know, one clause each.
     """
@@ -64,11 +79,15 @@ class StepResponse:
     origin: int
     initial: float
     step: float
-    initial_variance: float
-    final_variance: float
+    initial_budget: Budget
+    final_budget: Budget
     noise: Noise
+    resolution: float
+    dither: float
+    calibration: tuple[float, float]
     smooth: Smooth
     transit: int
+    samples_a_rise: float
     slack: float
     notes: tuple[str, ...]
 
@@ -98,9 +117,29 @@ class StepResponse:
         beyond = np.flatnonzero(self.rise[self.origin :] >= 0.9)
         return self.origin + (int(beyond[0]) if beyond.size else 0)
 
-    def level_variance(self, share: float) -> float:
-        """Return the variance of the level at `share` of the step (normalised)."""
-        return (1.0 - share) ** 2 * self.initial_variance + share**2 * self.final_variance
+    def level_budget(self, share: float) -> Budget:
+        """Return what moves the level at `share` of the step (normalised).
+
+        Steps of the command are often whole steps of the sensor: both levels are then rounded
+        alike, and between them nothing averages out.
+        """
+        both = self.initial_budget.scaled(1.0 - share) + self.final_budget.scaled(share)
+        own = Budget(tuple(part for part in both.parts if part.source != "resolution"))
+        return own + self.reading
+
+    @property
+    def reading(self) -> Budget:
+        """What the sensor's resolution leaves of a value that is read where nothing moves."""
+        return between("resolution", math.sqrt(3.0) * rounding_sd(self.resolution, self.dither))
+
+    def rounding(self, crossing: Crossing) -> Budget:
+        """Return what the sensor's resolution leaves of a place found in many of its steps."""
+        steps = abs(crossing.slope) * crossing.span / max(self.resolution, 1e-300)
+        return self.reading.scaled(1.0 / max(steps, 1.0))
+
+    def place_budget(self, crossing: Crossing, share: float) -> Budget:
+        """Return what moves the level of a crossing, as read there."""
+        return self.level_budget(share) + self.rounding(crossing)
 
     def crossing(self, share: float) -> Crossing:
         """Return where the response first gets to `share` of the step, in s since the edge.
@@ -119,11 +158,9 @@ class StepResponse:
         if below.size == 0:
             raise NotScored(f"the response is beyond {key} of the step at the edge already")
         index = self.origin + int(below[-1]) + 1
-        guess = interpolated(self.time, self.smooth.values, share, index)
-        if self.exact or not self.noise.known:
-            return guess
-        if not self.resolved:
-            return between_samples(self.time, self.rise, share, index, self.noise)
+        guess = straight(self.time, self.smooth.values, share, index)
+        if self.exact or not self.noise.known or not self.resolved:
+            return self.between_samples(share, index)
         after = slice(self.origin, None)  # the edge may leave a kink, no polynomial follows one
         return refined(
             self.time[after],
@@ -132,6 +169,19 @@ class StepResponse:
             guess,
             self.noise,
             self._window,
+        )
+
+    def between_samples(self, share: float, index: int) -> Crossing:
+        """Return the crossing of a share of the step between samples index - 1 and index."""
+        values = self.smooth.values if self.resolved else self.rise
+        return between_samples(
+            self.time,
+            values,
+            share,
+            index,
+            self.noise,
+            self.origin,
+            self.samples_a_rise,
         )
 
     @property
@@ -171,7 +221,7 @@ def step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[St
 def _step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[StepResponse, ...]:
     if not trial.signal.edges:
         raise NotScored("the signal has no edge")
-    values = recording[channel]
+    data = samples(recording, trial, channel)
     line = timeline(recording, trial)
     edges = commanded_edges(line, trial)
     responses = []
@@ -179,7 +229,7 @@ def _step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[S
         start = edges[number - 1].time if number else float(line.time[0])
         asked = trial.signal.edges[number]
         _require_hold(line, edge, asked, trial.duration)
-        response = _respond(line, values, edge, start)
+        response = _respond(line, data, edge, start)
         if channel == trial.channel and (response.step > 0) != (edge.after > edge.before):
             raise NotScored(
                 f"{channel} moves against the command (from {response.initial:.4g} "
@@ -232,21 +282,13 @@ def magnitude(values: FloatArray | NDArray[np.complex128]) -> float:
     return largest if largest > _SMALLEST else 0.0
 
 
-def level(values: FloatArray, noise: Noise) -> Level:
-    """Return the mean of (n,) samples with the variances of mean and drift."""
-    half = max(values.size // 2, 1)
-    drift = 2.0 * (float(values[-half:].mean()) - float(values[:half].mean()))
-    drift_variance = 8.0 * noise.variance_of_mean(half)
-    mean, variance = float(values.mean()), noise.variance_of_mean(values.size)
-    return Level(mean, variance, drift, drift_variance, int(values.size))
-
-
-def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> StepResponse:
+def _respond(line: Timeline, channel: Samples, edge: Edge, start: float) -> StepResponse:
     before = initial_window(line, edge, start)
     end = final_window(line, edge)
     whole = slice(before.start, end.stop)
     if end.stop - before.stop < 3 or end.stop - end.start < 1:
         raise NotScored(f"{max(end.stop - before.stop, 0)} sample(s) in the hold after the edge")
+    values = channel.values
     require_finite(line, values, whole)
     scale = magnitude(values[whole])
     if scale == 0.0:
@@ -254,8 +296,9 @@ def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> St
     data = values[whole] / scale  # so that differences of the largest numbers are finite
     origin = before.stop - 1 - before.start
     first, last = data[: origin + 1], data[end.start - before.start :]
-    tail = asymptote(last, white_noise(last))
-    noise = _noise(data, first, last, tail is not None)
+    resolution = channel.resolution / scale
+    tail = asymptote(last, math.hypot(white_noise(last), resolution / math.sqrt(12.0)))
+    noise = _noise(data[origin:], first, last, resolution, tail is not None)
     low, high = level(first, noise), level(last, noise)
     final = high.value if tail is None else tail
     step = final - low.value
@@ -271,8 +314,16 @@ def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> St
             f"of the step in the last {100 * FINAL_SHARE:.0f} % of the hold"
         )
     rise = (data - low.value) / step
-    unit = Noise(noise.autocovariance / step**2, noise.freedom)
+    _require_measured(line, channel, whole, rise, origin)
+    unit = Noise(noise.autocovariance / step**2, noise.freedom, noise.slow)
     transit = _transit(rise[origin:], unit)
+    sd = dithering((first, last), resolution)
+    ahead = 0.0 if tail is None else abs(tail - high.value)
+    budgets = [low.budget(resolution, sd), high.budget(resolution, sd)]
+    if tail is not None:  # what still moves is predicted, not a drift
+        budgets[1] = replace(high, drift=0.0).budget(resolution, sd)
+        budgets[1] += between("settling drift", _PREDICTED * ahead)
+    few = _samples_a_rise(rise[origin:])
     return StepResponse(
         edge=edge,
         time=line.time[whole] - edge.time,
@@ -280,34 +331,77 @@ def _respond(line: Timeline, values: FloatArray, edge: Edge, start: float) -> St
         origin=origin,
         initial=low.value * scale,
         step=step * scale,
-        initial_variance=low.variance / step**2,
-        final_variance=high.variance / step**2,
+        initial_budget=budgets[0].scaled(1.0 / step),
+        final_budget=budgets[1].scaled(1.0 / step),
         noise=unit,
+        resolution=abs(resolution / step),
+        dither=abs(sd / step),
+        calibration=(channel.uncertainty, channel.relative),
         smooth=smooth(rise, unit, _SMOOTHED, transit // 2),
         transit=transit,
-        slack=line.period if line.how else 0.0,
-        notes=_notes(line, rise, low, unit, abs(tail - high.value) if tail is not None else 0.0),
+        samples_a_rise=few,
+        slack=_slack(line, edge),
+        notes=(*_notes(line, rise, low, unit, ahead, few), *channel.notes(line, whole)),
     )
 
 
-def _noise(data: FloatArray, first: FloatArray, last: FloatArray, decaying: bool) -> Noise:
-    """Return the noise of the settled windows; of a decaying tail only what is white in it."""
-    noise = estimate([first, last])
-    if decaying and noise.known:
+def _slack(line: Timeline, edge: Edge) -> float:
+    """Return how much earlier the edge of a foreign log may have been: up to the sample before."""
+    if not line.how:
+        return 0.0
+    index = int(np.searchsorted(line.time, edge.time - 1e-3 * line.period))
+    return float(line.time[index] - line.time[index - 1]) if index > 0 else line.period
+
+
+def _require_measured(
+    line: Timeline, channel: Samples, whole: slice, rise: FloatArray, origin: int
+) -> None:
+    """Raise NotScored if a sample without a value was filled while the response still moved."""
+    missing = np.flatnonzero(channel.missing[whole])
+    if missing.size == 0:
+        return
+    moving = np.flatnonzero(np.abs(rise - 1.0) > _AWAY)
+    settled = int(moving[-1]) + 1 if moving.size else origin
+    within = missing[(missing >= origin) & (missing <= settled)]
+    if within.size:
+        at = float(line.time[whole][int(within[0])]) + line.offset
+        raise NotScored(
+            f"{within.size} sample(s) without a value while the response moves, "
+            f"the first at {at:.6g} s"
+        )
+
+
+def _noise(
+    moving: FloatArray, first: FloatArray, last: FloatArray, resolution: float, decaying: bool
+) -> Noise:
+    """Return the noise of the settled windows; of a decaying tail only what is white in it.
+
+    `moving` is everything from the edge on. Where a sensor's steps hide the noise at rest, they are
+    the noise of what moves.
+    """
+    noise = held_noise(moving, [last], [first])
+    if not noise.known:
+        return noise
+    if decaying:
         return Noise(np.array([white_noise(last) ** 2]), noise.freedom)
-    if noise.known and noise.sd == 0.0:
-        return _quantised(data, noise)
+    rounding = resolution**2 / 12.0
+    if noise.sd**2 < rounding:
+        return Noise(np.array([rounding]), noise.freedom)
     return noise
 
 
-def _quantised(values: FloatArray, noise: Noise) -> Noise:
-    """Return the noise of rounding where a level is constant to the last bit."""
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 1e-9]
-    distinct = np.unique(np.round(values / 1e-9)).size
-    if steps.size == 0 or distinct > 0.5 * values.size:
-        return noise
-    return Noise(np.array([float(steps.min()) ** 2 / 12.0]), noise.freedom)
+def held_noise(held: FloatArray, last: list[FloatArray], others: list[FloatArray]) -> Noise:
+    """Return the noise of settled windows; where it is slow, of the whole second half of the hold.
+
+    `held` is everything from the edge on, `last` the end of it. A few of its own times of
+    correlation tell little of a slow noise.
+    """
+    noise = estimate([*others, *last])
+    if noise.known and noise.slow < _FEW_SLOW:
+        longer = estimate([*others, held[held.size // 2 :]])
+        if longer.sd**2 <= _ALIKE * noise.sd**2:
+            return longer
+    return noise
 
 
 def _transit(rise: FloatArray, noise: Noise) -> int:
@@ -317,10 +411,24 @@ def _transit(rise: FloatArray, noise: Noise) -> int:
     return max(high - int(below[-1]) if below.size else high, 1)
 
 
+def _samples_a_rise(rise: FloatArray) -> float:
+    """Return the sample periods from 10 to 90 %, by straight lines between samples."""
+    places = []
+    for share in (0.1, 0.9):
+        index = int(np.argmax(rise >= share))
+        if index == 0:
+            return float(rise.size)
+        before, after = float(rise[index - 1]), float(rise[index])
+        places.append(index - 1 + (share - before) / (after - before))
+    return places[1] - places[0]
+
+
 def _notes(
-    line: Timeline, rise: FloatArray, low: Level, noise: Noise, extrapolated: float
+    line: Timeline, rise: FloatArray, low: Level, noise: Noise, extrapolated: float, few: float
 ) -> tuple[str, ...]:
     notes = [line.how] if line.how else []
+    if few < _FEW_A_RISE:
+        notes.append(f"few samples: {few:.1f} from 10 to 90 % of the step")
     if low.samples < 4:
         notes.append(f"initial level from {low.samples} sample(s)")
     if not noise.known:

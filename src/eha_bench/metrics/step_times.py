@@ -6,7 +6,12 @@ response time of the paper runs from the command's edge to 95 % of the final lev
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
+from eha_bench.core.budget import Budget
 from eha_bench.core.score import Measure
+from eha_bench.metrics.crossing import Crossing
 from eha_bench.metrics.metric import spec_of
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge
 from eha_bench.metrics.step_response import StepResponse
@@ -25,13 +30,32 @@ class RiseTime(StepMetric):
         low, high = step.crossing(0.1), step.crossing(0.9)
         initial = 0.9 / low.slope - 0.1 / high.slope
         final = 0.1 / low.slope - 0.9 / high.slope
-        variance = (
-            initial**2 * step.initial_variance
-            + final**2 * step.final_variance
-            + low.variance / low.slope**2
-            + high.variance / high.slope**2
+        budget = (
+            step.initial_budget.scaled(initial)
+            + step.final_budget.scaled(final)
+            + low.budget(step.rounding(low), step.noise)
+            + high.budget(step.rounding(high), step.noise)
         )
-        return around(step, high.time - low.time, variance, f"10-90 % of the step, {LEVELS}")
+        budget = _together(budget, low, high, step)
+        found = around(step, high.time - low.time, budget, f"10-90 % of the step, {LEVELS}")
+        return replace(found, low=max(found.low, 0.0)) if found.low < 0.0 else found
+
+
+def _together(budget: Budget, low: Crossing, high: Crossing, step: StepResponse) -> Budget:
+    """Return the budget less what both crossings have of the same slow noise, which cancels."""
+    period = float(step.time[-1] - step.time[0]) / (step.time.size - 1)
+    common = step.noise.correlation(round((high.time - low.time) / period))
+    shared = 2.0 * common * math.sqrt(low.variance * high.variance) / (low.slope * high.slope)
+    noise = math.fsum(part.standard**2 for part in budget.parts if part.source == "noise")
+    if not 0.0 < shared < noise:
+        return budget
+    share = math.sqrt(1.0 - shared / noise)
+    return Budget(
+        tuple(
+            replace(part, standard=share * part.standard) if part.source == "noise" else part
+            for part in budget.parts
+        )
+    )
 
 
 class ResponseTime(StepMetric):
@@ -56,5 +80,7 @@ class DelayTime(StepMetric):
 
 def _until(step: StepResponse, share: float, convention: str) -> Measure:
     crossing = step.crossing(share)
-    low, high = crossing.interval(step.level_variance(share), step.noise)
-    return since_edge(step, Measure(crossing.time, low, high, said(step, convention)))
+    level = step.place_budget(crossing, share)
+    low, high = crossing.interval(level, step.noise)
+    budget = crossing.budget(level, step.noise)
+    return since_edge(step, Measure(crossing.time, low, high, said(step, convention), budget))

@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Tone
 from eha_bench.core.trial import Trial
+from eha_bench.metrics.coverage import between, type_a, type_b
 from eha_bench.metrics.harmonic_fit import harmonic_fits
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
+from eha_bench.metrics.samples import samples
 from eha_bench.metrics.sine_fit import fit4
 from eha_bench.metrics.step_response import magnitude, require_finite
 from eha_bench.metrics.window import Timeline, timeline
@@ -26,6 +29,7 @@ TRANSIENT_PERIODS = 2
 """Periods at the start of a tone that are never scored."""
 
 _FEWEST_PER_PERIOD = 4
+_MOVED = 0.1  # of the amplitude
 _BLOCKS = 64  # blocks of periods that are compared for stationarity, at most about twice as many
 _THERE = 0.9  # share of the samples below which a gap is no matter of a few lost ones
 _STATIONARY = 0.01  # of the amplitude: what a settled period may differ from the last ones
@@ -53,6 +57,10 @@ class ToneResponse:
         residual_rms: of what is neither offset nor fundamental nor harmonic, unit of the channel.
         freedom: degrees of freedom of the variances (0: no interval).
         periods: settled periods used.
+        onset: s from the tone's start until the response has moved by a tenth of its amplitude;
+            NaN where the start was not recorded.
+        rounding: half-width of what the sensor's resolution leaves of the response's amplitude.
+        gain: relative standard uncertainty of the sensor.
         notes: what a reader of the score should know.
     """
 
@@ -64,7 +72,19 @@ class ToneResponse:
     residual_rms: float
     freedom: float
     periods: int
+    onset: float
+    rounding: float
+    gain: float
     notes: tuple[str, ...]
+
+    @property
+    def budget(self) -> Budget:
+        """What moves `ratio`: each of its parts, and its magnitude by the sensor's gain."""
+        return (
+            type_a("noise", self.ratio_sd**2, self.freedom)
+            + between("resolution", self.rounding / abs(self.reference.value))
+            + type_b("sensor", self.gain * abs(self.ratio))
+        )
 
     def quantile(self) -> float:
         """Return Student's two-sided 95 % quantile (NaN where the noise is not known)."""
@@ -102,7 +122,8 @@ def tone_response(recording: Recording, trial: Trial, channel: str, tone: Tone) 
 
 
 def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> ToneResponse:
-    values = recording[channel]
+    channel_samples = samples(recording, trial, channel)
+    values = channel_samples.values
     line = timeline(recording, trial)
     label = f"{tone.frequency:.4g} Hz"
     if not tone.frequency > 0.0 or not math.isfinite(tone.frequency):
@@ -141,24 +162,54 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     both = np.column_stack([data[window], line.reference[window] / command_scale])
     response, command = harmonic_fits(time, both, frequency, settled)
     _require_stationary(phasors[:settled_blocks], response.variance, label)
-    if not abs(command.phasors[0]) > 10.0 * math.sqrt(command.variance) + 1e-9:
+    if not abs(command.phasors[0]) > 10.0 * math.sqrt(command.fundamental_variance) + 1e-9:
         raise NotScored(f"the reference holds no sine of {label}")
     notes = [f"{settled} settled periods of {periods}"]
+    if response.transient != 0.0:
+        share = 100.0 * abs(response.transient / (response.phasors[0] or 1.0))
+        notes.append(f"a decaying transient of {share:.2g} % taken off")
     if line.how:
         notes.append(line.how)
+    notes += channel_samples.notes(line, whole)
+    amplitude = abs(response.phasors[0]) * scale
     return ToneResponse(
         tone=tone,
         frequency=frequency,
-        reference=Phasor(command.phasors[0] * command_scale, command.variance * command_scale**2),
-        response=Phasor(response.phasors[0] * scale, response.variance * scale**2),
+        reference=Phasor(
+            command.phasors[0] * command_scale, command.fundamental_variance * command_scale**2
+        ),
+        response=Phasor(response.phasors[0] * scale, response.fundamental_variance * scale**2),
         harmonics=tuple(
             Phasor(value * scale, response.variance * scale**2) for value in response.phasors[1:]
         ),
         residual_rms=response.residual_rms * scale,
         freedom=response.freedom,
         periods=settled,
+        onset=_onset(line, values, tone.start, amplitude),
+        rounding=_rounding(channel_samples.resolution, amplitude),
+        gain=channel_samples.relative,
         notes=tuple(notes),
     )
+
+
+def _onset(line: Timeline, values: FloatArray, start: float, amplitude: float) -> float:
+    """Return how long after `start` (s) the response has moved by a tenth of its amplitude, s."""
+    first = line.between(start, float(line.time[-1]) + line.period).start
+    if first < 1 and line.time[0] > start + 0.5 * line.period:
+        return math.nan
+    moved = np.abs(values[first:] - values[first]) > _MOVED * amplitude
+    again = moved & np.append(moved[1:], False)  # two samples: one may be noise
+    return float(line.time[first + int(np.argmax(again))]) - start if again.any() else math.nan
+
+
+def _rounding(resolution: float, amplitude: float) -> float:
+    """Return half the width of what rounding leaves of a sine's amplitude, same unit.
+
+    Half a step of the sensor for a sine of a step; a larger one passes many steps, most of them
+    steeply, and the rest falls with the root of their number.
+    """
+    steps = max(4.0 * amplitude / resolution, 1.0) if resolution > 0.0 else 1.0
+    return 0.5 * resolution / math.sqrt(steps)
 
 
 def _commanded_frequency(line: Timeline, tone: Tone, window: slice) -> float:
@@ -180,6 +231,8 @@ def _settled(phasors: ComplexArray) -> int:
     tail = phasors[: max(phasors.size // 2, 2)]
     centre = tail.mean()
     scatter = float(np.sqrt(np.mean(np.abs(tail - centre) ** 2)))
+    # few of the last periods may be alike by luck
+    scatter = max(scatter, float(np.median(np.abs(np.diff(phasors)))) / math.sqrt(2.0))
     alike = np.abs(phasors - centre) <= _STATIONARY * abs(centre) + 4.0 * scatter
     return int(phasors.size if np.all(alike) else np.argmin(alike))
 

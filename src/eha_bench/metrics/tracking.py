@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.budget import Budget
 from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
+from eha_bench.metrics.coverage import NORMAL, type_a, type_b
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import Metric, NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
+from eha_bench.metrics.samples import samples
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import timeline
 
@@ -34,6 +37,8 @@ class TrackingError:
         scale: SI value of one.
         noise: standard deviation of the error's white part, in units of `scale`.
         how: where the reference comes from, for the reason of a score.
+        offset: standard uncertainty of the sensor that all samples share, in units of `scale`.
+        gain: the same as a share of the reading.
     """
 
     error: FloatArray
@@ -43,6 +48,15 @@ class TrackingError:
     scale: float
     noise: float
     how: str
+    offset: float = 0.0
+    gain: float = 0.0
+
+    def sensor(self, weights: FloatArray) -> Budget:
+        """Return what the sensor's calibration does to sum(weights * error), in SI."""
+        readings = self.reference - self.error
+        offset = self.offset * float(np.sum(weights))
+        gain = self.gain * float(weights @ readings)
+        return type_b("sensor", self.scale * math.hypot(offset, gain))
 
 
 def tracking_error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
@@ -58,7 +72,8 @@ def tracking_error(recording: Recording, trial: Trial, channel: str) -> Tracking
 
 
 def _error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
-    values = recording[channel]
+    data = samples(recording, trial, channel)
+    values = data.values
     if channel != trial.channel:
         raise NotScored(f"{channel} is not what the reference asks for ({trial.channel} is)")
     line = timeline(recording, trial)
@@ -82,7 +97,18 @@ def _error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
     how = line.how if line.recorded else "reference as the trial defines it"
     if end < trial.duration - 0.5 * line.period:
         how = "; ".join(part for part in (how, f"recording ends at {end:.4g} s") if part)
-    return TrackingError(error, reference, line.period, span, scale, white_noise(error), how)
+    how = "; ".join(part for part in (how, *data.notes(line, window)) if part)
+    return TrackingError(
+        error,
+        reference,
+        line.period,
+        span,
+        scale,
+        white_noise(error),
+        how,
+        data.uncertainty / scale,
+        data.relative,
+    )
 
 
 class TrackingMetric(Metric):
@@ -97,7 +123,7 @@ class TrackingMetric(Metric):
         error = tracking_error(recording, trial, channel)
         found = self.of(error)
         reason = "; ".join(part for part in (found.reason, error.how) if part)
-        return Measure(found.value, found.low, found.high, reason)
+        return replace(found, reason=reason)
 
     @abstractmethod
     def of(self, error: TrackingError) -> Measure:
@@ -112,7 +138,21 @@ def root_mean_square(error: TrackingError) -> Measure:
     spread = math.sqrt((4.0 * clean * error.noise**2 + 2.0 * error.noise**4) / values.size)
     low, high = max(power - 1.96 * spread, 0.0), power + 1.96 * spread
     value, low, high = (math.sqrt(part) * error.scale for part in (power, low, high))
-    return Measure(value, low, high, "measured error, sensor noise included")
+    slope = values / (max(math.sqrt(power), 1e-300) * values.size)
+    found = Measure(value, low, high, "measured error, sensor noise included")
+    return with_sensor(found, error.sensor(slope))
+
+
+def with_sensor(found: Measure, sensor: Budget) -> Measure:
+    """Return a measure whose interval is that of its noise, with the sensor's calibration in it."""
+    noise = type_a("noise", ((found.high - found.low) / (2.0 * NORMAL)) ** 2)
+    own = NORMAL * sensor.standard
+    return replace(
+        found,
+        low=max(found.value - math.hypot(found.value - found.low, own), 0.0),
+        high=found.value + math.hypot(found.high - found.value, own),
+        budget=(noise + sensor).merged(),
+    )
 
 
 class TrackingRms(TrackingMetric):
@@ -136,7 +176,11 @@ class TrackingMax(TrackingMetric):
         largest = error.noise * math.sqrt(2.0 * math.log(max(error.error.size, 2)))
         low, high = max(value - largest, 0.0), value + 1.96 * error.noise
         value, low, high = (part * error.scale for part in (value, low, high))
-        return Measure(value, low, high, "measured error, sensor noise included")
+        at = int(np.argmax(np.abs(error.error)))
+        weights = np.zeros(error.error.size)
+        weights[at] = 1.0
+        found = Measure(value, low, high, "measured error, sensor noise included")
+        return with_sensor(found, error.sensor(weights))
 
 
 class TrackingNrmse(TrackingMetric):
@@ -151,7 +195,8 @@ class TrackingNrmse(TrackingMetric):
             raise NotScored("the reference is constant: it has no span to normalise by")
         rms = root_mean_square(error)
         reason = "RMS over the span (max - min) of the reference"
-        return Measure(rms.value / span, rms.low / span, rms.high / span, reason)
+        value, low, high = (part / span for part in (rms.value, rms.low, rms.high))
+        return Measure(value, low, high, reason, rms.budget.scaled(1.0 / span))
 
 
 class TrackingPercentile95(TrackingMetric):

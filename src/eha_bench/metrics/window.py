@@ -229,6 +229,11 @@ def _commanded(line: Timeline, edge: Edge) -> Edge:
         first = near.start + int(np.argmax(beyond & (window[-1] != window[0])))
         before = float(window[0])
         start = float(time[first])
+        if not line.how and first > 0 and start - float(time[first - 1]) > 1.5 * period:
+            # the edge's own tick is lost; the bench's clock knows when it was
+            late = math.floor((start - edge.time) / period + 1e-3)
+            lost = round((start - float(time[first - 1])) / period) - 1
+            start -= min(max(late, 0), lost) * period
     else:
         before, start = edge.before, edge.time
         first = int(np.searchsorted(time, edge.time - 1e-3 * period))

@@ -1,21 +1,29 @@
 """An effect: one physical phenomenon that a plant's declared equations may lack.
 
-An effect is written as small pure functions, one for each place of the plant's kernel where it
-acts (a *hook*). A function names what it needs as its arguments: the hook's own quantities
-(`omega`, `pressure`, `level` ...), parameters of the plant by name, the effect's own parameters and
-states by name, or a NamedTuple of such names. `composition` binds them and `assembly` compiles
-everything once; at its neutral parameters an effect is skipped, so the declared model is nested in
-every candidate.
+An effect is bound to a role, never to a plant: to the friction of anything that moves, to a volume,
+a pump, a drive, a valve, a sensor. It is written as small pure functions, one for each place of the
+role where it acts (a *hook*). The first argument of such a function is what it changes; the others
+name what it needs: quantities of the hook, of the place (`speed`, `pressure` ...), the effect's own
+parameters and states, or a NamedTuple of such names. Everything is compiled once; at its neutral
+strength an effect is skipped, so the declared model is nested in every candidate.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 
 from eha_bench.core.errors import PluginError
-from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.parameter import Parameter, choice
+
+AT = "at"
+"""The parameter that says where an effect acts, where there is more than one place."""
+EVERYWHERE = "all"
+"""Its word for all places alike."""
+ANYTHING = "anything"
+"""The role of every place where something may act: of one place at a time."""
 
 
 class Equation(StrEnum):
@@ -30,48 +38,54 @@ class Equation(StrEnum):
 
 @dataclass(frozen=True)
 class Action:
-    """How an effect acts in one plant: the equation, and a function for each hook it uses.
+    """How an effect acts in one role.
 
     Attributes:
-        equation: the balance it acts in, with every choice at its default.
-        hooks: hook -> function that returns the hook's first quantity, changed.
+        hooks: hook of the role -> function that returns its first argument, changed.
+        equation: the balance it acts in, None for that of the place.
         chosen_by: the choice parameter that decides the equation, where one does.
         equations: word of that choice -> equation; the rest act in `equation`.
-        choices: parameter -> the words that make sense in this plant, where not all do.
-        same_as: word of `chosen_by` ("" where nothing is chosen) -> the plant's own parameter that
-            says the same. Where that is not 0 the effect would only repeat it: no candidate.
-        advance, start: what moves and sets the effect's states in this plant, instead of the
-            effect's own functions.
+        choices: parameter -> the words that make sense in this role, where not all do.
+        advance: state -> function returning it after a time `h`.
+        start: state -> function returning it at the first sample (else 0).
+        adjusts: parameter of the place -> function returning it changed, for what does not change
+            with time or state.
+        same_as: parameter of the place that says the same: where that is not 0, the effect would
+            only repeat it.
+        charges: the effect's parameter that is the pressure of the oil at rest, "" for none.
     """
 
-    equation: Equation
-    hooks: Mapping[str, Callable[..., object]]
+    hooks: Mapping[str, Callable[..., object]] = field(default_factory=dict)
+    equation: Equation | None = None
     chosen_by: str = ""
     equations: Mapping[str, Equation] = field(default_factory=dict)
     choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    same_as: Mapping[str, str] = field(default_factory=dict)
     advance: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     start: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    adjusts: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    same_as: str = ""
+    charges: str = ""
 
 
 @dataclass(frozen=True)
 class Effect:
-    """A named effect with its parameters and its action in every plant it applies to.
+    """A named effect with its parameters and its action in every role that it fits.
 
     Attributes:
         id: public name.
         summary: one sentence.
-        parameters: the first one is the *strength*: at its `neutral` value the effect is off.
-            A parameter's `default` is a typical size, from which a search may start.
+        parameters: the first one is the *strength*: at its `neutral` value the effect is off. A
+            `default` is a typical size, from which a search may start. Where the unit depends on
+            the place (`{effort}`), defaults are shares of what is usual there.
         neutral: value of the strength at which the effect is off.
-        actions: plant id -> action.
-        states: names of the effect's own states (all start at 0 unless `start` has a function).
-        advance: state name -> function returning the state after a time `h`.
-        start: state name -> function returning the state at the first sample.
+        actions: role -> action.
+        states: names of the effect's own states at each place.
+        together: whether a search tries all places alike as well. only_together: whether it is
+            the only one.
         source: literature.
         separate: the experiment that tells this effect from its look-alikes.
         starts: further starting points of a search, as {parameter: value}; a choice is given by
-            its place among the words, as in the parameter vector. The rest keep their defaults.
+            its place among the words. The rest keep their defaults.
         order: place in a hook's chain where several effects meet; what scales or filters the
             others' sum comes later.
     """
@@ -83,8 +97,8 @@ class Effect:
     source: str
     neutral: float = 0.0
     states: tuple[str, ...] = ()
-    advance: Mapping[str, Callable[..., float]] = field(default_factory=dict)
-    start: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    together: bool = False
+    only_together: bool = False
     separate: str = ""
     starts: tuple[Mapping[str, float], ...] = ()
     order: int = 0
@@ -93,6 +107,186 @@ class Effect:
     def strength(self) -> Parameter:
         """The parameter that turns the effect off at its neutral value."""
         return self.parameters[0]
+
+
+@dataclass(frozen=True)
+class Hook:
+    """One place of a kernel, as a role's hook.
+
+    Attributes:
+        at: id of the place in the kernel. names: what functions may name there -> expression.
+    """
+
+    at: str
+    names: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place of a plant that plays a role.
+
+    Attributes:
+        name: as `at` says it: a node, an element or a channel.
+        equation: the balance there.
+        hooks: hook of the role -> where that is in the kernel; one hook may be at several.
+        names: what every function may name -> expression.
+        units: units that depend on the place (`effort`, `speed` ...).
+        usual: what is usual there, SI, by the same words.
+        parameters: name of a parameter of the place -> key in the plant's layout.
+        also: other names that `at` may call it.
+        words: choice of an effect -> the words of it that make sense here.
+        vocabulary: choice of an effect -> its words in this plant.
+        follows: form in which something unknown may act here -> variables that it may follow.
+        sensors: channels that it changes without changing what goes on; none for a balance.
+    """
+
+    name: str
+    equation: Equation
+    hooks: Mapping[str, tuple[Hook, ...]]
+    names: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    usual: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    also: tuple[str, ...] = ()
+    words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    vocabulary: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    sensors: tuple[str, ...] = ()
+
+
+Spots = Mapping[str, Sequence[Spot]]
+"""Role -> the places of a plant that play it."""
+
+
+@dataclass(frozen=True)
+class BoundEffect:
+    """An effect in a plant: with the places where it may act there.
+
+    Attributes:
+        effect: it. role: the one that it plays. spots: where.
+    """
+
+    effect: Effect
+    role: str
+    spots: tuple[Spot, ...]
+
+    @property
+    def id(self) -> str:
+        """Public name."""
+        return self.effect.id
+
+    @property
+    def summary(self) -> str:
+        """What it is, in one sentence."""
+        return self.effect.summary
+
+    @property
+    def source(self) -> str:
+        """Literature."""
+        return self.effect.source
+
+    @property
+    def separate(self) -> str:
+        """The experiment that tells it from its look-alikes."""
+        return self.effect.separate
+
+    @property
+    def action(self) -> Action:
+        """How it acts in its role."""
+        return self.effect.actions[self.role]
+
+    @property
+    def neutral(self) -> float:
+        """Value of the strength at which it is off."""
+        return self.effect.neutral
+
+    @property
+    def strength(self) -> Parameter:
+        """The parameter that turns it off at its neutral value."""
+        return self.parameters[0]
+
+    @cached_property
+    def places(self) -> tuple[str, ...]:
+        """The words of `at`."""
+        names = tuple(spot.name for spot in self.spots)
+        if self.effect.only_together:
+            return (EVERYWHERE,) if len(names) > 1 else names
+        return (EVERYWHERE, *names) if len(names) > 1 and self._alike else names
+
+    @property
+    def _alike(self) -> bool:
+        """Whether one set of numbers can hold for all places: their units agree."""
+        units = {
+            tuple(self._at(item, spot).unit for item in self.effect.parameters)
+            for spot in self.spots
+        }
+        return self.role != ANYTHING and len(units) == 1
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its parameters in this plant; `at` is the last one where there are several places."""
+        own = tuple(self._at(item, self.spots[0]) for item in self._own)
+        return (*own, choice(AT, self.places)) if len(self.places) > 1 else own
+
+    @cached_property
+    def _own(self) -> tuple[Parameter, ...]:
+        """The effect's parameters in this role, with the plant's words."""
+        found = []
+        for item in self.effect.parameters:
+            if item.role and item.role != self.role:
+                continue
+            words = self.spots[0].vocabulary.get(item.name)
+            found.append(choice(item.name, words, item.source) if words else item)
+        return tuple(found)
+
+    def spots_of(self, place: float) -> tuple[Spot, ...]:
+        """Return the spots that the number of a place means."""
+        word = self.places[round(place)]
+        return self.spots if word == EVERYWHERE else tuple(s for s in self.spots if s.name == word)
+
+    def spots_at(self, values: Mapping[str, object]) -> tuple[Spot, ...]:
+        """Return the spots where it acts, given its parameters' values (words or numbers)."""
+        if len(self.places) == 1:
+            return self.spots
+        value = values.get(AT, 0.0)
+        if isinstance(value, str):
+            return self.spots_of(self.places.index(value))
+        return self.spots_of(float(str(value)))
+
+    def word(self, name: str) -> str | None:
+        """Return the word of `at` that a name means, None where it means no place."""
+        if name in self.places:
+            return name
+        return next((spot.name for spot in self.spots if name in spot.also), None)
+
+    def place(self, values: Mapping[str, object]) -> str:
+        """Return where it acts, in words."""
+        spots = self.spots_at(values)
+        return EVERYWHERE if len(spots) > 1 else spots[0].name
+
+    @staticmethod
+    def _at(parameter: Parameter, spot: Spot) -> Parameter:
+        """Return a parameter with its unit and usual size at a spot."""
+        if "{" not in parameter.unit:
+            return parameter
+        what = parameter.unit.strip("{}")
+        size = spot.usual.get(what, 1.0)
+        return replace(
+            parameter,
+            unit=spot.units.get(what, ""),
+            default=min(max(parameter.default * size, parameter.low), parameter.high),
+        )
+
+    def parameter_at(self, name: str, values: Mapping[str, object]) -> Parameter:
+        """Return a parameter as it is where the effect acts: its unit there.
+
+        Raises:
+            PluginError: it has none of that name.
+        """
+        for item in self._own:
+            if item.name == name:
+                return self._at(item, self.spots_at(values)[0])
+        return self.parameter(name)
 
     def parameter(self, name: str) -> Parameter:
         """Return one of the effect's parameters.
@@ -106,6 +300,34 @@ class Effect:
         known = ", ".join(parameter.name for parameter in self.parameters)
         raise PluginError(f"effect '{self.id}' has no parameter '{name}'", hint=f"it has: {known}")
 
+    def words(self, parameter: Parameter) -> tuple[str, ...]:
+        """Return the words of a choice that make sense here."""
+        here = self.spots[0].words.get(parameter.name, parameter.choices)
+        return self.action.choices.get(parameter.name, here)
+
+    @cached_property
+    def starts(self) -> tuple[Mapping[str, float], ...]:
+        """Starting points of a search, at every place, {parameter: value}."""
+        found: list[Mapping[str, float]] = []
+        for number, word in enumerate(self.places):
+            if word == EVERYWHERE and not (self.effect.together or self.effect.only_together):
+                continue
+            spot = self.spots_of(number)[0]
+            for point in ({}, *self.effect.starts):
+                values = {}
+                for item in self._own:
+                    own = self._at(item, spot)
+                    share = point.get(item.name, item.default)
+                    size = spot.usual.get(item.unit.strip("{}"), 1.0) if "{" in item.unit else 1.0
+                    given = share * size if item.name in point else own.default
+                    if item.name in point or "{" in item.unit:
+                        values[item.name] = min(max(given, item.low), item.high)
+                if len(self.places) > 1:
+                    values[AT] = float(number)
+                if values not in found:
+                    found.append(values)
+        return tuple(found)
+
     def searched(self, values: Mapping[str, object]) -> tuple[Parameter, ...]:
         """Return what a search moves, given the choices (words or places) among `values`."""
         return tuple(
@@ -118,43 +340,31 @@ class Effect:
         name, words = parameter.when
         return not name or self._chosen(name, values) in words
 
-    def action(self, plant: str) -> Action:
-        """Return how the effect acts in a plant.
+    def equation(self, values: Mapping[str, object] | None = None) -> Equation:
+        """Return the balance it acts in, given its parameters' values (words or places)."""
+        given = values or {}
+        action = self.action
+        word = self._chosen(action.chosen_by, given) if action.chosen_by else ""
+        own = action.equations.get(word, action.equation)
+        return own if own is not None else self.spots_at(given)[0].equation
 
-        Raises:
-            PluginError: the effect does not apply to that plant.
-        """
-        if plant not in self.actions:
-            raise PluginError(
-                f"effect '{self.id}' does not apply to plant '{plant}'",
-                hint=f"it applies to: {', '.join(self.actions)}",
-            )
-        return self.actions[plant]
-
-    def equation(self, plant: str, values: Mapping[str, object] | None = None) -> Equation:
-        """Return the balance it acts in, given its parameters' values (words or places).
-
-        Raises:
-            PluginError: the effect does not apply to that plant.
-        """
-        action = self.action(plant)
-        return action.equations.get(self._word(action, values), action.equation)
-
-    def repeats(self, plant: str, values: Mapping[str, object] | None = None) -> str:
-        """Return the plant's own parameter that says the same, "" where there is none.
-
-        Raises:
-            PluginError: the effect does not apply to that plant.
-        """
-        action = self.action(plant)
-        return action.same_as.get(self._word(action, values), "")
-
-    def _word(self, action: Action, values: Mapping[str, object] | None) -> str:
-        """Return the word that decides the equation, "" where nothing is chosen."""
-        return self._chosen(action.chosen_by, values or {}) if action.chosen_by else ""
+    def repeats(self, values: Mapping[str, object] | None = None) -> str:
+        """Return the plant's own parameter that says the same, "" where there is none."""
+        spot = self.spots_at(values or {})[0]
+        return spot.parameters.get(self.action.same_as, "") if self.action.same_as else ""
 
     def _chosen(self, name: str, values: Mapping[str, object]) -> str:
         """Return the word of a choice, given as word or place, or its default."""
         parameter = self.parameter(name)
         value = values.get(name, parameter.default)
         return value if isinstance(value, str) else str(parameter.decode(float(str(value))))
+
+
+def bound(effects: Sequence[Effect], spots: Spots) -> tuple[BoundEffect, ...]:
+    """Return the effects that a plant has places for, in the order of their ids."""
+    found = []
+    for effect in sorted(effects, key=lambda item: item.id):
+        role = next((role for role in effect.actions if spots.get(role)), None)
+        if role is not None:
+            found.append(BoundEffect(effect, role, tuple(spots[role])))
+    return tuple(found)

@@ -1,4 +1,4 @@
-"""model.yaml as a kind of file."""
+"""model.yaml and plant.yaml as kinds of file."""
 
 from __future__ import annotations
 
@@ -20,4 +20,21 @@ def _schema() -> dict[str, Any]:
     return ModelFile.model_json_schema()
 
 
-KIND = FileKind("model", frozenset({"model"}), 1, _check, _schema)
+def _plant_schema() -> dict[str, Any]:
+    from eha_bench.plants.network.schema import plant_schema
+
+    return plant_schema(_schema())
+
+
+_USE = "eha-bench run SUITE --target FILE, or a line 'model: FILE'"
+
+KIND = FileKind("model", frozenset({"model"}), 1, _check, _schema, model=_check, use=_USE)
+PLANT = FileKind(
+    "plant",
+    frozenset({"nodes", "elements"}),
+    9,
+    _check,
+    _plant_schema,
+    model=_check,
+    use=_USE,
+)

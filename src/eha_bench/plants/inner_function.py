@@ -3,7 +3,8 @@
 For every function Numba runs all of LLVM's optimisation and emits machine code with a way in from
 Python, and then links the function into its callers, where both are done again. A kernel is some
 two hundred small functions below two or three that Python calls, so most of what compiling took was
-machine code that nobody ran. Functions compiled here are handed on to their callers as they are.
+machine code that nobody ran. Functions compiled here are handed on to their callers as they are,
+each with the list of what it calls, so that what Python calls links every one of them once.
 
 Numba lets a function bring its own compiler (`pipeline_class`), and this is one; how libraries are
 linked is Numba's own affair, so a version that has changed it compiles in the ordinary way, slower.
@@ -23,7 +24,7 @@ from numba.core.typed_passes import NativeLowering
 
 _FITS = all(
     hasattr(JITCodeLibrary, name)
-    for name in ("_optimize_final_module", "_finalize_final_module", "_finalize_dynamic_globals")
+    for name in ("add_linking_library", "_finalize_dynamic_globals", "_get_module_for_linking")
 )
 """Whether libraries of this Numba are finished in the steps that are left out here."""
 
@@ -40,12 +41,25 @@ def inner(function: Callable[..., Any], **options: Any) -> Any:
 
 
 class _InnerLibrary(JITCodeLibrary):
-    """LLVM's text of a function and of all it calls, for callers to optimise and to emit."""
+    """LLVM's text of a function, for callers to link, to optimise and to emit.
 
-    def _optimize_final_module(self) -> None:
-        pass
+    Attributes:
+        behind: the libraries of all that it calls, and of what those call.
+    """
 
-    def _finalize_final_module(self) -> None:
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.behind: dict[Any, None] = {}
+
+    def add_linking_library(self, library: Any) -> None:
+        """Remember a library: who calls this function links it, too."""
+        library._ensure_finalized()
+        self.behind[library] = None
+
+    def finalize(self) -> None:
+        """End the text, without linking anything into it."""
+        for library in self.behind:
+            self._reload_init.update(library._reload_init)
         self._finalize_dynamic_globals()
         self._finalized = True
 
@@ -71,7 +85,8 @@ class _Announce(LoweringPass):
             lowered.env,
             (state.library,),
         )
-        state.targetctx.insert_user_function(handle, what, [state.library])
+        libraries = [state.library, *state.library.behind]
+        state.targetctx.insert_user_function(handle, what, libraries)
         state["cr"] = lowered._replace(cfunc=handle)
         return True
 

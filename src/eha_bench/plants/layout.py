@@ -1,40 +1,34 @@
-"""Where parameters, signals and effects' states live in the vectors that a kernel works on."""
+"""Where parameters and effects' states live in the vectors that a kernel works on."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import PluginError
-from eha_bench.plants.effect import Effect, Equation
+from eha_bench.plants.effect import BoundEffect, Equation
 from eha_bench.plants.parameter import Parameter
-
-SENSOR = "measured_"
-"""How the names of the hooks begin where what a sensor reads is changed."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where each parameter and effect state lives in the vectors `P` and `S`.
+    """Where each parameter lives in the vector `P`.
 
     Attributes:
         plant: plant id.
         parameters: the plant's own, first in `P`.
-        effects: registered effects that apply to the plant, in the order of their ids.
-        hooks: names of the places where effects act, each with a flag in `S` that says whether
-            any effect is on there.
-        signals: measured signals that effects may look at by name, first in `S`.
+        effects: those that the plant has places for, in the order of their ids.
+        synonyms: other names of parameters, as in `model.yaml` -> the name in `parameters`.
     """
 
     plant: str
     parameters: tuple[Parameter, ...]
-    effects: tuple[Effect, ...]
-    hooks: tuple[str, ...]
-    signals: tuple[str, ...] = ()
+    effects: tuple[BoundEffect, ...] = ()
+    synonyms: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -59,35 +53,23 @@ class Layout:
         """Parameters by key."""
         return dict(self.items())
 
-    @cached_property
-    def flags(self) -> dict[str, int]:
-        """Place of each hook's flag in `S`, after the signals."""
-        return {name: place for place, name in enumerate(self.hooks, len(self.signals))}
-
-    @cached_property
-    def states(self) -> dict[str, int]:
-        """Place of each effect's state in `S`, as `effect.state`."""
-        names = [f"{effect.id}.{state}" for effect in self.effects for state in effect.states]
-        first = len(self.signals) + len(self.hooks)
-        return {name: position for position, name in enumerate(names, first)}
-
-    @property
-    def memory(self) -> int:
-        """Length of `S`: signals, flags of the hooks, effects' states."""
-        return max(1, len(self.signals) + len(self.hooks) + len(self.states))
-
     @property
     def size(self) -> int:
         """Length of `P`."""
         return sum(parameter.size for _, parameter in self.items())
 
     @cached_property
-    def _senses(self) -> tuple[tuple[Effect, ...], NDArray[np.intp], NDArray[np.float64]]:
+    def _senses(self) -> tuple[tuple[BoundEffect, ...], NDArray[np.intp], NDArray[np.float64]]:
         """Effects that may act on what sensors read, places of their strengths, neutral values."""
         found = tuple(
             effect
             for effect in self.effects
-            if any(hook.startswith(SENSOR) for hook in effect.action(self.plant).hooks)
+            if any(
+                hook.at.startswith("reading:")
+                for spot in effect.spots
+                for name in effect.action.hooks
+                for hook in spot.hooks.get(name, ())
+            )
         )
         places = [self.index[f"{effect.id}.{effect.strength.name}"] for effect in found]
         return found, np.array(places, dtype=np.intp), np.array([item.neutral for item in found])
@@ -95,14 +77,40 @@ class Layout:
     def sensors_are_ideal(self, vector: NDArray[np.float64]) -> bool:
         """Whether every sensor reads the state itself with these parameters."""
         effects, places, neutral = self._senses
+        if not effects:
+            return True
         on = np.flatnonzero(vector[places] != neutral)
-        return not any(self._acts_on_a_sensor(effects[k], vector) for k in on)
+        return not any(
+            effects[k].equation(self.chosen(effects[k], vector)) is Equation.MEASUREMENT for k in on
+        )
 
-    def _acts_on_a_sensor(self, effect: Effect, vector: NDArray[np.float64]) -> bool:
-        """Whether an effect is one of measurement, with the choice that decides its equation."""
-        choice = effect.action(self.plant).chosen_by
-        values = {choice: float(vector[self.index[f"{effect.id}.{choice}"]])} if choice else {}
-        return effect.equation(self.plant, values) is Equation.MEASUREMENT
+    def chosen(self, effect: BoundEffect, vector: NDArray[np.float64]) -> dict[str, object]:
+        """Return the values of an effect's choices in a vector."""
+        return {
+            item.name: float(vector[self.index[f"{effect.id}.{item.name}"]])
+            for item in effect.parameters
+            if item.choices
+        }
+
+    @cached_property
+    def _delays(self) -> tuple[tuple[int, int, float], ...]:
+        """Places of the strength and of the time of every effect that looks back, and neutral."""
+        return tuple(
+            (
+                self.index[f"{effect.id}.{effect.strength.name}"],
+                self.index[f"{effect.id}.{parameter.name}"],
+                effect.neutral,
+            )
+            for effect in self.effects
+            if "command" in effect.action.hooks
+            for parameter in effect.parameters
+            if parameter.unit == "s"
+        )
+
+    def look_back(self, vector: NDArray[np.float64]) -> float:
+        """Return how long ago a command may be that still acts with these parameters, s."""
+        delays = [vector[time] for on, time, off in self._delays if vector[on] != off]
+        return float(sum(delays))
 
     def defaults(self) -> NDArray[np.float64]:
         """Return `P` with the plant's defaults and every effect off."""
@@ -114,11 +122,15 @@ class Layout:
             vector[self.index[f"{effect.id}.{effect.strength.name}"]] = effect.neutral
         return vector
 
-    def effect(self, name: str) -> Effect:
-        """Return a registered effect of this plant.
+    def key(self, name: str) -> str:
+        """Return the key of a parameter that may go by another name."""
+        return self.synonyms.get(name, name)
+
+    def effect(self, name: str) -> BoundEffect:
+        """Return an effect of this plant.
 
         Raises:
-            PluginError: no such effect, or not for this plant.
+            PluginError: no such effect, or the plant has no place for it.
         """
         for effect in self.effects:
             if effect.id == name:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,13 @@ from numpy.typing import NDArray
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
+from eha_bench.plants.effect import AT, EVERYWHERE
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.plant import Plant, get_plant
+
+if TYPE_CHECKING:
+    from eha_bench.plants.model_file import ModelFile
 
 FloatArray = NDArray[np.float64]
 Value = float | str | list[float]
@@ -42,24 +46,38 @@ class Model:
     Attributes:
         plant_id: id of the plant.
         parameters: values that differ from the plant's defaults.
-        calibrate: names of parameters that calibration may estimate.
+        calibrate: names of parameters that calibration may estimate, also `effect.parameter` of
+            declared effects.
         effects: declared effects.
+        within: of those under `calibrate`, what the true value may be off by at most, SI.
+        per_run: names of parameters that nobody measured and that differ from run to run.
+        network: what a plant.yaml says, where the plant is no registered one.
     """
 
     plant_id: str
     parameters: Mapping[str, float] = field(default_factory=dict)
     calibrate: tuple[str, ...] = ()
     effects: tuple[DeclaredEffect, ...] = ()
+    within: Mapping[str, float] = field(default_factory=dict)
+    per_run: tuple[str, ...] = ()
+    network: Mapping[str, Any] | None = None
 
     @property
     def plant(self) -> Plant:
         """The plant, compiled on first use."""
+        if self.network is not None:
+            from eha_bench.plants.network.file import plant_of
+
+            return plant_of(self.network)
         return get_plant(self.plant_id)
 
     def value(self, name: str) -> float:
-        """Value of a plant parameter, SI."""
+        """Value of a parameter, SI: the plant's, or `effect.name` of a declared effect."""
+        name = self.plant.layout.key(name)
         if name in self.parameters:
             return self.parameters[name]
+        if any(name.startswith(f"{effect.id}.") for effect in self.effects):
+            return float(self.vector()[self.plant.layout.index[name]])
         return self.plant.layout.by_key[name].default
 
     def vector(self) -> FloatArray:
@@ -70,9 +88,12 @@ class Model:
             vector[layout.index[name]] = value
         for declared in self.effects:
             effect = layout.effect(declared.id)
+            for name in declared.values:
+                effect.parameter(name)
             for parameter in effect.parameters:
                 at = layout.index[f"{effect.id}.{parameter.name}"]
-                given = declared.values.get(parameter.name, parameter.default)
+                default = effect.parameter_at(parameter.name, declared.values).default
+                given = declared.values.get(parameter.name, default)
                 vector[at : at + parameter.size] = _encoded(parameter, given)
         return vector
 
@@ -85,14 +106,28 @@ class Model:
         kept = tuple(other for other in self.effects if other.id != effect.id)
         return replace(self, effects=(*kept, effect))
 
+    def with_values(self, effect: str, values: Mapping[str, Value]) -> Model:
+        """Return a copy with some values of a declared effect replaced."""
+        effects = tuple(
+            replace(item, values={**item.values, **values}) if item.id == effect else item
+            for item in self.effects
+        )
+        return replace(self, effects=effects)
+
     def to_yaml(self, comment: str = "") -> str:
         """Return the model as model.yaml text."""
         from ruamel.yaml import YAML
 
         parameters = {name: float(value) for name, value in self.parameters.items()}
-        data: dict[str, Any] = {"model": self.plant_id, "parameters": parameters}
+        plant = {"model": self.plant_id} if self.network is None else dict(self.network)
+        data: dict[str, Any] = {**plant, "parameters": parameters}
         if self.calibrate:
-            data["calibrate"] = list(self.calibrate)
+            data["calibrate"] = [
+                {"parameter": key, "within": float(self.within[key])} if key in self.within else key
+                for key in self.calibrate
+            ]
+        if self.per_run:
+            data["per_run"] = list(self.per_run)
         if self.effects:
             data["effects"] = [
                 {"effect": item.id, **{key: _plain(value) for key, value in item.values.items()}}
@@ -116,15 +151,37 @@ class Model:
         return hashlib.sha256(self.to_yaml().encode()).hexdigest()
 
 
-def load_model(path: Path) -> Model:
-    """Read a model.yaml.
+def load_model(source: str | Path | Mapping[str, Any]) -> Model:
+    """Read a model.yaml, a shipped one by its name, or a dict of what it would hold.
 
     Raises:
         InputError: unknown plant, parameter or effect, or a wrong unit, with file, line and key.
     """
     from eha_bench.core import yaml_file
 
+    path = yaml_file.file_of(source, "model", "models")
     return parse_model(yaml_file.load(path), str(path))
+
+
+def model_from(source: str | Path | Mapping[str, Any]) -> Model:
+    """Return the model that a file of any kind holds: a model.yaml, or a plant by itself.
+
+    `source` is a file, a shipped model's name, or a dict of what the file would hold.
+
+    Raises:
+        InputError: the file holds none, or is wrong, with file, line and key.
+    """
+    from eha_bench.core import yaml_file
+    from eha_bench.core.file_kind import kind_by_keys
+
+    path = yaml_file.file_of(source, "model", "models")
+    kind = kind_by_keys(yaml_file.peek(path))
+    if kind is None or kind.model is None:
+        return load_model(path)  # says what it is instead
+    model = kind.model(path)
+    if not isinstance(model, Model):
+        raise PluginError(f"a {kind.name} does not make a model but {type(model).__name__}")
+    return model
 
 
 def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Model:
@@ -133,33 +190,131 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
     from eha_bench.core import yaml_file
     from eha_bench.plants.model_file import ModelFile
 
-    file = yaml_file.validate(ModelFile, content, name, prefix)
+    kind = "" if prefix else "model"
+    file = yaml_file.validate(ModelFile, content, name, prefix, kind=kind)
 
     def place(*keys: int | str) -> Place:
         line = yaml_file.line_of(content, keys)
         return Place(file=name, line=line, key=".".join(str(key) for key in (*prefix, *keys)))
 
-    try:
-        layout = get_plant(file.model).layout
-    except PluginError as error:
-        raise InputError(error.what, where=place("model"), hint=error.hint) from error
+    base = _base(file, content, name, place)
+    layout = base.plant.layout
     own = {parameter.name: parameter for parameter in layout.parameters}
-    parameters = {}
+    parameters = {**base.parameters}
     for key, raw in file.parameters.items():
-        where = place("parameters", key)
-        parameters[key] = float(_checked(_known(own, key, where), raw, where))
-    for number, key in enumerate(file.calibrate):
-        _known(own, key, place("calibrate", number))
-    effects = tuple(
-        _parse_effect(layout, raw, number, place) for number, raw in enumerate(file.effects)
+        parameters[layout.key(key)] = parse_parameter(layout, key, raw, place("parameters", key))
+    effects = (
+        *base.effects,
+        *(_parse_effect(layout, raw, number, place) for number, raw in enumerate(file.effects)),
     )
     seen = [effect.id for effect in effects]
     for number, effect_id in enumerate(seen):
         if effect_id in seen[:number]:
             raise InputError(
-                f"effect '{effect_id}' is declared twice", where=place("effects", number)
+                f"effect '{effect_id}' is declared twice",
+                where=place("effects", number - len(base.effects)),
             )
-    return Model(file.model, parameters, tuple(file.calibrate), effects)
+    model = replace(base, parameters=parameters, calibrate=(), effects=effects)
+    known = own | {
+        f"{item.id}.{parameter.name}": parameter
+        for item in effects
+        for parameter in layout.effect(item.id).parameters
+    }
+    calibrate, within = [*base.calibrate], {**base.within}
+    if file.calibrate:
+        calibrate, within = [], {}
+    for number, entry in enumerate(file.calibrate):
+        where = place("calibrate", number)
+        key, tolerance = (entry, None) if isinstance(entry, str) else (
+            entry.parameter, entry.within
+        )  # fmt: skip
+        parameter = _estimated(layout, known, key, where)
+        key = layout.key(key)
+        calibrate.append(key)
+        if tolerance is not None:
+            value = float(model.vector()[layout.index[key]])
+            within[key] = _tolerance(parameter, value, tolerance, where)
+    for number, key in enumerate(file.per_run):
+        where = place("per_run", number)
+        _estimated(layout, known, key, where)
+        if layout.key(key) in calibrate:
+            raise InputError(
+                f"'{key}' is under calibrate as well",
+                where=where,
+                hint="one value for all runs (calibrate), or one for each (per_run)",
+            )
+    per_run = tuple(dict.fromkeys(layout.key(key) for key in file.per_run)) or base.per_run
+    return replace(model, calibrate=tuple(calibrate), within=within, per_run=per_run)
+
+
+def _base(file: ModelFile, content: Any, name: str, place: Callable[..., Place]) -> Model:
+    """Return the plant that a model file stands on: its own network, a file's, or a registered one.
+
+    Raises:
+        InputError: there is no such plant, or no such file.
+    """
+    from eha_bench.core import yaml_file
+
+    if file.plant:
+        from eha_bench.plants.network.file import plant_of
+
+        plant = plant_of(content, place)
+        return Model(plant.id, network=plant.network.source)
+    if file.model.endswith((".yaml", ".yml")):
+        return load_model(yaml_file.named_file(Path(name).parent, file.model, place("model")))
+    try:
+        get_plant(file.model)
+    except PluginError as error:
+        raise InputError(error.what, where=place("model"), hint=error.hint) from error
+    return Model(file.model)
+
+
+def parse_parameter(layout: Layout, key: str, raw: Any, where: Place) -> float:
+    """Return a plant's parameter in SI, checked for unit and bounds; `where` is its key.
+
+    Raises:
+        InputError: unknown parameter, wrong unit, or outside its bounds.
+    """
+    own = {parameter.name: parameter for parameter in layout.parameters}
+    own |= {other: own[name] for other, name in layout.synonyms.items()}
+    return float(_checked(_known(own, key, where), raw, where))
+
+
+def _estimated(layout: Layout, known: Mapping[str, Parameter], key: str, where: Place) -> Parameter:
+    """Return the parameter of a key under `calibrate` or `per_run`."""
+    effect = key.partition(".")[0]
+    key = layout.key(key)
+    if key not in known and key in layout.by_key:
+        raise InputError(
+            f"'{key}' is of an effect that is not declared",
+            where=where,
+            hint=f"declare {effect} under effects",
+        )
+    parameter = _known(known, key, where)
+    if parameter.choices:
+        raise InputError(f"'{key}' is a choice of words, which no fit can estimate", where=where)
+    return parameter
+
+
+def _tolerance(parameter: Parameter, value: float, raw: float | str, where: Place) -> float:
+    """Return what a value may be off by, SI, from a share of it in percent or an amount."""
+    from eha_bench.core import units
+
+    share = str(raw).strip()
+    try:
+        if share.endswith("%"):
+            amount = 0.01 * units.parse(share[:-1], "") * abs(value)
+        else:
+            amount = abs(units.parse_difference(raw, parameter.unit))
+    except UnitError as error:
+        raise InputError(error.what, where=where, hint=error.hint) from error
+    if not amount > 0.0:
+        raise InputError(
+            f"within: {raw} of {value:g} leaves no room",
+            where=where,
+            hint=f"give an amount in {parameter.unit or 'its unit'} that is more than nothing",
+        )
+    return amount
 
 
 def _parse_effect(
@@ -173,12 +328,30 @@ def _parse_effect(
         where = place("effects", number, "effect")
         raise InputError(error.what, where=where, hint=error.hint) from error
     own = {parameter.name: parameter for parameter in effect.parameters}
-    here = effect.action(layout.plant).choices
-    values = {}
+    values: dict[str, Any] = {}
+    if AT in raw:
+        word = effect.word(str(raw[AT]))
+        if word is None:
+            raise InputError(
+                f"'{effect.id}' cannot act at '{raw[AT]}'",
+                where=place("effects", number, AT),
+                hint=f"it may act at: {', '.join(effect.places)}",
+            )
+        if len(effect.places) > 1:
+            values[AT] = word
+    elif len(effect.places) > 1 and EVERYWHERE not in effect.places:
+        raise InputError(
+            f"'{effect.id}' does not say where it acts",
+            where=place("effects", number, "effect"),
+            hint=f"add `at:` with one of {', '.join(effect.places)}",
+        )
     for key, value in raw.items():
-        if key != "effect":
-            where = place("effects", number, key)
-            values[key] = _checked(_known(own, key, where), value, where, here.get(key))
+        if key in {"effect", AT}:
+            continue
+        where = place("effects", number, key)
+        _known(own, key, where)
+        parameter = effect.parameter_at(key, values)
+        values[key] = _checked(parameter, value, where, effect.words(parameter))
     return DeclaredEffect(effect.id, values)
 
 

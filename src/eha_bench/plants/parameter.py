@@ -23,6 +23,7 @@ class Parameter:
         searched: False where a search leaves it alone, because data hardly ever determine it (a
             reference pressure, a regularisation width).
         when: the choice and the words of it with which the parameter matters; nothing: always.
+        role: of an effect's parameter, the only role in which it is there; "": in all.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Parameter:
     choices: tuple[str, ...] = ()
     searched: bool = True
     when: tuple[str, tuple[str, ...]] = ("", ())
+    role: str = ""
 
     def __post_init__(self) -> None:
         """Refuse a default outside its bounds: a typing error in a plug-in."""
@@ -63,10 +65,22 @@ class Parameter:
 
 
 def choice(
-    name: str, words: tuple[str, ...], source: str = "", *, default: str | None = None
+    name: str,
+    words: tuple[str, ...],
+    source: str = "",
+    *,
+    default: str | None = None,
+    of_role: str = "",
 ) -> Parameter:
     """Return a parameter that is one of several words; the first is the default."""
     place = 0 if default is None else words.index(default)
     return Parameter(
-        name, "", float(place), 0.0, float(len(words) - 1), source=source, choices=words
+        name,
+        "",
+        float(place),
+        0.0,
+        float(len(words) - 1),
+        source=source,
+        choices=words,
+        role=of_role,
     )

@@ -1,23 +1,38 @@
-"""What every plant offers: parameters, effects, and simulation of its measured channels."""
+"""What every plant offers: parameters, effects, channels with units, and simulation.
+
+A plant is simulated in one of two ways: from logged inputs over a whole recording (`simulate`,
+`sweep`), or moment by moment under a controller (`session`). Whatever stands above plants (targets,
+rig, FMU, report) knows a plant by what is declared here, never by its name.
+"""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core import plugins
-from eha_bench.core.errors import PluginError
+from eha_bench.core.channels import unit_of
+from eha_bench.core.errors import InputError, PluginError
+from eha_bench.core.linkage import Linkage
+from eha_bench.core.near_miss import suggest
+from eha_bench.plants.channel_roles import KNOWN, ChannelRoles
 from eha_bench.plants.effect import Effect
 from eha_bench.plants.layout import Layout
+from eha_bench.plants.session import Session
 
 FloatArray = NDArray[np.float64]
 
 _FIRST_TICK = "first tick"
+_FOR_DATASETS = (
+    "a model of that plant is for datasets: give it to `eha-bench predict`, `calibrate` or "
+    "`diagnose`"
+)
 
 
 @dataclass(frozen=True)
@@ -81,26 +96,87 @@ class Parametrised:
         """
         return self.plant.simulate(self.vector, drive.starting(initial), step)
 
+    # --- what a session rests on ------------------------------------------------
 
-class Plant(ABC):
-    """A plant: equations compiled with all effects, simulated from inputs and a first state."""
+    @property
+    def look_back(self) -> float:
+        """How long ago an input may be that still acts, s: the longest delay."""
+        return self.plant.layout.look_back(self.vector)
+
+    def start(self, initial: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+        """Return a state vector and a memory as `Plant.start` does."""
+        return self.plant.start(self.vector, initial)
+
+    def advance(
+        self,
+        first: int,
+        last: int,
+        time: FloatArray,
+        inputs: FloatArray,
+        locked: bool,
+        bypass_open: bool,
+        step: float,
+        fresh: bool,
+        memory: FloatArray,
+        state: FloatArray,
+        out: FloatArray,
+    ) -> None:
+        """Go on from one moment to another as `Plant.advance` does."""
+        self.plant.advance(
+            first, last, time, inputs, locked, bypass_open, step, fresh, self.vector, memory,
+            state, out,
+        )  # fmt: skip
+
+    def derived_at(self, reading: FloatArray) -> tuple[float, ...]:
+        """Return the derived channels at one reading (outputs,), in their order, SI."""
+        plant = self.plant
+        if not plant.derived_channels:
+            return ()
+        outputs = {name: reading[k : k + 1] for k, name in enumerate(plant.outputs)}
+        found = plant.derived(self.vector, outputs)
+        return tuple(float(found[name][0]) for name in plant.derived_channels)
+
+
+class Plant:
+    """A plant: equations compiled with all effects, simulated from inputs and a first state.
+
+    One that is written in Python gives `start` and `advance`; everything else follows. One without
+    sessions gives `simulate`.
+
+    Attributes:
+        id: public name.
+        layout: where parameters and effects live in the parameter vector.
+        outputs: channels that `simulate` returns, in the order of its columns.
+        states: names that `Drive.initial` may give.
+        state_places: state -> place in the state vector of `start` and `advance`.
+        inputs: channels that drive a session, in the order of `advance`'s columns: what a
+            controller commands, and disturbances. Inputs of `simulate` may be others, too.
+        command: the one of `inputs` that a controller gives; "" where none does, and then there
+            is no session.
+        resting_inputs: what inputs are where nobody gives them, SI; 0 for the rest.
+        derived_channels: channels that `derived` gives from all outputs, in a session's order.
+        can_lock: whether the setup `piston: locked` means something.
+        has_bypass: whether the setup `bypass: open` does.
+    """
 
     id: str
-    outputs: tuple[str, ...]
-    """Channels that `simulate` returns, in the order of its columns."""
-
-    states: tuple[str, ...]
-    """Names that `Drive.initial` may give."""
-
     layout: Layout
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    state_places: Mapping[str, int]
+    inputs: tuple[str, ...] = ()
+    command: str = ""
+    resting_inputs: Mapping[str, float] = MappingProxyType({})
+    derived_channels: tuple[str, ...] = ()
+    can_lock: bool = False
+    has_bypass: bool = False
 
     def __reduce__(self) -> tuple[Callable[[str], Plant], tuple[str]]:
         """Travel to other processes by name: each compiles, or loads, a kernel of its own."""
         return get_plant, (self.id,)
 
-    @abstractmethod
     def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
-        """Return what the sensors would read, without noise.
+        """Return what the sensors would read, without noise; by `start` and `advance` as it is.
 
         Args:
             vector: parameters of plant and effects, as `layout` orders them.
@@ -109,22 +185,198 @@ class Plant(ABC):
 
         Returns:
             (n, len(outputs)), SI.
+
+        Raises:
+            InputError: an input or a first value that this plant does not have.
         """
+        for name in drive.inputs:
+            if name not in self.inputs:
+                raise InputError(
+                    f"'{name}' cannot be an input of {self.id}",
+                    hint=f"inputs may be: {', '.join(self.inputs)}",
+                )
+        n = drive.time.size
+        rest = [np.full(n, self.resting_inputs.get(name, 0.0)) for name in self.inputs]
+        given = [drive.inputs.get(name, rest[k]) for k, name in enumerate(self.inputs)]
+        inputs = np.ascontiguousarray(np.column_stack(given), dtype=np.float64)
+        state, memory = self.start(vector, drive.initial)
+        out = np.full((n, len(self.outputs)), np.nan)
+        self.advance(
+            drive.first, n - 1, np.ascontiguousarray(drive.time, dtype=np.float64), inputs,
+            drive.locked, drive.bypass_open, step, True, vector, memory, state, out,
+        )  # fmt: skip
+        return out
+
+    @property
+    def roles(self) -> ChannelRoles:
+        """What its channels are; of a plant that says nothing, as their names are known."""
+        return KNOWN
 
     def at(self, vector: FloatArray) -> Parametrised:
         """Return the plant with its parameters set, for many simulations with them."""
         return Parametrised(self, vector)
 
+    # --- channels -----------------------------------------------------------------
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """SI unit of every output, derived channel, state and input that it knows.
+
+        Those of known channels stand in `core.channels`; a plant with others says theirs.
+        """
+        names = (*self.inputs, *self.outputs, *self.derived_channels, *self.states)
+        return {name: unit_of(name) for name in dict.fromkeys(names)}
+
+    # --- a session ------------------------------------------------------------------
+
+    def check_session(self, *, locked: bool = False, bypass_open: bool = False) -> None:
+        """Refuse a session that cannot be, before anything is compiled.
+
+        Raises:
+            InputError: no input commands this plant, or its setup cannot be so.
+        """
+        if not self.command:
+            raise InputError(
+                f"{self.id} has no input that a controller commands", hint=_FOR_DATASETS
+            )
+        if locked and not self.can_lock:
+            raise InputError(f"{self.id} has nothing to lock", hint="set `piston: free`")
+        if bypass_open and not self.has_bypass:
+            raise InputError(f"{self.id} has no bypass", hint="set `bypass: closed`")
+
+    def session(
+        self,
+        vector: FloatArray,
+        initial: Mapping[str, float],
+        *,
+        locked: bool = False,
+        bypass_open: bool = False,
+        step: float,
+        start: float = 0.0,
+    ) -> Session:
+        """Return a simulation that is advanced from moment to moment under a controller.
+
+        Args:
+            vector: parameters.
+            initial: state -> what its sensor reads at first, SI.
+            locked, bypass_open: setup.
+            step: largest integration step, s.
+            start: time of the first moment, s.
+
+        Raises:
+            InputError: no input commands this plant, its setup cannot be so, or a channel is no
+                state of it.
+        """
+        return Session(
+            self.at(vector),
+            initial,
+            locked=locked,
+            bypass_open=bypass_open,
+            step=step,
+            start=start,
+        )
+
+    def start(
+        self, vector: FloatArray, initial: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the state vector behind what the sensors read first, and a memory for `advance`.
+
+        Args:
+            vector: parameters.
+            initial: state -> what its sensor reads, SI; the rest is at rest.
+
+        Raises:
+            InputError: a channel that is no state of this plant, or a plant without sessions.
+        """
+        raise self._no_session()
+
+    def advance(
+        self,
+        first: int,
+        last: int,
+        time: FloatArray,
+        inputs: FloatArray,
+        locked: bool,
+        bypass_open: bool,
+        step: float,
+        fresh: bool,
+        vector: FloatArray,
+        memory: FloatArray,
+        state: FloatArray,
+        out: FloatArray,
+    ) -> None:
+        """Go on from moment `first` to moment `last`: the one primitive that sessions rest on.
+
+        Row k of `out` is what the sensors read at time[k], just before inputs[k] take effect. Rows
+        first to last are written, and `state` and `memory` are left at time[last]. With
+        first = last the plant is only read.
+
+        Args:
+            first, last: 0 <= first <= last < n; what is before `first` is history, which a delay
+                looks back on.
+            time: (n,) s, increasing up to `last`; undefined after it, as all rows are.
+            inputs: (n, len(self.inputs)) SI, in C order. A command is held from time[k] to
+                time[k + 1]. A disturbance is linear between them (a session holds it by writing
+                both rows). A plant may write into the command's column what was asked for in its
+                place.
+            locked, bypass_open: setup.
+            step: largest integration step, s.
+            fresh: whether the effects' states are set from `state` first.
+            vector: parameters, as `layout` orders them.
+            memory, state: what `start` returned; changed.
+            out: (n, len(self.outputs)) SI; rows first to last are changed.
+
+        Raises:
+            InputError: a plant without sessions.
+        """
+        raise self._no_session()
+
+    def _no_session(self) -> InputError:
+        return InputError(f"{self.id} is not simulated moment by moment", hint=_FOR_DATASETS)
+
+    def rest(
+        self,
+        vector: FloatArray,
+    ) -> Mapping[str, float]:
+        """Return the states that are not 0 at rest, SI: a pressure that the oil is charged to."""
+        return {}
+
+    def command_limit(
+        self,
+        vector: FloatArray,
+    ) -> float:
+        """Return the largest command that the plant follows, SI, either way; inf for none."""
+        return math.inf
+
+    def position_range(
+        self,
+        vector: FloatArray,
+    ) -> Mapping[str, tuple[float, float]]:
+        """Return the channels that are positions, with their ends, SI; +-inf where there are none.
+
+        A trial may start at such a channel's value, and does where its reference is one.
+        """
+        return {}
+
+    def linkage(
+        self,
+        vector: FloatArray,
+    ) -> Linkage | None:
+        """Return the triangle of links that the rod moves a joint with, None for none."""
+        return None
+
+    # --- measurements ---------------------------------------------------------------
+
     def determined(
         self,
-        inputs: Collection[str],  # noqa: ARG002 - for plants that not every input drives
+        inputs: Collection[str],
     ) -> tuple[str, ...]:
         """Return the outputs that these inputs determine: nothing drives the others."""
         return self.outputs
 
     def at_rest(
         self,
-        measured: Mapping[str, float],  # noqa: ARG002 - for plants whose states tell of each other
+        measured: Mapping[str, float],
     ) -> dict[str, float]:
         """Return states that have no reading at the first sample, as those that have one tell them.
 
@@ -135,8 +387,8 @@ class Plant(ABC):
 
     def behind(
         self,
-        vector: FloatArray,  # noqa: ARG002 - for plants with other sensors than of their states
-        readings: Mapping[str, float],  # noqa: ARG002 - for these as well
+        vector: FloatArray,
+        readings: Mapping[str, float],
     ) -> dict[str, float]:
         """Return states that other readings tell of, SI: a position behind a joint's angle.
 
@@ -147,8 +399,8 @@ class Plant(ABC):
 
     def derived(
         self,
-        vector: FloatArray,  # noqa: ARG002 - for plants with other sensors than of their outputs
-        outputs: Mapping[str, FloatArray],  # noqa: ARG002 - for these as well
+        vector: FloatArray,
+        outputs: Mapping[str, FloatArray],
     ) -> dict[str, FloatArray]:
         """Return channels that follow from the outputs alone, (n,) SI.
 
@@ -170,25 +422,36 @@ class Plant(ABC):
         return np.stack([self.simulate(vector, drive, step) for vector in vectors])
 
 
-def effects_of(plant: str) -> tuple[Effect, ...]:
-    """Return all registered effects that apply to a plant, in the order of their ids."""
+@cache
+def registered_effects() -> tuple[Effect, ...]:
+    """Return all registered effects, in the order of their ids.
+
+    Raises:
+        PluginError: one of them is no Effect.
+    """
     found: list[Effect] = []
     for name in plugins.names("effects"):
         effect = plugins.load("effects", name)
         if not isinstance(effect, Effect):
             raise PluginError(f"effect '{name}' is not an Effect but {type(effect).__name__}")
-        if plant in effect.actions:
-            found.append(effect)
+        found.append(effect)
     return tuple(sorted(found, key=lambda effect: effect.id))
 
 
 @cache
 def get_plant(name: str) -> Plant:
-    """Return the registered plant of that id, compiled on first use.
+    """Return the plant of that id: a shipped network, or a registered class.
 
     Raises:
         PluginError: no such plant.
     """
+    from eha_bench.plants.network.file import shipped_names, shipped_plant
+
+    if name in shipped_names():
+        return shipped_plant(name)
+    if name not in plugins.names("plants"):
+        known = (*shipped_names(), *plugins.names("plants"))
+        raise PluginError(f"unknown plant '{name}'", hint=suggest(name, known))
     plant = plugins.load("plants", name)()
     if not isinstance(plant, Plant):
         raise PluginError(f"plant '{name}' is not a Plant but {type(plant).__name__}")

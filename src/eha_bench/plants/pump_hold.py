@@ -11,28 +11,32 @@ with Fast Force Control Response (2023), Eq. (21) and Table 3.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.plants.effect import Equation
-from eha_bench.plants.eha_knee.parameters import PARAMETERS as KNEE
+from eha_bench.plants.effect import Equation, Hook, Spot, bound
 from eha_bench.plants.layout import Layout
-from eha_bench.plants.plant import effects_of
+from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.plant import registered_effects
 from eha_bench.plants.static_plant import StaticPlant
 
 FloatArray = NDArray[np.float64]
 
-_OWN: Final = (
-    "torque_constant",
-    "static_torque",
-    "coulomb_torque",
-    "pump_displacement",
-)
-PARAMETERS: Final = tuple(parameter for parameter in KNEE if parameter.name in _OWN)
-HOOKS: Final = ("true_difference", "pump_dry", "holding_friction", "measured_current")
+_TABLE: Final = "Table 3"
+PARAMETERS: Final = (
+    Parameter("torque_constant", "N*m/A", 0.13, 1e-6, math.inf, "K_T", _TABLE),
+    Parameter("coulomb_torque", "N*m", 0.16, 0.0, math.inf, "T_cf", _TABLE),
+    Parameter("static_torque", "N*m", 0.2537, 0.0, math.inf, "T_sf", _TABLE),
+    Parameter(
+        "pump_displacement", "m^3/rad", 0.69e-6 / (2 * math.pi), 1e-12, math.inf, "D_p",
+        "Table 3, 0.69 cm^3 a revolution; per radian in Eq. (2)-(5)",
+    ),
+)  # fmt: skip
+_HOOKS: Final = ("true_difference", "pump_dry", "holding_friction", "measured_current")
 
 
 class PumpHold(StaticPlant):
@@ -44,7 +48,9 @@ class PumpHold(StaticPlant):
     balance = Equation.TORQUE
 
     def __init__(self) -> None:
-        self.layout = Layout(self.id, PARAMETERS, effects_of(self.id), HOOKS)
+        spot = Spot("pump", Equation.TORQUE, {name: (Hook(name),) for name in _HOOKS})
+        effects = bound(registered_effects(), {"holding": (spot,)})
+        self.layout = Layout(self.id, PARAMETERS, effects)
 
     def respond(self, vector: FloatArray, inputs: Mapping[str, FloatArray]) -> FloatArray:
         """Return the holding current, (n, 1) A, at pressure differences in Pa."""
@@ -52,7 +58,7 @@ class PumpHold(StaticPlant):
         scope: dict[str, Any] = {**at, "difference": np.asarray(inputs["pressure_difference"])}
         self.chained("true_difference", vector, "difference", scope)
         difference = scope["difference"]
-        scope |= {"p_a": difference, "p_b": np.zeros_like(difference)}
+        scope["pump_load"] = at["pump_displacement"] * np.abs(difference)
         scope["level"] = np.full_like(difference, at["static_torque"])
         self.chained("pump_dry", vector, "level", scope)
         scope["friction"] = scope["level"]

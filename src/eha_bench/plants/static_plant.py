@@ -6,7 +6,7 @@ Its effects are evaluated as they are written, over all points at once, without 
 from __future__ import annotations
 
 import inspect
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -20,7 +20,7 @@ from eha_bench.plants.plant import Drive, Plant
 FloatArray = NDArray[np.float64]
 
 
-class StaticPlant(Plant):
+class StaticPlant(Plant, ABC):
     """A balance that holds at every operating point by itself."""
 
     inputs: tuple[str, ...]
@@ -70,8 +70,8 @@ class StaticPlant(Plant):
             hook: place of the equations. vector: parameters.
             first: name of what is changed. scope: what the effects' functions may name.
         """
-        for effect in sorted(self.layout.effects, key=lambda item: (item.order, item.id)):
-            function = effect.action(self.id).hooks.get(hook)
+        for effect in sorted(self.layout.effects, key=lambda item: (item.effect.order, item.id)):
+            function = effect.action.hooks.get(hook)
             own = {
                 parameter.name: float(vector[self.layout.index[f"{effect.id}.{parameter.name}"]])
                 for parameter in effect.parameters

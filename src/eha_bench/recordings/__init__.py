@@ -7,6 +7,7 @@ from eha_bench.core.lazy import lazy_names
 if TYPE_CHECKING:
     from eha_bench.recordings.bags.rosbag2_metadata import write_rosbag2_metadata
     from eha_bench.recordings.channel_map import ChannelMap, ChannelMapFile, load_channel_map
+    from eha_bench.recordings.exporting import export
     from eha_bench.recordings.information import RecordingInformation, TopicInformation, info
     from eha_bench.recordings.live import LiveWriter
     from eha_bench.recordings.reader import read
@@ -20,6 +21,7 @@ __all__ = [
     "RecordingInformation",
     "RecoveryReport",
     "TopicInformation",
+    "export",
     "info",
     "load_channel_map",
     "read",
@@ -38,6 +40,7 @@ __getattr__ = lazy_names(
         "RecordingInformation": "eha_bench.recordings.information",
         "RecoveryReport": "eha_bench.recordings.recovery",
         "TopicInformation": "eha_bench.recordings.information",
+        "export": "eha_bench.recordings.exporting",
         "info": "eha_bench.recordings.information",
         "load_channel_map": "eha_bench.recordings.channel_map",
         "read": "eha_bench.recordings.reader",

@@ -7,13 +7,30 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from eha_bench.core.channels import CHANNELS
-from eha_bench.core.errors import UnitError
+from eha_bench.core.errors import InputError, Place, UnitError
+from eha_bench.core.expression import Expression
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.sensor import Sensor
 from eha_bench.core.units import Unit, base_unit, factor_and_offset
-from eha_bench.core.yaml_file import Real, StrictModel, WrongAt, load_model
+from eha_bench.core.yaml_file import (
+    Real,
+    StrictModel,
+    WrongAt,
+    line_of,
+    load,
+    load_model,
+    named_file,
+)
+from eha_bench.recordings.computed import (
+    ComputedChannel,
+    arithmetic,
+    check_known,
+    check_si,
+    in_order,
+)
 from eha_bench.recordings.encodings.field_path import FieldPath
 
 
@@ -62,6 +79,10 @@ class Range(StrEnum):
     ALL = "all"
 
 
+_MISSPELT = 0.8
+"""So like a known name is one that was meant to be it; `spool_position` is like `piston_position`
+by 0.76, and is a channel of its own."""
+
 HELD = frozenset({"reference", "current_command"})
 """Commands keep their value until the next one; measured states are interpolated."""
 
@@ -72,7 +93,10 @@ def _path(text: str) -> str:
 
 
 class ChannelEntry(StrictModel):
-    """Where one channel comes from: value = (raw * scale + offset) in `unit`, then SI."""
+    """Where one channel comes from: value = (raw * scale + offset) in `unit`, then SI.
+
+    Or what it is computed from.
+    """
 
     topic: str | None = Field(default=None, min_length=1, description="topic of the message")
     field: Annotated[str, AfterValidator(_path)] | None = Field(
@@ -82,9 +106,21 @@ class ChannelEntry(StrictModel):
     column: str | None = Field(
         default=None, min_length=1, description="column of a CSV, Parquet or MAT file"
     )
+    expression: Annotated[str, AfterValidator(arithmetic)] | None = Field(
+        default=None, description="arithmetic between other channels in SI: duty * supply_voltage"
+    )
     unit: str | None = Field(default=None, description="unit of raw * scale + offset; default SI")
     scale: Real = 1.0
     offset: Real = 0.0
+    resolution: Real | str | None = Field(
+        default=None,
+        description="smallest step of the sensor's reading: 1 bar",
+    )
+    uncertainty: Real | str | None = Field(
+        default=None,
+        description="standard uncertainty of the sensor's calibration: a quantity, or 0.2 % of "
+        "the reading",
+    )
     clock: Clock | None = Field(default=None, description="another clock for this channel's topic")
     method: Method | None = Field(
         default=None, description="how it is carried onto the common clock"
@@ -95,10 +131,20 @@ class ChannelEntry(StrictModel):
 
     @model_validator(mode="after")
     def _one_place(self) -> ChannelEntry:
+        if self.expression is not None:
+            return self._alone()
         if self.column is not None and (self.topic is not None or self.field is not None):
             raise ValueError("give either topic and field, or column, not both")
         if self.column is None and (self.topic is None or self.field is None):
-            raise ValueError("a topic and a field are needed, or a column for a table")
+            raise ValueError(
+                "a topic and a field are needed, a column for a table, or an expression"
+            )
+        return self
+
+    def _alone(self) -> ChannelEntry:
+        for key in self.model_fields_set - {"expression", "unit"}:
+            raise WrongAt(f"a computed channel has an expression and a unit, and no '{key}'", key)
+        check_si(self.unit or "")
         return self
 
 
@@ -123,6 +169,10 @@ class Repair(StrictModel):
     gaps: Gaps = Gaps.NAN
 
 
+def _listed(value: object) -> object:
+    return [value] if isinstance(value, str) else value
+
+
 class ChannelMapFile(StrictModel):
     """A `channels.yaml`: where every channel of a log comes from."""
 
@@ -134,6 +184,9 @@ class ChannelMapFile(StrictModel):
         default=None, description="of a table without a time column"
     )
     repair: Repair = Repair()
+    dbc: Annotated[tuple[str, ...], BeforeValidator(_listed)] = Field(
+        default=(), description="DBC that decodes the CAN frames of an MDF, or a list of them"
+    )
     channels: dict[str, ChannelEntry] = Field(json_schema_extra={"minProperties": 1})
 
     @field_validator("sample_rate")
@@ -154,6 +207,12 @@ class ChannelMapFile(StrictModel):
         for name, entry in channels.items():
             if name == "time" or not name.isprintable() or not name.strip():
                 raise WrongAt(f"'{name}' cannot be the name of a channel", name)
+            if entry.expression is not None:
+                try:
+                    check_known(name, entry.unit)
+                except WrongAt as error:
+                    raise WrongAt(f"channel '{name}': {error}", name, *error.keys) from error
+                continue
             try:
                 _check_channel_unit(name, entry)
             except ValueError as error:
@@ -164,6 +223,15 @@ class ChannelMapFile(StrictModel):
     def _consistent(self) -> ChannelMapFile:
         if self.time is not None and self.sample_rate is not None:
             raise WrongAt("give either time or sample_rate, not both", "sample_rate")
+        self._check_expressions()
+        for name, entry in self.channels.items():
+            for key in ("resolution", "uncertainty"):
+                given = {"resolution": None, "uncertainty": None, key: getattr(entry, key)}
+                try:
+                    Sensor.parse(**given, si_unit=self.si_unit(name))
+                except UnitError as error:
+                    what = f"channel '{name}': {error}"
+                    raise WrongAt(what, "channels", name, key) from error
         if self.base is None:
             return self
         if self.base not in self.channels:
@@ -178,12 +246,42 @@ class ChannelMapFile(StrictModel):
             )
         return self
 
+    def _check_expressions(self) -> None:
+        known = {*self.channels}
+        if {"pressure_a", "pressure_b"} <= known:
+            known.add("pressure_difference")
+        for name, entry in self.computed.items():
+            for needed in Expression.parse(entry.expression).names:
+                if needed not in known:
+                    hint = suggest(needed, known - {name})
+                    what = f"channel '{name}' is computed from '{needed}', which is not mapped"
+                    raise WrongAt(f"{what}; {hint}", "channels", name, "expression")
+        try:
+            in_order(self.computed, Place())
+        except InputError as error:
+            raise WrongAt(error.what, "channels") from error
+
+    @property
+    def computed(self) -> dict[str, ComputedChannel]:
+        """Channels that are computed from others, by name."""
+        return {
+            name: ComputedChannel(expression=entry.expression, unit=entry.unit)
+            for name, entry in self.channels.items()
+            if entry.expression is not None
+        }
+
+    @property
+    def read(self) -> ChannelMapFile:
+        """The map of what is read from the log, without what is computed from it."""
+        own = {n: entry for n, entry in self.channels.items() if entry.expression is None}
+        return self if len(own) == len(self.channels) else self.model_copy(update={"channels": own})
+
     def of_kind(self, *, tables: bool) -> dict[str, ChannelEntry]:
         """Return the channels that a table holds, or those that a log of topics holds."""
         return {
             name: entry
             for name, entry in self.channels.items()
-            if (entry.column is not None) is tables
+            if entry.expression is None and (entry.column is not None) is tables
         }
 
     def part(self, *, tables: bool) -> ChannelMapFile:
@@ -196,10 +294,15 @@ class ChannelMapFile(StrictModel):
         free = [name for name in CHANNELS if name not in self.channels]
         notes = []
         for name in self.channels:
-            hint = "" if name in CHANNELS else suggest(name, free)
+            hint = "" if name in CHANNELS else suggest(name, free, likeness=_MISSPELT)
             if hint.startswith("did you mean"):
                 notes.append(f"channel '{name}' is not one that eha-bench knows; {hint}")
         return notes
+
+    def sensor(self, name: str) -> Sensor:
+        """How good a channel's sensor is, as far as the map says."""
+        entry = self.channels[name]
+        return Sensor.parse(entry.resolution, entry.uncertainty, self.si_unit(name))
 
     def method(self, name: str) -> Method:
         """How a channel is carried onto the common clock."""
@@ -262,4 +365,10 @@ def load_channel_map(channels: str | Path | ChannelMap | Mapping[str, object]) -
         from eha_bench.core.yaml_file import validate
 
         return validate(ChannelMapFile, dict(channels), "channels")
-    return load_model(ChannelMapFile, Path(channels))
+    path = Path(channels)
+    mapping = load_model(ChannelMapFile, path, "channels")
+    if not mapping.dbc:
+        return mapping
+    where = Place(file=str(path), line=line_of(load(path), ["dbc"]), key="dbc")
+    files = tuple(str(named_file(path.parent, name, where)) for name in mapping.dbc)
+    return mapping.model_copy(update={"dbc": files})

@@ -9,13 +9,13 @@ import lz4.frame
 import numpy as np
 import zstandard
 
+from eha_bench.recordings.budget import Budget, budget
 from eha_bench.recordings.checksum import crc32
 from eha_bench.recordings.encodings.payloads import Bytes
 
-LARGEST = 2 << 30
-"""No chunk may be larger than this when uncompressed, in bytes."""
 _RATIO = {"zstd": 40_000, "lz4": 256, "bz2": 50_000, "": 1, "none": 1}
-_STEP = 1 << 20
+_PIECE = 256
+"""Bytes of a torn chunk that are decompressed at a time: they may hold ten million."""
 
 
 class DamagedChunk(Exception):
@@ -36,7 +36,12 @@ class Room:
 
 
 def decompress(
-    data: memoryview, compression: str, size: int, crc: int = 0, room: Room | None = None
+    data: memoryview,
+    compression: str,
+    size: int,
+    crc: int = 0,
+    room: Room | None = None,
+    allowed: Budget | None = None,
 ) -> Bytes:
     """Return a chunk's `size` bytes, checked against `crc` (0 means there is none).
 
@@ -44,13 +49,16 @@ def decompress(
 
     Raises:
         DamagedChunk: unknown compression, a size that cannot be, damaged data, or a wrong CRC.
+        OverBudget: it is larger than the recording may take.
     """
     if compression not in _RATIO:
         raise DamagedChunk(f"its compression '{compression[:20]}' is not known")
-    if size > LARGEST:
-        raise DamagedChunk(f"it declares {size} bytes, more than the {LARGEST} that are accepted")
     if size > (len(data) + 64) * _RATIO[compression]:
         raise DamagedChunk(f"it declares {size} bytes, which {len(data)} bytes cannot hold")
+    if compression:
+        allowed = allowed or budget()
+        allowed.hold(size, "a chunk")
+        allowed.tick()
     try:
         raw = _whole(data, compression, size, room)
     except (zstandard.ZstdError, RuntimeError, OSError, ValueError, EOFError) as error:
@@ -62,24 +70,29 @@ def decompress(
     return np.frombuffer(raw, dtype=np.uint8)
 
 
-def decompress_torn(data: memoryview, compression: str) -> Bytes:
-    """Return what can be had of a chunk whose end is missing."""
+def decompress_torn(data: memoryview, compression: str, allowed: Budget | None = None) -> Bytes:
+    """Return what can be had of a chunk whose end is missing.
+
+    Raises:
+        OverBudget: it is larger than the recording may take.
+    """
     if compression in {"", "none"}:
         return np.frombuffer(data, dtype=np.uint8)
     if compression not in _RATIO:
         return np.empty(0, dtype=np.uint8)
     stream = _stream(compression)
+    allowed = allowed or budget()
     parts: list[bytes] = []
     total = 0
-    for start in range(0, len(data), 4096):
+    for start in range(0, len(data), _PIECE):
         try:
-            part = stream.decompress(data[start : start + 4096])
+            part = stream.decompress(data[start : start + _PIECE])
         except (zstandard.ZstdError, RuntimeError, OSError, ValueError, EOFError):
             break
         total += len(part)
         parts.append(part)
-        if total > LARGEST:
-            break
+        allowed.hold(2 * total, "a torn chunk")
+        allowed.tick()
     return np.frombuffer(b"".join(parts), dtype=np.uint8)
 
 
@@ -99,10 +112,19 @@ def _whole(data: memoryview, compression: str, size: int, room: Room | None) -> 
         if declared >= 0:
             raise DamagedChunk(f"its frame holds {declared} bytes where {size} are declared")
         with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-            return reader.read(size)
-    if compression == "lz4":
-        return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
-    return bz2.BZ2Decompressor().decompress(data, max_length=size)
+            whole = reader.read(size)
+            if reader.read(1):
+                raise _more(size)
+            return whole
+    stream = _stream(compression)
+    whole = stream.decompress(data, max_length=size)
+    if not stream.eof and (stream.decompress(b"", max_length=1) or not stream.needs_input):
+        raise _more(size)
+    return whole
+
+
+def _more(size: int) -> DamagedChunk:
+    return DamagedChunk(f"it holds more than the {size} bytes that are declared")
 
 
 def _stream(compression: str) -> Any:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from eha_bench.core.file_kind import FileKind
+
+if TYPE_CHECKING:
+    from eha_bench.recordings.channel_map import ChannelMapFile
 
 
 def _check(path: Path) -> object:
@@ -20,4 +23,17 @@ def _schema() -> dict[str, Any]:
     return ChannelMapFile.model_json_schema()
 
 
-KIND = FileKind("channels", frozenset({"channels"}), 2, _check, _schema)
+def _remarks(mapping: ChannelMapFile) -> list[str]:
+    return mapping.strangers()
+
+
+KIND = FileKind(
+    "channels",
+    frozenset({"channels"}),
+    2,
+    _check,
+    _schema,
+    _remarks,
+    title="channel map",
+    use="eha-bench score LOG --channels FILE",
+)

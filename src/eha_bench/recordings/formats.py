@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.mcap.file import MAGIC
 from eha_bench.recordings.source import Source
 
-_READ = "MCAP, ROS 1 bag, rosbag2 folder, CSV, Parquet and MAT v5"
+_READ = "MCAP, ROS 1 bag, rosbag2, CSV, Parquet, MAT, HDF5, MDF, TDMS, ULog, JSON and JSON lines"
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\d\"tfn-])")
+"""How JSON begins; a preamble of CSV such as `[Header]` does not."""
 
 
 def open_file(path: Path, head: bytes) -> Source:
@@ -17,32 +23,14 @@ def open_file(path: Path, head: bytes) -> Source:
     Raises:
         RecordingError: it is no recording.
     """
-    # imported here: each format brings its own library
-    if head.startswith(MAGIC):
-        from eha_bench.recordings.mcap.source import McapSource
-
-        return McapSource(path)
-    if head.startswith(b"#ROSBAG V"):
-        from eha_bench.recordings.bags.bag1 import Bag1Source
-
-        return Bag1Source(path)
-    if head.startswith(b"SQLite format 3\0"):
-        from eha_bench.recordings.bags.sqlite_source import SqliteSource
-
-        return SqliteSource(path)
-    if head.startswith(b"PAR1"):
-        from eha_bench.recordings.tables.parquet import ParquetSource
-
-        return ParquetSource(path)
-    if head.startswith(b"MATLAB 5.0") or _is_mat5(head):
-        from eha_bench.recordings.tables.mat import MatSource
-
-        return MatSource(path)
+    for fits, place in _FORMATS:
+        if fits(path, head):
+            return _opened(place, path)
     raise_for_relatives(path, head)
+    if _JSON.match(head):
+        return _opened("tables.json_source:JsonSource", path)
     if b"\0" not in head or head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        from eha_bench.recordings.tables.csv_source import CsvSource
-
-        return CsvSource(path)
+        return _opened("tables.csv_source:CsvSource", path)
     raise RecordingError(
         "this is not a recording that eha-bench knows",
         where=Place(file=str(path)),
@@ -50,26 +38,56 @@ def open_file(path: Path, head: bytes) -> Source:
     )
 
 
+def _opened(place: str, path: Path) -> Source:
+    # imported only now: each format brings its own library
+    module, _, name = place.partition(":")
+    source = getattr(import_module(f"eha_bench.recordings.{module}"), name)(path)
+    assert isinstance(source, Source)
+    return source
+
+
+def _starts(*marks: bytes) -> Callable[[Path, bytes], bool]:
+    return lambda _, head: head.startswith(marks)
+
+
 def _is_mat5(head: bytes) -> bool:
     return len(head) >= 128 and head[124:128] in {b"\x00\x01IM", b"\x01\x00MI"}
+
+
+def _is_mat73(path: Path, head: bytes) -> bool:
+    """MATLAB writes 512 bytes before the HDF5 file; others write only the suffix."""
+    if head.startswith(b"MATLAB 7.3"):
+        return head[512:].startswith(_HDF5)
+    return head.startswith(_HDF5) and path.suffix.lower() == ".mat"
+
+
+_FORMATS: tuple[tuple[Callable[[Path, bytes], bool], str], ...] = (
+    (_starts(MAGIC), "mcap.source:McapSource"),
+    (_starts(b"#ROSBAG V"), "bags.bag1:Bag1Source"),
+    (_starts(b"SQLite format 3\0"), "bags.sqlite_source:SqliteSource"),
+    (_starts(b"PAR1"), "tables.parquet:ParquetSource"),
+    (_is_mat73, "tables.apart:Mat73Table"),
+    (_starts(_HDF5), "tables.apart:Hdf5Table"),
+    (_starts(b"TDSm"), "tables.apart:TdmsTable"),
+    (_starts(b"ULog\x01\x12\x35"), "tables.apart:UlogTable"),
+    (_starts(b"MDF     ", b"UnFinMF "), "tables.apart:MdfTable"),
+    (lambda _, head: head.startswith(b"MATLAB 5.0") or _is_mat5(head), "tables.mat:MatSource"),
+)
+"""How each format is recognised, and who reads it."""
 
 
 def raise_for_relatives(path: Path, head: bytes) -> None:
     """Refuse formats that look close, with the way out.
 
     Raises:
-        RecordingError: MAT v7.3 or v4, or an archive.
+        RecordingError: MAT v4, a workbook, or an archive.
     """
     where = Place(file=str(path))
-    if head.startswith((b"MATLAB 7.3", b"\x89HDF")):
-        raise RecordingError(
-            "this is a MAT v7.3 (HDF5) file, which is not read",
-            where=where,
-            hint="save it with save(..., '-v7')",
-        )
     if path.suffix.lower() == ".mat" and b"\0" in head:
         raise RecordingError(
-            "this is not a MAT file of version 5", where=where, hint="save it with save(..., '-v7')"
+            "this is not a MAT file of version 5 or 7.3",
+            where=where,
+            hint="save it with save(..., '-v7')",
         )
     if path.suffix.lower() in {".xls", ".xlsx", ".xlsm", ".ods"} and b"\0" in head:
         raise RecordingError("this is a workbook", where=where, hint="save its sheet as CSV")

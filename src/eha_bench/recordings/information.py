@@ -11,13 +11,18 @@ import numpy as np
 
 from eha_bench.core.errors import RecordingError
 from eha_bench.recordings import sample
+from eha_bench.recordings.budget import spending
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.encodings.decoder import READ_ENCODINGS
+from eha_bench.recordings.encodings.decoder import READ_ENCODINGS, UnreadableTopic
+from eha_bench.recordings.encodings.field_path import FieldPath
+from eha_bench.recordings.encodings.number_fields import number_fields
 from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.series import gaps, irregularity, typical_step
-from eha_bench.recordings.source import Topic, Wanted
+from eha_bench.recordings.source import Source, Topic, Wanted
+from eha_bench.recordings.tables.self_description import named_unit
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.track import Stamps
+from eha_bench.recordings.values import ValueInformation
 
 SCHEMA_VERSION = 1
 
@@ -39,6 +44,7 @@ class TopicInformation:
         duplicates: how many stamps repeat the one before.
         first, last: s after the recording's start; NaN without messages.
         readable: empty, or why it cannot be read.
+        values: of its numbers, as far as they were looked at.
     """
 
     name: str
@@ -54,6 +60,7 @@ class TopicInformation:
     first: float = float("nan")
     last: float = float("nan")
     readable: str = ""
+    values: tuple[ValueInformation, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,8 @@ class RecordingInformation:
 
     Attributes:
         path: the file or folder.
-        format: `mcap`, `rosbag1`, `rosbag2`, `sqlite3`, `csv`, `parquet`, `mat`.
+        format: `mcap`, `rosbag1`, `rosbag2`, `sqlite3`, `csv`, `parquet`, `mat`,
+            `hdf5`, `mdf`, `tdms`, `ulog`, `json`, `jsonl`.
         own: whether eha-bench wrote it, so that it needs no channel map.
         size: bytes.
         start_ns: first message, ns since 1970 (0 for a table).
@@ -101,31 +109,67 @@ def info(path: str | Path) -> RecordingInformation:
     Raises:
         RecordingError: missing, empty, or no recording.
     """
-    file = Path(path)
+    with spending(Path(path)):
+        return _described(Path(path))
+
+
+def _described(file: Path) -> RecordingInformation:
     source = open_source(file)
     if isinstance(source, TableSource):
         return _of_table(file, source)
     topics = source.topics()
     tracks = source.tracks({topic.name: Wanted((), Clock.LOG) for topic in topics})
+    own = sample.is_own(source.metadata())
+    values = {topic.name: _values_of(source, topic, own=own) for topic in topics}
     stamps = {name: track.stamps for name, track in tracks.items()}
     start = min((int(times.min()) for times in stamps.values() if times.size), default=0)
     end = max((int(times.max()) for times in stamps.values() if times.size), default=start)
     records = source.metadata()
-    notes = (*source.notes, *source.skipped())
+    problem = _description_problem(source, records)
+    notes = (*source.notes, *source.skipped(), *([problem] if problem else []))
     return RecordingInformation(
         path=str(file),
         format=source.format,
-        own=sample.is_own(records),
+        own=own,
         size=_size(file),
         start_ns=start,
         duration=(end - start) / 1e9,
-        topics=tuple(_of_topic(topic, stamps[topic.name], start) for topic in topics),
+        topics=tuple(
+            replace(_of_topic(topic, stamps[topic.name], start), values=values[topic.name])
+            for topic in topics
+        ),
         channels=dict(records.get(sample.UNITS, {})),
         metadata={name: dict(record) for name, record in records.items()},
         attachments={name: len(data) for name, data in source.attachments().items()},
-        health="damaged" if source.damaged else "good",
+        health="damaged" if source.damaged or problem else "good",
         notes=notes,
     )
+
+
+def _values_of(source: Source, topic: Topic, *, own: bool) -> tuple[ValueInformation, ...]:
+    """Look at all numbers of a topic; at none where they cannot be decoded, which is said later."""
+    if topic.encoded is None or topic.skipped:
+        return ()
+    records = source.metadata()
+    names = records.get(sample.FIELDS, {}) if own and topic.name == sample.TOPIC else {}
+    units = records.get(sample.UNITS, {}) if names else {}
+    try:
+        fields = tuple(names) or number_fields(topic.encoded, source.example(topic.name))
+        paths = tuple(FieldPath.parse(field) for field in fields)
+        track = source.tracks({topic.name: Wanted(paths, Clock.LOG)})[topic.name]
+    except (UnreadableTopic, RecordingError, ValueError):
+        return ()
+    return tuple(
+        ValueInformation.of(names.get(field, field), units.get(names.get(field, ""), ""), column)
+        for field, column in track.columns.items()
+    )
+
+
+def _description_problem(source: Source, records: Mapping[str, Mapping[str, str]]) -> str:
+    if not sample.is_own(records):
+        return ""
+    own = next((topic.encoded for topic in source.topics() if topic.name == sample.TOPIC), None)
+    return sample.description_problem(records, own.schema) if own else ""
 
 
 def _of_topic(topic: Topic, stamps: Stamps, start: int) -> TopicInformation:
@@ -162,10 +206,21 @@ def _of_topic(topic: Topic, stamps: Stamps, start: int) -> TopicInformation:
 
 def _of_table(file: Path, source: TableSource) -> RecordingInformation:
     columns = []
+    units = source.units()
     for name in source.names():
         try:
             column = source.column(name)
-            columns.append(TopicInformation(name, str(column.dtype), "", int(column.shape[0])))
+            unit = units.get(name) or named_unit(name)[1] or ""
+            looked_at = column if column.ndim == 1 else np.empty(0)
+            columns.append(
+                TopicInformation(
+                    name,
+                    str(column.dtype),
+                    "",
+                    int(column.shape[0]),
+                    values=(ValueInformation.of(name, unit, looked_at),),
+                )
+            )
         except RecordingError as error:
             columns.append(TopicInformation(name, "", "", 0, readable=error.what))
     return RecordingInformation(
@@ -177,7 +232,7 @@ def _of_table(file: Path, source: TableSource) -> RecordingInformation:
         duration=float("nan"),
         topics=tuple(columns),
         channels={},
-        metadata={},
+        metadata=source.metadata(),
         attachments={},
         health="damaged" if source.damaged else "good",
         notes=source.notes,

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.recording import Recording
+from eha_bench.core.sensor import Sensor
 from eha_bench.recordings import sample
 from eha_bench.recordings.align import align
 from eha_bench.recordings.channel_map import ChannelMap, Clock
+from eha_bench.recordings.computed import with_computed
 from eha_bench.recordings.encodings.decoder import READ_ENCODINGS
 from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.naming import among, shown
@@ -26,23 +28,36 @@ from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.track import Column, Stamps, Track, freeze
 
+_SECOND = 1_000_000_000
 
-def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
+
+def read_mapped(
+    source: Source, mapping: ChannelMap, span: Span, *, described_itself: bool = False
+) -> Recording:
     """Return a source's channels as the map says.
+
+    `described_itself` says that the map is the source's own.
 
     Raises:
         RecordingError: as `read`.
     """
     where = Place(file=source.path)
     strangers = mapping.strangers()
+    sensors = {name: mapping.sensor(name) for name in mapping.channels}
+    computed, mapping = mapping.computed, mapping.read
+    if isinstance(source, TableSource):
+        mapping = source.in_columns(mapping)
     mapping, left_out = _of_kind(source, mapping)
     keys, wanted = _wanted(source, mapping)
     tracks, zero = _tracks(source, mapping, wanted, span)
+    _refuse_lost(source, tracks)
     aligned = align(mapping, tracks, keys, source.path)
     epoch = int(aligned.stamps[0]) if zero is None else zero
-    if isinstance(source, TableSource) and epoch < 0:
-        epoch = 0  # a table's time that starts below zero has its zero at an event: keep it
-    time = _time(aligned.stamps, epoch)
+    exact = None
+    if isinstance(source, TableSource):
+        epoch = _table_epoch(source, epoch, described_itself=described_itself)
+        exact = _exact(source, tracks, aligned.stamps, epoch)
+    time = _time(aligned.stamps, epoch) if exact is None else exact
     notes = [*source.notes, *source.skipped(), *strangers, *left_out, *aligned.notes]
     values: dict[str, Column] = {}
     for name, entry in mapping.channels.items():
@@ -65,16 +80,68 @@ def read_mapped(source: Source, mapping: ChannelMap, span: Span) -> Recording:
             raise RecordingError(f"it has no samples from {span}", where=where)
     for array in (time, *values.values()):
         freeze(array)
-    return Recording(
+    recording = Recording(
         time,
         values,
         {name: mapping.si_unit(name) for name in values},
         epoch_ns=epoch,
-        metadata=_metadata(source),
+        metadata=_metadata(source) | _of_sensors(sensors),
         attachments=source.attachments(),
         notes=tuple(notes),
         source=source.path,
+        damaged=source.damaged_attachments(),
     )
+    return with_computed(recording, computed, where) if computed else recording
+
+
+def _of_sensors(sensors: Mapping[str, Sensor]) -> dict[str, str]:
+    """Return how good the sensors are, as metadata."""
+    found: dict[str, str] = {}
+    for name, sensor in sensors.items():
+        found |= sensor.to_metadata(name)
+    return found
+
+
+def _table_epoch(source: TableSource, first: int, *, described_itself: bool) -> int:
+    """Return time zero in ns: of a table's first sample, but for one that has its zero elsewhere.
+
+    A time that starts below zero has its zero at an event; one that we wrote keeps what it had.
+    """
+    if source.own_epoch is not None:
+        return source.own_epoch
+    if first < 0 or (described_itself and first < _SECOND):
+        return 0
+    return first
+
+
+def _exact(
+    source: TableSource, tracks: Mapping[str, Track], stamps: Stamps, epoch: int
+) -> NDArray[np.float64] | None:
+    """Return the times as they stand in the table, if nothing was done to them; None otherwise."""
+    group = next(iter(tracks))
+    seconds = source.exact_seconds.get(group)
+    if seconds is None or len(tracks) > 1 or seconds.size != stamps.size:
+        return None
+    steps = (seconds - seconds[0]) * 1e9 - (stamps - stamps[0])
+    if not np.all(np.abs(steps) <= 1.0):
+        return None  # samples were sorted or left out
+    kept = epoch in (0, source.own_epoch)
+    return seconds.copy() if kept else seconds - seconds[0]
+
+
+def _refuse_lost(source: Source, tracks: Mapping[str, Track]) -> None:
+    """Refuse a topic of which damage left nothing; one that never had messages is said later.
+
+    Raises:
+        RecordingError: there is such a topic.
+    """
+    for topic, track in tracks.items():
+        if not len(track) and source.damaged and source.notes:
+            raise RecordingError(
+                f"no message of the topic can be read: {source.notes[0]}",
+                where=Place(file=source.path, topic=shown([topic])),
+                hint="record it again, or see 'eha-bench info' for all that is wrong with it",
+            )
 
 
 def _of_kind(source: Source, mapping: ChannelMap) -> tuple[ChannelMap, list[str]]:
@@ -149,7 +216,9 @@ def _wanted(
     clocks: dict[str, Clock] = {}
     for name, entry in mapping.channels.items():
         if entry.topic is None or entry.field is None:
-            keys[name] = (source.path, entry.column or "")
+            column = entry.column or ""
+            group = source.group_of(column) if isinstance(source, TableSource) else source.path
+            keys[name] = (group, column)
             continue
         topic = topics.get(entry.topic)
         if topic is None or topic.skipped:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from pathlib import Path
 
 from eha_bench.core.errors import Place, RecordingError
@@ -23,6 +24,7 @@ def open_source(path: Path) -> Source:
     try:
         if path.is_dir():
             return Rosbag2Source(path)
+        refuse_special(path)
         with path.open("rb") as stream:
             head = stream.read(_HEAD)
     except FileNotFoundError as error:
@@ -34,3 +36,18 @@ def open_source(path: Path) -> Source:
     if path.name == "metadata.yaml":
         return Rosbag2Source(path.parent)
     return Rosbag2Source(path) if head.startswith(_ZSTD) else open_file(path, head)
+
+
+def refuse_special(path: Path) -> None:
+    """Refuse what is no file, before it is opened: a pipe would wait, a device never end.
+
+    Raises:
+        RecordingError: it is a pipe, a device or a socket.
+        OSError: it is not there.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise RecordingError(
+            "this is a pipe or a device, no file",
+            where=Place(file=str(path)),
+            hint="write it to a file first",
+        )

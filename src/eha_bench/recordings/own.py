@@ -58,6 +58,8 @@ def read_own(source: Source, span: Span) -> Recording:
             "the recording is empty: it has no samples", where=where, hint="run the trial again"
         )
     notes = records.get(sample.NOTES, {})
+    definition = next(topic.encoded for topic in source.topics() if topic.name == sample.TOPIC)
+    problem = sample.description_problem(records, definition.schema if definition else b"")
     time = track.columns.pop(sample.TIME)
     values = {name: track.columns.pop(field) for field, name in fields.items()}
     if span.bounded:
@@ -66,7 +68,7 @@ def read_own(source: Source, span: Span) -> Recording:
         values = {name: column[kept] for name, column in values.items()}
         if not time.size:
             raise RecordingError(f"it has no samples from {span}", where=where)
-    found = list(source.notes)
+    found = [*source.notes, *([problem] if problem else [])]
     for name, column in values.items():
         found += nan_note(name, column, time)
         freeze(column)
@@ -81,4 +83,5 @@ def read_own(source: Source, span: Span) -> Recording:
         attachments=source.attachments(),
         notes=(*earlier, *(note for note in found if note not in earlier)),
         source=source.path,
+        damaged=source.damaged_attachments(),
     )

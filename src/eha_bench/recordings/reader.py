@@ -9,6 +9,7 @@ from pathlib import Path
 from eha_bench.core.errors import InputError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
+from eha_bench.recordings.budget import spending
 from eha_bench.recordings.channel_map import ChannelMap, load_channel_map
 from eha_bench.recordings.mapped import read_mapped, unmapped
 from eha_bench.recordings.opening import open_source
@@ -27,7 +28,8 @@ def read(
     """Return a recording in SI on one clock, time zero at its first sample.
 
     Args:
-        path: MCAP, ROS 1 bag, rosbag2 folder or one of its files, CSV, Parquet or MAT v5.
+        path: MCAP, ROS 1 bag, rosbag2 folder or one of its files, CSV, Parquet, MAT, HDF5, MDF,
+            TDMS, ULog, JSON or JSON lines.
         channels: a `channels.yaml`, or its content; None for eha-bench's own recordings.
         start: only samples from here on, s on the recording's clock, whose zero stays where it is;
             an MCAP's chunks outside of the span are not even decompressed.
@@ -42,11 +44,12 @@ def read(
     if not span.start < span.stop:
         raise InputError(f"a span from {span.start} s to {span.stop} s holds nothing")
     mapping = load_channel_map(channels) if channels is not None else None
-    source = open_source(Path(path))
-    if mapping is not None:
-        return read_mapped(source, mapping, span)
-    if isinstance(source, TableSource):
-        return read_mapped(source, source.own_map(), span)
-    if sample.is_own(source.metadata()):
-        return read_own(source, span)
-    raise unmapped(source)
+    with spending(Path(path)):
+        source = open_source(Path(path))
+        if mapping is not None:
+            return read_mapped(source, mapping, span)
+        if isinstance(source, TableSource):
+            return read_mapped(source, source.own_map(), span, described_itself=True)
+        if sample.is_own(source.metadata()):
+            return read_own(source, span)
+        raise unmapped(source)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.checksum import crc32
+from eha_bench.recordings import sample
+from eha_bench.recordings.budget import spending
 from eha_bench.recordings.mcap.chunk_reader import ChunkReader
 from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, Split
-from eha_bench.recordings.mcap.file import Chunk, McapFile, add_channel, add_schema, open_mcap
+from eha_bench.recordings.mcap.file import Chunk, McapFile, Stretch, open_mcap
+from eha_bench.recordings.mcap.integrity import count_problems, data_problems, summary_problems
 from eha_bench.recordings.mcap.sink import Compressed, Index, McapSink
-from eha_bench.recordings.mcap.source import damage
+from eha_bench.recordings.mcap.source import RECOVERY, damage, joined_metadata, recovered
+from eha_bench.recordings.naming import shown
+from eha_bench.recordings.opening import refuse_special
 from eha_bench.recordings.writer import CHUNK_SIZE, writing
-
-_SCHEMA, _CHANNEL = 3, 4
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,7 @@ def recover(source: str | Path, target: str | Path) -> RecoveryReport:
     origin, goal = Path(source), Path(target)
     where = Place(file=str(origin))
     try:
+        refuse_special(origin)
         file = open_mcap(origin)
         same = goal.exists() and goal.samefile(origin)
     except FileNotFoundError as error:
@@ -71,6 +75,12 @@ def recover(source: str | Path, target: str | Path) -> RecoveryReport:
         raise RecordingError(
             "the target is the recording itself", where=where, hint="give another target"
         )
+    with spending(origin):
+        return _recover(file, goal)
+
+
+def _recover(file: McapFile, goal: Path) -> RecoveryReport:
+    where = Place(file=str(file.path))
     reader = ChunkReader(file)
     tally = _Tally()
     with writing(goal) as stream:
@@ -78,28 +88,28 @@ def recover(source: str | Path, target: str | Path) -> RecoveryReport:
         sink = McapSink(stream, profile=profile)
         for record in file.metadata:
             sink.metadata(record.name, dict(record.metadata))
+        damaged = [name for name, sound in file.attached() if not sound]
         for start, length in file.attachments:
             found = file.attachment(start, length)
             if found is not None:
-                sink.attachment(found.name, found.data, found.media_type, found.log_time)
+                # with the checksum that it has: a fresh one would make damage look right
+                content = bytes(file.buffer.data[start : start + length])
+                sink.copied_attachment(content, found.name, found.media_type, len(found.data))
         known: set[tuple[str, int]] = set()
         _declare(sink, file, known)
         for split in reader.splits(None):
-            _learn(file, split)
             _declare(sink, file, known)
             _copy(sink, file, split, tally)
         if not tally.counts and not file.metadata:
             raise RecordingError("nothing in it can be read", where=where)
-        sink.finish()
-    return _report(file, reader, goal, tally)
-
-
-def _learn(file: McapFile, split: Split) -> None:
-    for opcode, start, length in split.others:
-        if opcode == _SCHEMA:
-            add_schema(file, start, length, split.buffer)
-        elif opcode == _CHANNEL:
-            add_channel(file, start, length, split.buffer)
+        problems = _problems(file, reader, damaged)
+        if problems:
+            # a reader of the new file has to know: it is whole, but not to be believed
+            sink.metadata(RECOVERY, {str(number): note for number, note in enumerate(problems)})
+        # where it had no checksum, or a wrong one, a fresh one would prove nothing
+        sink.finish(verified=file.data_crc != 0 and file.tear is None and not problems)
+    notes = (*damage(file), *problems, *reader.notes, *_unverified(tally))
+    return _report(file, reader, goal, tally, tuple(dict.fromkeys(notes)))
 
 
 def _declare(sink: McapSink, file: McapFile, known: set[tuple[str, int]]) -> None:
@@ -112,6 +122,46 @@ def _declare(sink: McapSink, file: McapFile, known: set[tuple[str, int]]) -> Non
         if ("channel", channel.id) not in known:
             known.add(("channel", channel.id))
             sink.add(channel)
+
+
+def _problems(file: McapFile, reader: ChunkReader, damaged: list[str]) -> tuple[str, ...]:
+    """Say what in the source is not as it was written, beside what is missing."""
+    starts = [part.start for part in file.parts if isinstance(part, Stretch)]
+    bare: Counter[int] = Counter()
+    for start in starts:
+        bare.update(reader.counted.get(start, {}))
+    records = joined_metadata(file)
+    own = next((c for c in file.channels.values() if c.topic == sample.TOPIC), None)
+    schema = file.schemas.get(own.schema_id) if own else None
+    described = ""
+    if sample.is_own(records) and schema is not None:
+        described = sample.description_problem(records, schema.data)
+    return (
+        *recovered(file),
+        *file.conflicts.values(),
+        *summary_problems(file),
+        *data_problems(file),
+        *count_problems(file, reader.counted, bare),
+        *([described] if described else []),
+        *(
+            f"the attachment {shown([name])} is damaged: it was copied with its wrong checksum"
+            for name in damaged
+        ),
+    )
+
+
+def _unverified(tally: _Tally) -> list[str]:
+    notes = []
+    if tally.undeclared:
+        notes.append(
+            f"{tally.undeclared} messages were left out, since nothing says for sure what they are"
+        )
+    if tally.unverified:
+        notes.append(
+            f"no checksum vouches for {tally.unverified} of its messages: "
+            "they were copied without one"
+        )
+    return notes
 
 
 @dataclass(frozen=True)
@@ -162,17 +212,20 @@ def _copy(sink: McapSink, file: McapFile, split: Split, tally: _Tally) -> None:
     if not split.messages:
         return
     found = _messages(split)
-    known = np.isin(found.channels, list(file.channels))
+    twice = {channel for channel, _ in file.conflicts if channel is not None}
+    known = np.isin(found.channels, list(file.channels.keys() - twice))
     tally.undeclared += int(np.count_nonzero(~known))
     tally.count(found.channels[known], found.stamps[known])
     chunk = split.chunk
     if isinstance(chunk, Chunk) and not chunk.torn and split.whole and known.all():
         data = file.buffer.data[chunk.data_start : chunk.data_start + chunk.data_size]
-        crc = chunk.crc or crc32(split.buffer.data)
+        tally.unverified += 0 if chunk.crc else int(found.channels.size)
         index = found.index(slice(None), 0)
-        whole = Compressed(data, chunk.compression, chunk.uncompressed_size, crc)
+        whole = Compressed(data, chunk.compression, chunk.uncompressed_size, chunk.crc)
         sink.compressed_chunk(whole, index)
         return
+    verified = isinstance(chunk, Chunk) and not chunk.torn and chunk.crc != 0
+    tally.unverified += 0 if verified else int(np.count_nonzero(known))
     starts, sizes = found.starts[known], found.sizes[known]
     places = np.cumsum(sizes) - sizes
     moved = _Messages(found.channels[known], found.stamps[known], places, sizes)
@@ -186,7 +239,8 @@ def _copy(sink: McapSink, file: McapFile, split: Split, tally: _Tally) -> None:
                     for start, size in zip(starts[rows].tolist(), sizes[rows].tolist(), strict=True)
                 ]
             )
-            sink.chunk(raw, moved.index(slice(rows[0], rows[-1] + 1), int(places[rows[0]])))
+            index = moved.index(slice(rows[0], rows[-1] + 1), int(places[rows[0]]))
+            sink.chunk(raw, index, verified=verified)
 
 
 class _Tally:
@@ -197,6 +251,7 @@ class _Tally:
         self.first = 2**64
         self.last = 0
         self.undeclared = 0
+        self.unverified = 0
 
     def count(self, channels: NDArray[np.int64], stamps: NDArray[np.uint64]) -> None:
         """Add messages."""
@@ -207,7 +262,9 @@ class _Tally:
             self.last = max(self.last, int(stamps.max()))
 
 
-def _report(file: McapFile, reader: ChunkReader, target: Path, tally: _Tally) -> RecoveryReport:
+def _report(
+    file: McapFile, reader: ChunkReader, target: Path, tally: _Tally, notes: tuple[str, ...]
+) -> RecoveryReport:
     messages: dict[str, int] = {}
     for channel, count in tally.counts.items():
         topic = file.channels[channel].topic
@@ -215,11 +272,6 @@ def _report(file: McapFile, reader: ChunkReader, target: Path, tally: _Tally) ->
     lost = sum(stop - start for start, stop in file.holes)
     if file.tear is not None:
         lost += file.buffer.size - file.tear
-    notes = [*damage(file), *reader.notes]
-    if tally.undeclared:
-        notes.append(
-            f"{tally.undeclared} messages were left out, since nothing describes their channel"
-        )
     return RecoveryReport(
         source=str(file.path),
         target=str(target),
@@ -227,5 +279,5 @@ def _report(file: McapFile, reader: ChunkReader, target: Path, tally: _Tally) ->
         duration=(tally.last - tally.first) / 1e9 if messages else 0.0,
         bytes_lost=lost,
         chunks_lost=reader.lost,
-        notes=tuple(dict.fromkeys(notes)),
+        notes=notes,
     )

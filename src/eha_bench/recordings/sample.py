@@ -15,6 +15,7 @@ import numpy as np
 
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import RecordingError
+from eha_bench.recordings.checksum import crc32
 from eha_bench.recordings.mcap.demux import MESSAGE, MESSAGE_HEAD
 
 VERSION: Final = "1"
@@ -27,8 +28,11 @@ UNITS: Final = "eha_bench.units"
 METADATA: Final = "eha_bench.metadata"
 NOTES: Final = "eha_bench.notes"
 
+CHECK: Final = "crc32"
+
 TIME: Final = "time"
 NANOSECONDS: Final = 1_000_000_000
+_FIELD: Final = re.compile(r"^float64 (\w+) # (.*?)(?:: .*| since .*)?$", re.MULTILINE)
 _RULE = "=" * 80
 _HEADER = f"""{_RULE}
 MSG: std_msgs/Header
@@ -86,6 +90,14 @@ class Sample:
         return ("\n".join(lines) + "\n" + _HEADER).encode()
 
     @property
+    def declared(self) -> dict[str, str]:
+        """The units that the definition gives, by field."""
+        return {
+            field: _comment(unit or "1")
+            for field, unit in zip(self.fields, self.units, strict=True)
+        }
+
+    @property
     def record(self) -> np.dtype[np.void]:
         """One MCAP message record: frame, stamps, CDR payload; packed."""
         return np.dtype(
@@ -109,11 +121,36 @@ class Sample:
 
     def metadata(self, epoch_ns: int) -> dict[str, dict[str, str]]:
         """Return the metadata records that say what the fields are, by record name."""
-        return {
-            FORMAT: {"version": VERSION, "epoch_ns": str(epoch_ns)},
-            FIELDS: dict(zip(self.fields, self.channels, strict=True)),
-            UNITS: dict(zip(self.channels, self.units, strict=True)),
-        }
+        fields = dict(zip(self.fields, self.channels, strict=True))
+        units = dict(zip(self.channels, self.units, strict=True))
+        described = {"version": VERSION, "epoch_ns": str(epoch_ns)}
+        check = checksum(described, fields, units)
+        return {FORMAT: {**described, CHECK: check}, FIELDS: fields, UNITS: units}
+
+
+def checksum(*records: Mapping[str, str]) -> str:
+    """Return the CRC-32 of what names and units are, for a file that was never closed."""
+    return f"{crc32(repr([list(record.items()) for record in records]).encode()):08x}"
+
+
+def description_problem(records: Mapping[str, Mapping[str, str]], schema: bytes) -> str:
+    """Say whether names and units of the channels are damaged; empty if they are not.
+
+    They stand in the metadata and once more in the message's definition, which is compared.
+    """
+    fields, units = records.get(FIELDS, {}), records.get(UNITS, {})
+    described = {key: value for key, value in records[FORMAT].items() if key != CHECK}
+    check = records[FORMAT].get(CHECK)
+    strange = described.keys() - {"version", "epoch_ns"}
+    if strange or (check is not None and check != checksum(described, fields, units)):
+        return "the names or units of its channels are damaged (their checksum is wrong)"
+    if list(fields.values()) != list(units):
+        return "the names of its channels are damaged: they are not those that have a unit"
+    written = Sample(tuple(units), tuple(fields), tuple(units.values())).declared
+    found = dict(_FIELD.findall(schema.decode("utf-8", "replace")))
+    if {name: found.get(name) for name in written} != written:
+        return "the names or units of its channels are damaged: the message's definition has others"
+    return ""
 
 
 def is_own(records: Mapping[str, Mapping[str, str]]) -> bool:

@@ -104,6 +104,11 @@ class Source(ABC):
         del wanted
         return None
 
+    def example(self, topic: str) -> bytes:
+        """Return the first message of a topic; empty if there is none, or the log has no topics."""
+        del topic
+        return b""
+
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
         """Metadata by record name; later records of one name add to the earlier ones."""
         return {}
@@ -111,6 +116,10 @@ class Source(ABC):
     def attachments(self) -> Mapping[str, bytes]:
         """Files inside the log, by name."""
         return {}
+
+    def damaged_attachments(self) -> tuple[str, ...]:
+        """Names of the files inside the log that are damaged, and left out."""
+        return ()
 
     def skipped(self) -> tuple[str, ...]:
         """Say which topics are left out because of what they are."""

@@ -20,13 +20,13 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.result import TrialResult
 from eha_bench.core.score import Score
 from eha_bench.core.trial import Trial
-from eha_bench.metrics.bandwidth import low_frequency_gain
 from eha_bench.metrics.frequency_response import (
     MIN_COHERENCE,
     FrequencyResponse,
     excites_a_band,
     frequency_response,
 )
+from eha_bench.metrics.low_frequency import low_frequency_gain
 from eha_bench.metrics.recorded import bind
 from eha_bench.report.engineering import limit_text, metric_name, number, quantity
 from eha_bench.report.marks import Role

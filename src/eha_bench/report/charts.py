@@ -48,6 +48,8 @@ def chart_data(scene: Scene) -> ChartData:
             {
                 "heading": panel.heading,
                 "unit": panel.unit.symbol,
+                "quiet": panel.quiet,
+                "band": [panel.channels.index(name) for name in panel.band],
                 "leastSpan": panel.unit.difference(panel.least_span),
                 "traces": traces,
                 "marks": [

@@ -13,6 +13,7 @@ from eha_bench.comparison.verdict import Verdict
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.recordings import read
 from eha_bench.report.comparison_rows import GRAVITY, LOOKS, Row, rows_of
+from eha_bench.report.engineering import limit_text, metric_name
 from eha_bench.report.figure_view import FigureView, figure_of
 from eha_bench.report.overlay import overlay
 from eha_bench.report.page import Fact, write_page
@@ -41,12 +42,13 @@ class TrialView:
     rows: tuple[Row, ...]
     figure: FigureView | None
     missing: str
+    open: bool
 
 
 def write_comparison(folder: Path, comparison: Comparison) -> Path:
     """Write `comparison.html` into a folder that exists; return its path."""
     look, word = _WORDS[comparison.status]
-    notable = comparison.of(*GRAVITY[:-1])
+    missed, kept = limits_turned(comparison)
     content = {
         "comparison": comparison,
         "look": look,
@@ -57,11 +59,64 @@ def write_comparison(folder: Path, comparison: Comparison) -> Path:
             ("Baseline", comparison.baseline, _facts(comparison.baseline)),
             ("Candidate", comparison.candidate, _facts(comparison.candidate)),
         ],
-        "notable": rows_of(notable),
+        "missed": missed,
+        "kept": kept,
+        "changed": _by_trial(comparison.of(Verdict.WORSE, Verdict.CHANGED, Verdict.BETTER)),
+        "undecided": _by_trial(comparison.of(Verdict.UNDECIDED)),
+        "needed": needed(comparison),
+        "not_compared": _by_trial(comparison.of(Verdict.NOT_COMPARED)),
         "trials": _trials(comparison),
     }
     title = f"{word}: {content['suite']}"
     return write_page(folder / REPORT_NAME, "comparison.html.j2", content, title=title)
+
+
+def limits_turned(comparison: Comparison) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return limits that only the candidate missed, and those that only the baseline missed.
+
+    A limit counts as missed where any repeat missed it; each is told as `trial: metric, limit`.
+    """
+    before, after = (_missed(side) for side in (comparison.baseline, comparison.candidate))
+    newly = tuple(text for key, text in after.items() if text and before.get(key) == "")
+    again = tuple(text for key, text in before.items() if text and after.get(key) == "")
+    return newly, again
+
+
+_Key = tuple[str, str, str]
+
+
+def _missed(side: Side) -> dict[_Key, str]:
+    """Return every limit of a side: "" where it was kept, else how it reads."""
+    found: dict[_Key, str] = {}
+    for trial, runs in side.runs.items():
+        for score in (score for run in runs for score in run.trial.scores if score.limit):
+            key = (trial, score.metric, score.channel)
+            if score.status.rejects:
+                found[key] = f"{trial}: {metric_name(score.metric)}, {limit_text(score.limit)}"
+            else:
+                found.setdefault(key, "")
+    return found
+
+
+def needed(comparison: Comparison) -> str:
+    """Return what it would take to decide what is undecided, as a sentence; "" for nothing."""
+    undecided = comparison.of(Verdict.UNDECIDED)
+    if not undecided:
+        return ""
+    counts = sorted(item.more_repeats for item in undecided if item.more_repeats is not None)
+    if not counts:
+        return "Six repeats or more on each side decide most differences that matter."
+    half, most = counts[len(counts) // 2], counts[-1]
+    plural = "" if half == 1 else "s"
+    text = f"About {half} more repeat{plural} on each side would decide half of them"
+    return f"{text}, {most} all." if most > half else f"{text} or more."
+
+
+def _by_trial(items: tuple[Compared, ...]) -> tuple[Row, ...]:
+    """Return rows with those of a trial together, the trials and rows with most first."""
+    rows = rows_of(items)
+    order = list(dict.fromkeys(row.trial for row in rows))
+    return tuple(sorted(rows, key=lambda row: order.index(row.trial)))
 
 
 def headline(comparison: Comparison) -> str:
@@ -114,13 +169,16 @@ def _trials(comparison: Comparison) -> tuple[TrialView, ...]:
     plotted = set(by_gravity[:MOST_PLOTS])
     views = []
     for place, (trial, items) in enumerate(grouped.items()):
-        figure, missing = None, "Not plotted: the page shows the most notable trials only."
+        figure, missing = None, "Not plotted: plots are drawn of the trials that changed most."
         if trial in plotted:
             figure, missing = _figure(comparison, trial, items, f"t{place}")
         worst = GRAVITY[_gravity(items)]
         look, sign = LOOKS[worst]
         word, rows = worst.value.replace("_", " "), rows_of(tuple(items))
-        views.append(TrialView(trial, f"trial={place}", look, sign, word, rows, figure, missing))
+        unfolded = worst in (Verdict.WORSE, Verdict.CHANGED, Verdict.BETTER)
+        views.append(
+            TrialView(trial, f"trial={place}", look, sign, word, rows, figure, missing, unfolded)
+        )
     return tuple(views)
 
 

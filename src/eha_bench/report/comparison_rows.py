@@ -117,7 +117,9 @@ def note_of(item: Compared) -> str:
     """Return what else is to be said: why not compared, how many more repeats."""
     parts = [item.reason] if item.reason else []
     if item.verdict is Verdict.UNDECIDED:
-        if item.more_repeats is None:
+        if item.baseline.runs == item.candidate.runs == 1:
+            parts.append("six repeats on each side tell most")
+        elif item.more_repeats is None:
             parts.append("how many more repeats would decide cannot be told")
         else:
             word = "repeat" if item.more_repeats == 1 else "repeats"
@@ -136,7 +138,8 @@ def _side(side: Values, unit: DisplayUnit, places: int) -> str:
 def _difference(value: float, unit: DisplayUnit, places: int) -> str:
     if not math.isfinite(value):
         return number(math.nan)
-    return _signed(unit.difference(value), places)
+    points = "\N{NO-BREAK SPACE}points" if unit.symbol == "%" else ""
+    return _signed(unit.difference(value), places) + points
 
 
 def _signed(value: float, places: int) -> str:
@@ -163,7 +166,8 @@ def _matters(item: Compared, unit: DisplayUnit) -> str:
         return ""
     shown = unit.difference(item.margin)
     text = number(shown, decimals_for(shown, 0.05 * shown) if shown else 0)
-    suffix = f"\N{NO-BREAK SPACE}{unit.symbol}" if unit.symbol else ""
+    symbol = "points" if unit.symbol == "%" else unit.symbol
+    suffix = f"\N{NO-BREAK SPACE}{symbol}" if symbol else ""
     return f"± {text}{suffix}"
 
 

@@ -60,7 +60,8 @@ def learned_curve(model: Model) -> Curve | None:
         else:
             at = np.linspace(float(said["low"]), float(said["high"]), values.size)
         name = str(said["variable"])
-        variable = (_name(name), _UNITS.get(name, unit_of(name)))
+        unit = model.plant.units.get(name) or _UNITS.get(name, unit_of(name))
+        variable = (_name(name), unit)
         return Curve(variable, _amount(said, model), at, values, period > 0.0)
     return None
 
@@ -94,14 +95,17 @@ def _name(variable: str) -> str:
 def _amount(said: dict[str, Any], model: Model) -> tuple[str, str]:
     if said.get("form") == "gain":
         return "Change of the gain, share of 1", ""
-    if said["equation"] == "measurement":
-        sensor = str(said["place"])
+    effect = model.plant.layout.effect(_LEARNED)
+    equation, at = effect.equation(said).value, effect.place(said)
+    if equation == "measurement":
+        sensor = at.removesuffix(".sensor")
         if sensor == "pressures":
-            return "Added to what both pressure sensors read", unit_of("pressure_a")
-        return f"Added to what the sensor of {_name(sensor).lower()} reads", unit_of(sensor)
-    name, unit = _AMOUNTS[str(said["equation"])]
-    if said["equation"] == "actuation":
-        unit = "V" if "voltage" in model.plant.outputs else "A"
+            return "Added to what the pressure sensors read", unit_of("pressure_a")
+        unit = model.plant.units.get(sensor) or unit_of(sensor)
+        return f"Added to what the sensor of {_name(sensor).lower()} reads", unit
+    name, unit = _AMOUNTS[equation]
+    if equation == "actuation":
+        unit = model.plant.units.get(model.plant.command, unit)
     if said.get("form") == "friction":
         name = f"Dry friction ({name.lower()})"
     return name, unit

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from eha_bench.core.channels import unit_of
 from eha_bench.core.signal import Edge, Tone
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.report.engineering import channel_name, display_unit, number
@@ -23,7 +22,7 @@ def describe(trial: Trial) -> tuple[str, ...]:
 
 
 def _reference(trial: Trial) -> str:
-    signal, si = trial.signal, unit_of(trial.channel)
+    signal, si = trial.signal, trial.mode.unit
     name = channel_name(trial.channel)
     if len(signal.edges) == 1:
         return f"{name}: step {_step(signal.edges[0], si)}"

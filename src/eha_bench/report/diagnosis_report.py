@@ -136,6 +136,9 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
             parameter_row(key, item, declared.value(key))
             for key, item in found.calibrated.items()
             if "[" not in key
+        ) + tuple(
+            parameter_row(f"{key} in {run}", item)
+            for run, own in found.per_run.items() for key, item in own.items()
         ),
         "undetermined": found.undetermined,
         "notes": found.notes,
@@ -150,9 +153,13 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
     return write_page(folder / DIAGNOSIS_NAME, "diagnosis.html.j2", content, title=title)
 
 
+_USES = {Use.TRAIN: "training", Use.HOLDOUT: "held out", Use.UNSEEN: "unseen"}
+
+
 def _error_tables(found: Diagnosis) -> tuple[tuple[str, tuple[ErrorRow, ...]], ...]:
     tables = (
         ("Held-out runs, never fitted", error_rows(dict(found.holdout))),
+        ("Unseen runs, of another kind, never fitted", error_rows(dict(found.unseen))),
         ("Training runs", error_rows(dict(found.train))),
     )
     return tuple((heading, rows) for heading, rows in tables if rows)
@@ -203,21 +210,21 @@ def _runs(found: Diagnosis) -> tuple[RunView, ...]:
             points=_POINTS,
             static_panels=6 if place == 0 else 2,
         )
-        setup = ["piston locked" if item.locked else "piston free"]
-        if found.revised.plant_id == "linear_drive":
-            setup = []
+        setup = []
+        if found.revised.plant.can_lock:
+            setup.append("piston locked" if item.locked else "piston free")
         if item.bypass_open:
             setup.append("bypass open")
         setup.append(f"{number(float(item.time[-1]), 1)} s")
-        use = "held out" if item.use is Use.HOLDOUT else "training"
+        use = _USES[item.use]
         anchor = f"trial={quote(item.run, safe='')}"
         views.append(RunView(item.run, anchor, " · ".join(setup), use, figure))
     return tuple(views)
 
 
 def _floors(found: Diagnosis) -> dict[str, float]:
-    both = (*found.train.items(), *found.holdout.items())
-    return {name: item.noise_floor for name, item in both}
+    groups = (found.train, found.holdout, found.unseen)
+    return {name: item.noise_floor for group in groups for name, item in group.items()}
 
 
 def _worst(item: Replay, floors: dict[str, float]) -> float:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.core.channels import unit_of
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.report.engineering import channel_name, display_unit
@@ -63,9 +62,10 @@ def diagnosis_scene(
             f"{name}: residual, {AFTER}": _finite(replay.errors(name)[2]),
         }
         values |= curves | residuals
-        units |= {key: unit_of(name) for key in (*curves, *residuals)}
-        panels.append(_panel(channel_name(name), unit_of(name), curves))
-        panels.append(_panel(f"{channel_name(name)}, residual", unit_of(name), residuals))
+        unit = replay.unit(name)
+        units |= dict.fromkeys((*curves, *residuals), unit)
+        panels.append(_panel(channel_name(name), unit, curves))
+        panels.append(_panel(f"{channel_name(name)}, residual", unit, residuals))
         floor = floors.get(name, math.nan)
         if floor > 0.0:
             start, stop = float(replay.time[0]), float(replay.time[-1])

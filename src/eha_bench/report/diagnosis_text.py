@@ -66,6 +66,9 @@ def where(equation: str) -> str:
 
 def headline(found: Diagnosis) -> tuple[str, str, str]:
     """Return status, verdict and the sentence that says what it rests on."""
+    if found.failed is not None:
+        ended = f"The stage '{found.failed.stage}' failed: "
+        return "incomplete", _verdict(found), ended + _rests_on(found)
     if not found.complete:
         return "incomplete", _verdict(found), "Interrupted: " + _rests_on(found)
     status = {Verdict.NONE: "passed", Verdict.EFFECT: "warned", Verdict.UNKNOWN: "undecided"}
@@ -86,13 +89,14 @@ def _verdict(found: Diagnosis) -> str:
 
 
 def _rests_on(found: Diagnosis) -> str:
-    errors = found.holdout or found.train
+    errors = found.holdout or found.unseen or found.train
     told = [name for name, item in errors.items() if _told(item)]
     if not told:
         return "no run could be scored."
     name = max(told, key=lambda key: errors[key].before / errors[key].noise_floor)
     item = errors[name]
-    kind = "runs that were never fitted" if found.holdout else "the runs that were fitted"
+    fitted = errors is found.train
+    kind = "the runs that were fitted" if fitted else "runs that were never fitted"
     noise = f"the noise there is {amount(item.noise_floor, item.unit)}"
     if found.verdict is Verdict.NONE:
         return (

@@ -38,6 +38,7 @@ def figure_of(
         points: kept of each static curve, about.
         static_panels: how many panels, from the top, are drawn for readers without scripts.
     """
-    drawn = replace(scene, panels=scene.panels[:static_panels])
+    telling = tuple(panel for panel in scene.panels if not panel.quiet) or scene.panels
+    drawn = replace(scene, panels=telling[:static_panels])
     svg = scene_svg(drawn, key=key, title=title, points=points)
     return FigureView(key, svg, chart_data(scene))

@@ -14,7 +14,7 @@ from typing import Any, Final
 from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.trial import ControlMode
+from eha_bench.core.trial import MODES
 from eha_bench.recordings import load_channel_map, read
 from eha_bench.recordings.sample import TOPIC, Sample
 from eha_bench.report.engineering import channel_name
@@ -151,9 +151,9 @@ def _stacked(names: Sequence[str]) -> Any:
 def _followed(units: Mapping[str, str]) -> tuple[str, ...]:
     """What follows the reference of a recording, by the reference's unit."""
     unit = units.get("reference", "")
-    return tuple(
-        mode.channel for mode in ControlMode if unit and mode.unit == unit and mode.channel in units
-    )
+    known = [mode.channel for mode in MODES if mode.channel in units]
+    own = [name for name in units if name not in CHANNELS]
+    return tuple(name for name in (*known, *own) if unit and units[name] == unit)
 
 
 def _mapped(source: Path) -> tuple[Series, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 from urllib.parse import quote
 
+from eha_bench.core.budget import Budget
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
 from eha_bench.core.result import Result, TrialResult
 from eha_bench.core.score import Score, ScoreStatus
@@ -32,6 +33,14 @@ _WORST_FIRST: Final = (
 )
 
 
+_HARDLY: Final = 0.05
+_HARDLY_OF_BAND: Final = 0.1
+"""Shares of a limit, and of half the width of a band: with less left, the next run may miss it."""
+
+_NEGLIGIBLE: Final = 0.01
+"""Share of the whole uncertainty below which a contribution is not worth a word."""
+
+
 @dataclass(frozen=True)
 class Gauge:
     """Where a value lies between its limits, in per cent of the gauge's width."""
@@ -47,11 +56,15 @@ class ScoreRow:
 
     Attributes:
         trial, repeat: whose it is; `anchor` links to its section.
-        stands_for: which of a trial's repeats it stands for, "" for itself: 'worst of 4'.
+        stands_for: which of a trial's repeats it stands for, "" for itself: 'worst of 4 repeats'.
         value, unit, interval: measured value, its unit, half-width or bounds of its interval.
         limit, margin: as written, and how much is left or missing (with its share of the limit).
         reason: why there is no value or verdict; `convention`: how the value was measured.
+        budget: standard uncertainties that its interval is made of, the largest first.
         severity: relative excess over the limit, for ordering; infinite where there is no value.
+        at_risk: whether it is kept and hardly: less than a twentieth of the limit is left (of a
+            band, a tenth of half its width), its interval reaches beyond, or the suite warns.
+        own: whether its channel is the one that the trial is about, which need not be said again.
     """
 
     trial: str
@@ -70,7 +83,10 @@ class ScoreRow:
     status: ScoreStatus
     reason: str
     convention: str
+    budget: str
     severity: float
+    at_risk: bool = False
+    own: bool = False
 
 
 def anchor_of(trial: str, repeat: int | None = None) -> str:
@@ -112,8 +128,8 @@ def _standing_for(
             if (summary.trial, summary.metric, summary.channel) == of:
                 median = replace(score, measure=summary.median)
                 row = _row(run, trials.get(run.id), median)
-                return replace(row, stands_for=f"median of {len(held)}")
-    return replace(row, stands_for=f"worst of {len(held)}")
+                return replace(row, stands_for=f"median of {len(held)} repeats")
+    return replace(row, stands_for=f"worst of {len(held)} repeats")
 
 
 def worst_first(rows: Iterable[ScoreRow]) -> tuple[ScoreRow, ...]:
@@ -143,9 +159,9 @@ def limit_of(score: Score, trial: Trial | None) -> AcceptanceLimit | None:
 
 
 def bounds_of(score: Score, trial: Trial | None) -> Bounds | None:
-    """Return the bounds (SI) behind a score's limit, or None where the trial does not tell."""
+    """Return the bounds (SI) behind a score's limit, or None where nothing tells them."""
     limit = limit_of(score, trial)
-    return None if limit is None else limit.bounds
+    return Bounds.read(score.limit_in_si) if limit is None else limit.bounds
 
 
 def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
@@ -176,8 +192,39 @@ def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
         status=score.status,
         reason="" if told else measure.reason,
         convention=measure.reason if told else "",
+        budget=_budget(measure.budget, unit) if told else "",
         severity=severity,
+        at_risk=_at_risk(score, bounds),
+        own=trial is not None and score.channel == trial.channel,
     )
+
+
+def _at_risk(score: Score, bounds: Bounds | None) -> bool:
+    if score.status is ScoreStatus.WARNED:
+        return True
+    if score.status is not ScoreStatus.PASSED or bounds is None or score.metric in COUNTS:
+        return False
+    measure = score.measure
+    left = min(measure.value - bounds.low, bounds.high - measure.value)
+    half = (bounds.high - bounds.low) / 2.0
+    if math.isfinite(half):
+        hardly = left < _HARDLY_OF_BAND * half
+    else:
+        end = bounds.low if math.isfinite(bounds.low) else bounds.high
+        hardly = left < _HARDLY * abs(end)
+    return hardly or measure.low < bounds.low or measure.high > bounds.high
+
+
+def _budget(budget: Budget, unit: DisplayUnit) -> str:
+    """Return `noise 0.31 ms (A), resolution 0.05 ms (B)`, standard uncertainties."""
+    parts = []
+    for part in budget.merged().parts:
+        size = unit.difference(part.standard)
+        if math.isfinite(size) and part.standard >= _NEGLIGIBLE * budget.standard:
+            symbol = "points" if unit.symbol == "%" else unit.symbol
+            shown = f"{number(size, decimals_for(size, size))}\N{NO-BREAK SPACE}{symbol}".rstrip()
+            parts.append(f"{part.source} {shown} ({part.evaluation})")
+    return ", ".join(parts)
 
 
 def _interval(low: float, high: float, value: float, unit: DisplayUnit, decimals: int) -> str:
@@ -204,8 +251,9 @@ def _margin(
     share = abs(left) / abs(limit) if limit else math.inf
     text = number(abs(unit.difference(left)), decimals)
     if unit.symbol:
-        text += f"\N{NO-BREAK SPACE}{unit.symbol}"
-    word = "left" if left >= 0.0 else ("too low" if limit == bounds.low else "too high")
+        # a difference of two percentages is told in points, a share of the limit in per cent
+        text += f"\N{NO-BREAK SPACE}{'points' if unit.symbol == '%' else unit.symbol}"
+    word = "left" if left >= 0.0 else ("short" if limit == bounds.low else "over")
     # Of a limit in per cent, a share in per cent would only confuse.
     if math.isfinite(share) and unit.symbol != "%":
         text += f" ({number(100.0 * share, 1 if share < 0.1 else 0)}\N{NO-BREAK SPACE}%)"

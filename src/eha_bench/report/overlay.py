@@ -95,4 +95,5 @@ def _panel(
     drawn = np.concatenate([values[trace.channel] for trace in traces])
     finite = drawn[np.isfinite(drawn)]
     ends = (float(finite.min()), float(finite.max())) if finite.size else ()
-    return Panel(heading, si, display_unit(si, ends), tuple(traces))
+    band = tuple(trace.channel for trace in traces[-2:])
+    return Panel(heading, si, display_unit(si, ends), tuple(traces), band=band)

@@ -30,7 +30,8 @@ from eha_bench.core.atomic_file import write_text
 _STYLES: Final = ("uPlot.min.css", "report.css")
 _EARLY_SCRIPTS: Final = ("guard.js",)
 _SCRIPTS: Final = (
-    "uPlot.iife.min.js", "unpack.js", "pinch.js", "drawing.js", "charts.js", "bode.js",
+    "uPlot.iife.min.js", "unpack.js", "pinch.js", "drawing.js", "export.js", "charts.js", "bode.js",
+    "contents.js",
 )  # fmt: skip
 
 

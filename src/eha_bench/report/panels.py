@@ -76,14 +76,25 @@ _LEAST_SPANS: Final = {
 }
 
 
+_FEWEST: Final = 50
+"""Samples of which noise can be told from movement."""
+_WHITE: Final = 1.0
+
+
 @dataclass(frozen=True)
 class Panel:
-    """Channels that share a pair of axes, with the unit they are shown in."""
+    """Channels that share a pair of axes, with the unit they are shown in.
+
+    `quiet` are those that only show their sensors' noise: a locked piston's position; between the
+    first two of `band` the area is filled: the difference of two recordings.
+    """
 
     heading: str
     si_unit: str
     unit: DisplayUnit
     traces: tuple[Trace, ...]
+    quiet: bool = False
+    band: tuple[str, ...] = ()
 
     @property
     def least_span(self) -> float:
@@ -160,7 +171,25 @@ def _panel(recording: Recording, names: list[str], heading: str) -> Panel:
         )
         for name in names
     )
-    return Panel(heading, si, unit, traces)
+    quiet = "reference" not in names and all(_is_noise(recording, name, si) for name in names)
+    return Panel(heading, si, unit, traces, quiet)
+
+
+def _is_noise(recording: Recording, name: str, si: str) -> bool:
+    """Whether a channel shows nothing but its sensor's noise.
+
+    It moves less than what a panel would be stretched to, or from sample to sample as much as
+    altogether: the mean square of successive differences over the variance (von Neumann, 1941,
+    doi:10.1214/aoms/1177731677) is 2 of white noise and far below 1 of anything that moves.
+    """
+    values = recording[name][np.isfinite(recording[name])]
+    if np.max(values) / 2.0 - np.min(values) / 2.0 < _LEAST_SPANS.get(si, 0.0):
+        return True
+    if values.size < _FEWEST or not np.any(values):
+        return False
+    values = values / np.max(np.abs(values))  # whose squares are numbers, too
+    variance = float(np.var(values))
+    return variance > 0.0 and float(np.mean(np.diff(values) ** 2)) > _WHITE * variance
 
 
 def _range(recording: Recording, name: str) -> tuple[float, float]:

@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from eha_bench.core.channels import unit_of
 from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
@@ -39,8 +38,8 @@ def points_view(
     across, along = plant.inputs[0], plant.outputs[0]
     x = np.concatenate([item.inputs[across] for item in replays])
     y = np.concatenate([item.measured[along] for item in replays])
-    x_unit = display_unit(unit_of(across), x.tolist())
-    y_unit = display_unit(unit_of(along), y.tolist())
+    x_unit = display_unit(plant.units[across], x.tolist())
+    y_unit = display_unit(plant.units[along], y.tolist())
     with plot_style():
         figure = Figure(figsize=(_WIDTH, 3.4), layout="constrained")
         axes = figure.subplots()

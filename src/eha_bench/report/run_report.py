@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
+
+from markupsafe import Markup
 
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.recording import Recording
@@ -31,6 +34,7 @@ from eha_bench.report.page import Fact, write_page
 from eha_bench.report.repeats_table import RepeatsRow, repeats_rows
 from eha_bench.report.scene import scene_of
 from eha_bench.report.scene_figure import POINTS
+from eha_bench.report.spark import spark
 
 REPORT_NAME: Final = "report.html"
 Loader = Callable[[], Recording]
@@ -54,6 +58,14 @@ _FACT_NAMES: Final = {
 }
 
 
+class Group(StrEnum):
+    """What a reader of a page looks for."""
+
+    FAILED = "failed"
+    AT_RISK = "risk"
+    PASSED = "passed"
+
+
 @dataclass(frozen=True)
 class RunView:
     """One run of a trial as the page shows it."""
@@ -67,6 +79,7 @@ class RunView:
     judged: tuple[ScoreRow, ...]
     others: tuple[ScoreRow, ...]
     figure: FigureView | None
+    spark: Markup
     bode: BodeView | None
     missing: str
     recording: str
@@ -76,7 +89,10 @@ class RunView:
 
 @dataclass(frozen=True)
 class TrialView:
-    """All runs of a trial: the one to look at first, and the others."""
+    """All runs of a trial: the one to look at first, and the others.
+
+    `group` is what the page's filter goes by; what is `open` is not folded to a line.
+    """
 
     id: str
     anchor: str
@@ -87,6 +103,9 @@ class TrialView:
     first: RunView
     others: tuple[RunView, ...]
     repeats: tuple[RepeatsRow, ...]
+    group: Group
+    open: bool
+    told: str
 
 
 def write_report(
@@ -105,10 +124,12 @@ def write_report(
         trials: by id; a trial that is not there is shown without its levels and limits.
     """
     limits = limit_rows(result, trials)
-    views = _trial_views(folder, result, recordings, trials)
+    views = _trial_views(folder, result, recordings, trials, limits)
+    judged = bool(limits) or result.status is not Status.PASSED
     content = {
         "result": result,
-        "verdict_word": _VERDICTS[result.status],
+        "verdict_word": _VERDICTS[result.status] if judged else "Not judged",
+        "verdict_look": result.status.value if judged else "unjudged",
         "headline": headline(result),
         "faults": [
             view
@@ -119,8 +140,9 @@ def write_report(
         "missed": worst_first(limits),
         "closest": closest(limits) if result.status is Status.PASSED else None,
         "started": moment(result.provenance.get("started", "")),
-        "limits": limits,
         "trials": views,
+        "groups": Counter(view.group.value for view in views),
+        "not_run": Counter(trial for trial, _ in result.not_run),
         "facts": facts(result),
     }
     title = f"{_VERDICTS[result.status]}: {result.suite} on {result.target}"
@@ -139,8 +161,10 @@ def headline(result: Result) -> str:
     faults = sum(run.status is Status.FAULT for run in result.trials)
     if faults:
         parts.append(f"{_count(faults, 'run')} stopped by a fault or a safety limit")
+    if result.not_run:
+        parts.append(f"{_count(len(result.not_run), 'run')} not made")
     unfinished = sum(run.status is Status.INCOMPLETE for run in result.trials)
-    if unfinished or (result.status is Status.INCOMPLETE and not unfinished):
+    if unfinished or (result.status is Status.INCOMPLETE and not result.not_run):
         parts.append(f"{_count(unfinished, 'run')} unfinished" if unfinished else "not all was run")
     words = {
         ScoreStatus.FAILED: "missed",
@@ -192,6 +216,7 @@ def _trial_views(
     result: Result,
     recordings: Mapping[tuple[str, int], Loader],
     trials: Mapping[str, Trial],
+    limits: tuple[ScoreRow, ...],
 ) -> tuple[TrialView, ...]:
     grouped: dict[str, list[TrialResult]] = {}
     for run in result.trials:
@@ -214,6 +239,8 @@ def _trial_views(
             for number, run in enumerate(ordered)
         ]
         limited = [score for run in runs for score in run.scores if score.limit]
+        own = [row for row in limits if row.trial == trial_id]
+        group = _group(ordered[0].status, own)
         views.append(
             TrialView(
                 id=trial_id,
@@ -225,9 +252,27 @@ def _trial_views(
                 first=shown[0],
                 others=tuple(sorted(shown[1:], key=lambda view: view.repeat)),
                 repeats=repeats_rows(runs[0], result.repeats),
+                group=group,
+                open=group is not Group.PASSED or len(grouped) == 1,
+                told=_told(group, own),
             )
         )
     return tuple(views)
+
+
+def _group(worst: Status, rows: Sequence[ScoreRow]) -> Group:
+    if worst is not Status.PASSED:
+        return Group.FAILED
+    return Group.AT_RISK if any(row.at_risk for row in rows) else Group.PASSED
+
+
+def _told(group: Group, rows: Sequence[ScoreRow]) -> str:
+    """Return the one thing to know of a trial's limits, where it is folded to a line."""
+    if group is Group.FAILED:
+        missed = worst_first(rows)
+        return f"{missed[0].metric}: {missed[0].margin or missed[0].reason}" if missed else ""
+    near = closest(rows)
+    return f"closest: {near.metric}, {near.margin}" if near else ""
 
 
 def _run_view(
@@ -244,13 +289,14 @@ def _run_view(
     rows = score_rows(run, trial)
     figure: FigureView | None = None
     bode: BodeView | None = None
+    small = Markup()
     missing, notes = "", run.notes
     try:
         if load is None:
             missing = "No plot: the recording is not there."
         else:
             recording = load()
-            figure, missing = _figure(recording, run, trial, key, share, first)
+            figure, small, missing = _figure(recording, run, trial, key, share, first)
             bode = _bode(recording, run, trial, key)
             notes = (*notes, *(note for note in recording.notes if note not in notes))
     except EhaBenchError as error:
@@ -265,6 +311,7 @@ def _run_view(
         judged=tuple(row for row in rows if row.limit),
         others=tuple(row for row in rows if not row.limit),
         figure=figure,
+        spark=small,
         bode=bode,
         missing=missing,
         recording=run.recording,
@@ -283,16 +330,17 @@ def recording_href(folder: Path, recording: str) -> str:
 
 def _figure(
     recording: Recording, run: TrialResult, trial: Trial | None, key: str, share: int, first: bool
-) -> tuple[FigureView | None, str]:
+) -> tuple[FigureView | None, Markup, str]:
     scene = scene_of(recording, run, trial)
     if not scene.panels:
-        return None, "No plot: the recording holds no samples."
+        return None, Markup(), "No plot: the recording holds no samples."
     curves = sum(len(panel.traces) for panel in scene.panels)
     points = min(POINTS, max(_FEWEST_POINTS, _POINTS_A_PAGE // (share * curves)))
     headings = ", ".join(panel.heading for panel in scene.panels)
     title = f"{run.id}, repeat {run.repeat}: {headings}"
     static = None if first else 1
-    return figure_of(scene, key=key, title=title, points=points, static_panels=static), ""
+    figure = figure_of(scene, key=key, title=title, points=points, static_panels=static)
+    return figure, spark(scene) if first else Markup(), ""
 
 
 def _bode(recording: Recording, run: TrialResult, trial: Trial | None, key: str) -> BodeView | None:

@@ -59,7 +59,12 @@ def scene_of(recording: Recording, run: TrialResult, trial: Trial | None) -> Sce
     swing = swing_of(bound, trial, line)
     if swing is not None:
         marks += tuple(sine_marks(swing, trial.limits, run.scores))
-    return Scene(placed, _panels(placed, trial.channel), marks, steps)
+    limited = {limit.channel for limit in trial.limits}
+    panels = tuple(
+        replace(panel, quiet=panel.quiet and not limited.intersection(panel.channels))
+        for panel in _panels(placed, trial.channel)
+    )
+    return Scene(placed, tuple(sorted(panels, key=lambda panel: panel.quiet)), marks, steps)
 
 
 def _panels(recording: Recording, followed: str) -> tuple[Panel, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -45,7 +46,8 @@ def trend_svg(trend: Trend, names: Sequence[str], links: Sequence[str], *, title
     values = unit.factor * trend.values + unit.offset
     line = unit.factor * trend.course.line + unit.offset
     limits = [unit.shown(limit) for limit in trend.limits if math.isfinite(limit)]
-    low, high = _range(values, line, limits)
+    bounds = [unit.shown(bound) for bound in trend.bounds if math.isfinite(bound)]
+    low, high = _range(values, line, [*limits, *bounds])
     count = values.size
     wide = max(1, count - 1)
 
@@ -77,7 +79,18 @@ def trend_svg(trend: Trend, names: Sequence[str], links: Sequence[str], *, title
             f'<text x="{at:.1f}" y="{_TOP - 9}" text-anchor="middle" fill="var(--limit)">'
             f"{word}</text>"
         )
-    path = " ".join(f"{'L' if i else 'M'}{x(i):.1f} {y(v):.1f}" for i, v in _corners(line).items())
+    for bound, beyond in zip(bounds, _accepted(trend.bounds), strict=True):
+        at = y(bound)
+        parts.append(
+            f'<line x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}" '
+            f'stroke="var(--safety)" stroke-dasharray="8 3 2 3"/>'
+            f'<text x="{WIDTH - _RIGHT}" y="{at - 4:.1f}" text-anchor="end" '
+            f'fill="var(--safety)">accepted {beyond} {bound:.4g}{unit.suffix}</text>'
+        )
+    path = " ".join(
+        f"{'L' if i else 'M'}{x(at):.1f} {y(v):.1f}"
+        for i, (at, v) in enumerate(_corners(line, _steps(trend)))
+    )
     parts.append(f'<path d="{path}" fill="none" stroke="var(--blue)" stroke-width="1.6"/>')
     parts.append(_points(values, unit, names, links, x, y, (low, high)))
     parts.append("</svg>")
@@ -116,14 +129,33 @@ def _range(values: FloatArray, line: FloatArray, limits: Sequence[float]) -> tup
     return low - pad, high + pad
 
 
-def _corners(line: FloatArray) -> dict[int, float]:
-    """Return the points at which a piecewise straight line bends."""
-    if line.size < 3:
-        return dict(enumerate(line.tolist()))
+def _accepted(bounds: tuple[float, float]) -> list[str]:
+    """Return on which side of each finite bound values are accepted."""
+    sides = ("≥", "≤")
+    return [side for side, bound in zip(sides, bounds, strict=True) if math.isfinite(bound)]
+
+
+def _steps(trend: Trend) -> list[int]:
+    return [change.start for change in trend.course.changes if change.kind is Kind.STEP]
+
+
+def _corners(line: FloatArray, steps: Sequence[int]) -> list[tuple[float, float]]:
+    """Return the points at which a piecewise straight line bends; a step is upright."""
+    points: list[tuple[float, float]] = []
     scale = float(np.abs(line).max()) or 1.0
-    bends = np.abs(np.diff(line, 2)) > 1e-9 * scale
-    keep = np.flatnonzero(np.concatenate(([True], bends, [True])))
-    return {int(i): float(line[i]) for i in keep}
+    ends = [0, *steps, line.size]
+    for first, after in pairwise(ends):
+        part = line[first:after]
+        if not part.size:
+            continue
+        left = first - 0.5 if first else 0.0
+        right = after - 0.5 if after < line.size else line.size - 1.0
+        slopes = np.diff(part) if part.size > 1 else np.zeros(1)
+        points.append((left, float(part[0] - slopes[0] * (first - left))))
+        bends = np.flatnonzero(np.abs(np.diff(part, 2)) > 1e-9 * scale) + 1
+        points += [(float(first + at), float(part[at])) for at in bends]
+        points.append((right, float(part[-1] + slopes[-1] * (right - (after - 1)))))
+    return points
 
 
 def _axes(low: float, high: float, y: object, names: Sequence[str], x: object) -> str:

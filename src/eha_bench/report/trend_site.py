@@ -19,11 +19,15 @@ from eha_bench.report.engineering import (
     decimals_for,
     metric_name,
     number,
+    quantity,
 )
+from eha_bench.report.heat_map import MOST_METRICS, MOST_NIGHTS, heat_row
 from eha_bench.report.page import Fact, write_page
 from eha_bench.report.run_report import moment
 from eha_bench.report.trend_plot import sparkline, trend_svg, unit_of
+from eha_bench.report.units_page import UNITS_NAME, write_units
 from eha_bench.trends.changes import FEWEST, Change
+from eha_bench.trends.events import Event
 from eha_bench.trends.history import History
 from eha_bench.trends.index import Night
 from eha_bench.trends.terms import Kind
@@ -32,10 +36,15 @@ from eha_bench.trends.trend import State, Trend
 INDEX_NAME: Final = "index.html"
 _ALIKE: Final = 1.4  # widening from which on it is said: nights correlated by a third
 _DATE: Final = 10
+_MOST_EVENTS: Final = 30
+_KELVIN: Final = 273.15
+_NOTABLE: Final = (State.NOT_SCORED, State.ONE_NIGHT_OUT)
 _LOOKS: Final = {
+    State.LOST: ("failed", "✕"),
     State.OUT_OF_LIMITS: ("failed", "✕"),
     State.STEPPED: ("failed", "⤒"),
     State.DRIFTING: ("warned", "↗"),
+    State.ONE_NIGHT_OUT: ("undecided", "•"),
     State.NOT_SCORED: ("not_scored", "–"),
     State.STEADY: ("passed", "✓"),
     State.TOO_FEW: ("undecided", "?"),
@@ -59,6 +68,22 @@ class ChangeView:
     after: str
     rig: str
     href: str
+
+
+@dataclass(frozen=True)
+class EventView:
+    """Metrics that moved together, as a line of a table."""
+
+    when: str
+    href: str
+    look: str
+    sign: str
+    first: TrendView
+    others: tuple[TrendView, ...]
+    revision: tuple[str, str]
+    oil: str
+    rig: str
+    now: bool
 
 
 @dataclass(frozen=True)
@@ -108,19 +133,28 @@ def write_site(out: Path, history: History, folder: Path) -> Path:
     for stale in set(pages.glob("*.html")) - {pages / view.page for view in views}:
         stale.unlink()
     look, sign, word = _VERDICTS[history.status]
+    both = list(zip(views, history.trends, strict=True))
+    shown = history.nights[-MOST_NIGHTS:]
+    by_trend = {id(trend): view for view, trend in both}
+    events = [_event(event, by_trend, names, from_site) for event in history.events[:_MOST_EVENTS]]
     content = {
         "history": history,
         "look": look,
         "sign": sign,
         "word": word,
         "headline": headline(history),
-        "notable": [view for view, trend in zip(views, history.trends, strict=True)
-                    if trend.state.drifted or trend.state is State.NOT_SCORED],
+        "events": events,
+        "units": UNITS_NAME if history.kin else "",
+        "heat": [(view, heat_row(trend, shown)) for view, trend in both[:MOST_METRICS]],
+        "heat_ends": [names[night.id][:_DATE] for night in (shown[0], shown[-1])],
+        "notable": [view for view, trend in both
+                    if trend.state.drifted or trend.state in _NOTABLE],
         "trends": views,
         "nights": [
             (names[night.id], night, from_site[night.id]) for night in reversed(history.nights)
         ][:100],
     }  # fmt: skip
+    write_units(out, history.kin, {id(trend): view.page for view, trend in both})
     return write_page(out / INDEX_NAME, "history.html.j2", content, title="History")
 
 
@@ -132,8 +166,10 @@ def headline(history: History) -> str:
     too_few, missed = len(history.of(State.TOO_FEW)), len(history.of(State.NOT_SCORED))
     found = _drift(drifted) if total > too_few + missed else ""
     needed = f"({FEWEST} are needed)"
+    alone = len(history.of(State.ONE_NIGHT_OUT))
     parts = [
         found,
+        f"one night out in {_share(alone, total)}, to be borne out" if alone else "",
         f"too few runs to tell of {_share(too_few, total)} {needed}" if too_few else "",
         f"the newest run has no value of {_share(missed, total)}" if missed else "",
         "no run has a value of any" if not total else "",
@@ -156,6 +192,58 @@ def _drift(drifted: tuple[Trend, ...]) -> str:
     ]
     listed = ", ".join(part for part in parts if part)
     return f"{len(drifted)} drifted{f' ({listed})' if listed else ''}"
+
+
+def _event(
+    event: Event, views: dict[int, TrendView], names: dict[int, str], links: dict[int, str]
+) -> EventView:
+    first, *others = (views[id(trend)] for trend in event.trends)
+    before = event.before or event.start
+    return EventView(
+        when=names[event.start.id],
+        href=links[event.start.id],
+        look=first.look if event.now else "same",
+        sign=first.sign if event.now else "",
+        first=first,
+        others=tuple(others),
+        revision=(before.revision[:12], event.start.revision[:12]),
+        oil=_oil(before, event.start),
+        rig=_rig(before, event.start),
+        now=event.now,
+    )
+
+
+def _oil(before: Night, after: Night) -> str:
+    """Return the oil's temperature before and after; "" where nobody logged it."""
+    both = [
+        "?" if night.oil_temperature is None else f"{night.oil_temperature - _KELVIN:.1f}"
+        for night in (before, after)
+    ]
+    return "" if both == ["?", "?"] else f"{both[0]} → {both[1]} °C"
+
+
+def event_sentence(event: Event) -> str:
+    """Return an event in a line, for a console or a message."""
+    first = event.trends[0]
+    nights = (event.before or event.start, event.start)
+    revisions = [night.revision[:12] for night in nights]
+    about = [f"since {moment(event.start.started) or event.start.path}"]
+    if any(revisions):
+        about.append(" → ".join(dict.fromkeys(revisions)))
+    about += [part for part in (_oil(*nights), _rig(*nights)) if part]
+    count = len(event.trends) - 1
+    also = f" and {count} more metric{'' if count == 1 else 's'}" if count else ""
+    return f"{_moved(first)}{also} ({'; '.join(about)})"
+
+
+def _moved(trend: Trend) -> str:
+    name = f"{trend.trial}: {metric_name(trend.metric)} {trend.state.value}"
+    worse = {True: ", for the worse", False: ", for the better", None: ""}[trend.worse]
+    if not trend.state.drifted or not math.isfinite(trend.shift):
+        return name if trend.state.drifted else f"{trend.trial}: {metric_name(trend.metric)}"
+    now = float(trend.values[-1])
+    shown = [quantity(value, trend.unit, metric=trend.metric) for value in (now - trend.shift, now)]
+    return f"{name}: {shown[0]} -> {shown[1]}{worse}"
 
 
 def _report(night: Night, folder: Path) -> Path | None:
@@ -224,7 +312,7 @@ def _view(
         unit=unit.symbol,
         level=shown(trend.level),
         limits=f"{shown(low)} … {shown(high)}" if math.isfinite(low + high) else "",
-        shift=moved(trend.shift) if trend.state.drifted else "",
+        shift=moved(trend.shift) if trend.state.drifted and math.isfinite(trend.shift) else "",
         look=look,
         sign=sign,
         state=trend.state.value,
@@ -288,9 +376,20 @@ def _write_trend(
         "facts": facts,
         "margin": number(unit_of(trend).difference(trend.margin)) + unit_of(trend).suffix,
         "sigma": number(unit_of(trend).difference(trend.course.sigma)) + unit_of(trend).suffix,
+        "swing": _swing(trend),
         "correlated": trend.course.widening > _ALIKE,
     }
     write_page(folder / view.page, "trend.html.j2", content, title=title)
+
+
+def _swing(trend: Trend) -> str:
+    """Return a slow swing in words, "" where there is none."""
+    swing = trend.judged.swing
+    if swing is None:
+        return ""
+    unit = unit_of(trend)
+    size = number(unit.difference(swing.amplitude)) + unit.suffix
+    return f"about {swing.period:.0f} nights, ± {size}"
 
 
 def _slug(trend: Trend) -> str:

@@ -32,7 +32,6 @@ _HEARTBEAT: Final = 0.05
 _UNASKED: Final = 0.1
 """Without a Sync for so long, s, the status goes out with the heartbeat."""
 _CATCH_UP: Final = 1.3
-_MOST_CURRENT: Final = 1.2
 
 
 @dataclass(frozen=True)
@@ -75,9 +74,9 @@ class RigDrive:
         self._by_message: dict[int, list[tuple[ControlMode, Command]]] = {}
         for mode, command in drive.commands.items():
             self._by_message.setdefault(command.message.frame_id, []).append((mode, command))
-        self._mode = ControlMode.CURRENT
+        self._mode = drive.command or ControlMode.CURRENT
         self._reference = 0.0
-        self._current = 0.0
+        self._given = 0.0
         self._controller: Controller | None = None
         self._controlled_at = -math.inf
         self._last_command = -math.inf
@@ -170,13 +169,13 @@ class RigDrive:
             self._words.take(word)
         if self._words.state != was:
             self._changed(was, now, f"control word {word}")
-        if mode is not self._mode or self._controller is None:
+        if mode != self._mode or self._controller is None:
             self._begin_mode(mode)
         self._reference = reference
         if not self._words.enabled:
-            self._current = 0.0
-        elif mode is ControlMode.CURRENT:
-            self._current = reference
+            self._given = 0.0
+        elif mode == self._drive.command:
+            self._given = reference
         elif now - self._controlled_at >= 0.5 * _PERIOD:
             self._control(now)
 
@@ -215,7 +214,8 @@ class RigDrive:
         place = self._status.fixture_position
         assert place is not None
         position = place.to_si(float(signals[place.signal]))
-        if abs(position) < self._plant.linkage.half_stroke:
+        low, high = self._plant.position_range.get("piston_position", (-math.inf, math.inf))
+        if low < position < high and self._plant.can(locked=locked, bypass_open=bypass):
             self._plant.set_up({"piston_position": position}, locked=locked, bypass_open=bypass)
             self._status.fixture_done = request
             self._sampled_at = -math.inf
@@ -263,21 +263,22 @@ class RigDrive:
         truth = self._plant.truth
         if not self._words.enabled:
             return
-        if max(truth["pressure_a"], truth["pressure_b"]) > self._limits.pressure:
+        pressures = (truth.get("pressure_a", 0.0), truth.get("pressure_b", 0.0))
+        if max(pressures) > self._limits.pressure:
             self._fail("over-pressure", now)
-        elif abs(truth["motor_speed"]) > self._limits.speed:
+        elif abs(truth.get("motor_speed", 0.0)) > self._limits.speed:
             self._fail("over-speed", now)
-        elif abs(truth["current"]) > _MOST_CURRENT * self._plant.current_limit:
+        elif abs(truth.get("current", 0.0)) > self._plant.most_current:
             self._fail("over-current", now)
         elif not self._stop_is_closed():
             self._fail("emergency stop", now)
 
     def _advance(self, now: float) -> None:
         before = self._plant.now
-        self._plant.advance(now, self._current if self._words.enabled else 0.0)
+        self._plant.advance(now, self._given if self._words.enabled else 0.0)
         raised = self._faults.active(FaultKind.OVER_PRESSURE)
         if raised is not None and self._words.enabled:
-            self._plant.raise_pressure(raised.value * max(now - before, 0.0))
+            self._plant.shift("pressure_a", raised.value * max(now - before, 0.0))
 
     def _control(self, now: float) -> None:
         """Let the drive's own controller act, in set-point mode."""
@@ -285,18 +286,25 @@ class RigDrive:
             return
         if now - self._sampled_at >= 0.5 * _PERIOD:
             self._look(now)
-        reading = {
-            **self._sample,
-            "pressure_difference": self._sample["pressure_a"] - self._sample["pressure_b"],
-        }
+        reading = dict(self._sample)
+        if {"pressure_a", "pressure_b"} <= reading.keys():
+            reading["pressure_difference"] = reading["pressure_a"] - reading["pressure_b"]
         wanted = self._controller.step(self._reference, reading)
-        self._current = wanted if math.isfinite(wanted) else 0.0
+        self._given = wanted if math.isfinite(wanted) else 0.0
         self._controlled_at = now
 
     def _begin_mode(self, mode: ControlMode) -> None:
         self._mode, self._controller = mode, None
-        if mode is not ControlMode.CURRENT:
-            context = Context(_PERIOD, self._plant.current_limit, self._plant.linkage)
+        if mode != self._drive.command:
+            context = Context(
+                _PERIOD,
+                self._plant.command_limit,
+                self._plant.linkage,
+                self._plant.command,
+                self._plant.command_unit,
+                mode.channel,
+                mode.unit,
+            )
             try:
                 self._controller = self._controllers.make(mode, context)
             except EhaBenchError as error:
@@ -327,7 +335,7 @@ class RigDrive:
             self._faults.torque_on(at)
             self._log.write(at, "torque on", reason=reason)
         else:
-            self._current, self._controller = 0.0, None
+            self._given, self._controller = 0.0, None
         if was == "fault":
             self._fault_code = 0
         facts: Mapping[str, object] = {"last_command": round(self._last_command, 6)}

@@ -10,9 +10,10 @@ from pathlib import Path
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.errors import InputError
 from eha_bench.core.shipped import shipped
-from eha_bench.plants.model import load_model
+from eha_bench.core.trial import command_of
+from eha_bench.plants.model import model_from
 from eha_bench.rig.drive import DriveLimits, RigDrive
-from eha_bench.rig.faults import Fault, Faults
+from eha_bench.rig.faults import Fault, FaultKind, Faults
 from eha_bench.rig.log import RigLog
 from eha_bench.rig.real_plant import RealPlant
 from eha_bench.rig.transport import Transport, open_transport
@@ -62,8 +63,10 @@ class Rig:
         drive = load_drive(target)
         model = options.model or drive.model or shipped("models/paper.yaml")
         controller = options.controller or drive.controller or shipped("controllers/paper.yaml")
-        self._plant = RealPlant(load_model(model), options.seed)
+        self._plant = RealPlant(model_from(model), options.seed)
         _as_set_up(drive, self._plant)
+        _check_command(drive, self._plant)
+        _check_faults(options.faults, self._plant)
         self._log = RigLog(options.log)
         self._drive = RigDrive(
             drive,
@@ -112,6 +115,31 @@ class Rig:
         """Unplug the rig."""
         self._transport.close()
         self._log.close()
+
+
+def _check_command(drive: Drive, plant: RealPlant) -> None:
+    """Refuse a model whose plant is commanded by something else than the drive.
+
+    Raises:
+        InputError: as said.
+    """
+    if drive.command is not None and command_of(drive.command) != plant.command:
+        raise InputError(
+            f"{drive.path.name}: the drive is commanded by {command_of(drive.command)}, and the "
+            f"model's plant by {plant.command}",
+            hint="name the model of what hangs on that drive with --model",
+        )
+
+
+def _check_faults(faults: Sequence[Fault], plant: RealPlant) -> None:
+    """Refuse a fault of something that the plant does not have.
+
+    Raises:
+        InputError: as said.
+    """
+    for fault in faults:
+        if fault.kind is FaultKind.OVER_PRESSURE and "pressure_a" not in plant.states:
+            raise InputError(f"'{fault.text}': the plant has no pressure_a")
 
 
 def _as_set_up(drive: Drive, plant: RealPlant) -> None:

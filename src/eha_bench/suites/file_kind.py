@@ -23,4 +23,4 @@ def _schema() -> dict[str, Any]:
     return suite_schema()
 
 
-KIND = FileKind("suite", frozenset({"trials"}), 10, _check, _schema)
+KIND = FileKind("suite", frozenset({"trials"}), 10, _check, _schema, use="eha-bench run FILE")

@@ -5,24 +5,30 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from eha_bench.core.errors import InputError
+from eha_bench.core.channels import CHANNELS, unit_of
+from eha_bench.core.errors import InputError, Mistakes, UnitError
 from eha_bench.core.excerpt import fitted
+from eha_bench.core.limit import SafetyLimit
+from eha_bench.core.located import Located
+from eha_bench.core.margin import Margin
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.signal import Signal
-from eha_bench.core.trial import Setup, Trial
-from eha_bench.core.yaml_file import StrictModel, read_text, validate
+from eha_bench.core.trial import ControlMode, Setup, Trial, mode_named
+from eha_bench.core.units import base_unit, parse, unit_in
+from eha_bench.core.yaml_file import StrictModel, file_of, read_text, validate
 from eha_bench.core.yaml_file import parse as parse_yaml
 from eha_bench.suites.acceptance.baseline import Baseline
-from eha_bench.suites.acceptance.limits import judgement, safety_limits
+from eha_bench.suites.acceptance.limits import Judgement, judgement, safety_limits
 from eha_bench.suites.acceptance.margins import margins
 from eha_bench.suites.identifiers import check_identifier
-from eha_bench.suites.located import Located
 from eha_bench.suites.matrix import expand
-from eha_bench.suites.signals.signal_model import SignalContext
+from eha_bench.suites.reach import ANYWHERE, asked_levels, check_reach
+from eha_bench.suites.signals.signal_model import SignalContext, SignalModel
 from eha_bench.suites.suite import Suite
 from eha_bench.suites.suite_file import RunKeys, SuiteFile, TrialFile
 from eha_bench.suites.trial_source import signal_from, source_of
@@ -36,28 +42,35 @@ _APART = ("id", "signal", "accept", "scores", "safety", "matters")
 M = TypeVar("M", bound=StrictModel)
 
 
-def load_suite(path: str | Path) -> Suite:
-    """Read a suite file.
+def load_suite(suite: str | Path | Mapping[str, Any]) -> Suite:
+    """Read a suite.
+
+    Args:
+        suite: a file, the name of a shipped one (`paper`), or a dict of what a file would hold.
 
     Raises:
         InputError: with file, line and key: the file is missing or not YAML, a key is unknown or
             missing, a value has the wrong unit, a name is not fit for a file, two trials are
-            called the same.
+            called the same; further mistakes in `also`.
     """
-    path = Path(path)
+    path = file_of(suite, "suite", "suites")
     text = read_text(path)
     content = Located.of(parse_yaml(text, str(path)), str(path))
-    form = validate(SuiteFile, content.value, str(path), places=content.place)
+    form = validate(SuiteFile, content.value, str(path), places=content.place, kind="suite")
     defaults = content.at("defaults").mapping("keys and values")
-    _check_keys(defaults, [key for key in TrialFile.model_fields if key not in ("id", "matrix")])
+    mistakes = Mistakes()
+    known = [key for key in TrialFile.model_fields if key not in ("id", "matrix")]
+    defaults = _known_keys(defaults, known, mistakes)
     place = content.place(("baseline",))
     baseline = Baseline(path.parent / form.baseline if form.baseline else None, place)
     trials: dict[str, Trial] = {}
-    for index in range(len(form.trials)):
-        written = content.at("trials", index)
-        for trial, located in _trials(written, index, defaults, path, baseline):
-            _check_unique(trial.id, trials, located)
-            trials[trial.id] = trial
+    folded: dict[str, str] = {}
+    for index, written in enumerate(content.at("trials").each()):
+        with mistakes:
+            for trial, located in _trials(written, index, defaults, path, baseline):
+                _check_unique(trial.id, folded, located)
+                trials[trial.id] = trial
+    mistakes.tell()
     name = form.name
     if name is None:
         name = re.sub(r"[^A-Za-z0-9_.-]", "_", path.stem)
@@ -81,36 +94,73 @@ def _trials(
     pattern = written.value.get("id")
     if isinstance(pattern, str):
         written = written.named(f"trials.{index}", f"trials.{pattern}")
-    _check_keys(written, list(TrialFile.model_fields))
+    mistakes = Mistakes()
+    written = _known_keys(written, list(TrialFile.model_fields), mistakes)
     if pattern is None:
         raise InputError("key 'id' is missing", where=written.place(("id",)), hint="name the trial")
     found = []
     for name, trial in expand(written.over(defaults, deep=_MERGED)):
-        checked = check_identifier(name, "the trial's id", trial.place(("id",)))
-        found.append((_trial(checked, trial, path, baseline), trial))
+        with mistakes:
+            checked = check_identifier(name, "the trial's id", trial.place(("id",)))
+            found.append((_trial(checked, trial, path, baseline), trial))
+    mistakes.tell()
     return found
 
 
 def _trial(name: str, content: Located, path: Path, baseline: Baseline) -> Trial:
-    run = _validated(RunKeys, content.without(*_APART), path)
-    if "signal" not in content.value:
-        raise InputError("key 'signal' is missing", where=content.place(("signal",)))
-    context = SignalContext(run.mode.value, run.mode.unit, path.parent)
-    wave = content.at("signal")
-    signal = signal_from(wave.value, str(path), context, wave.place)
+    mistakes = Mistakes()
+    run: RunKeys | None = None
+    mode: ControlMode | None = None
+    signal: SignalModel | None = None
+    with mistakes:
+        run = _validated(RunKeys, content.without(*_APART), path)
+    with mistakes:
+        mode = _mode(content)
+    if mode is None:
+        mistakes.tell()  # what is asked for has no unit: nothing else can be read
+        raise AssertionError
+    context = SignalContext(mode.name, mode.unit if mode.known else None, path.parent)
+    with mistakes:
+        signal = _signal(content, context, path)
+    if run is None or signal is None:
+        # what can be said of the rest without them
+        with mistakes:
+            judgement(content.at("accept"), content.at("scores"), mode, name, baseline, None)
+        with mistakes:
+            safety_limits(content.at("safety"), mode)
+        with mistakes:
+            margins(content.at("matters"), mode)
+        mistakes.tell()
+        raise AssertionError
     duration = run.duration if run.duration is not None else signal.duration
     if not math.isfinite(duration):
         raise InputError(
             "key 'duration' is missing",
             where=content.place(("duration",)),
-            hint=f"a {signal.kind} has no end of its own",
+            hint=f"a {signal.kind} has no end of its own: add 'duration: 1 s'",
         )
-    judged = judgement(content.at("accept"), content.at("scores"), run.mode, name, baseline)
+    if context.named:
+        mode = replace(mode, declared=context.named[0])
+    reference = fitted(signal, duration)
+    judged = Judgement((), ())
+    safety: tuple[SafetyLimit, ...] = ()
+    matters: dict[str, Margin] = {}
+    initial: dict[str, float] = {}
+    units: dict[str, str] = {}
+    with mistakes:
+        accept, scores = content.at("accept"), content.at("scores")
+        judged = judgement(accept, scores, mode, name, baseline, reference)
+    with mistakes:
+        safety = safety_limits(content.at("safety"), mode)
+    with mistakes:
+        matters = margins(content.at("matters"), mode)
+    with mistakes:
+        initial, units = _initial(content.at("setup", "initial"), run.setup.initial)
     trial = Trial(
         id=name,
-        signal=fitted(signal, duration),
-        mode=run.mode,
-        setup=Setup(run.setup.piston, run.setup.bypass, run.setup.initial.values()),
+        signal=reference,
+        mode=mode,
+        setup=Setup(run.setup.piston, run.setup.bypass, initial, units),
         duration=duration,
         settle=run.settle,
         sample_rate=run.sample_rate,
@@ -118,39 +168,91 @@ def _trial(name: str, content: Located, path: Path, baseline: Baseline) -> Trial
         seed=run.seed,
         scores=judged.scores,
         limits=judged.limits,
-        safety=safety_limits(content.at("safety"), run.mode),
-        margins=margins(content.at("matters"), run.mode),
+        safety=safety,
+        margins=matters,
         description=run.description.strip(),
     )
-    _check_sampling(trial, content)
+    with mistakes:
+        _check_sampling(trial, content)
+    levels = asked_levels(trial, signal, content.at("signal"), content.at("setup"))
+    trial = replace(trial, levels=levels)
+    with mistakes:
+        if trial.channel in ANYWHERE:
+            check_reach(trial, ANYWHERE[trial.channel], "the angle between two links is from")
+    mistakes.tell()
     return replace(trial, source=source_of(trial, signal))
+
+
+def _mode(content: Located) -> ControlMode | None:
+    """Return the control mode of a trial, in which something else may be wrong."""
+    written = content.value.get("mode")
+    return mode_named(written, where=content.place(("mode",))) if isinstance(written, str) else None
+
+
+def _signal(content: Located, context: SignalContext, path: Path) -> SignalModel:
+    if "signal" not in content.value:
+        raise InputError(
+            "key 'signal' is missing",
+            where=content.place(("signal",)),
+            hint="add 'signal: {kind: step, final: ...}'",
+        )
+    wave = content.at("signal")
+    return signal_from(wave.value, str(path), context, wave.place)
+
+
+def _initial(
+    content: Located, written: Mapping[str, float | str]
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Return start values by channel, SI, and the units of channels that eha_bench does not know.
+
+    Raises:
+        InputError: a wrong unit, or two values for one position.
+    """
+    if {"joint_angle", "piston_position"} <= written.keys():
+        raise content.error("joint_angle and piston_position are both given: keep one of them")
+    values, units = {}, {}
+    for name, value in written.items():
+        try:
+            unit = unit_of(name) if name in CHANNELS else base_unit(unit_in(value))
+            values[name] = parse(value, unit)
+        except UnitError as error:
+            where = content.place((name,))
+            raise InputError(error.what, where=where, hint=error.hint) from error
+        if name not in CHANNELS and unit_in(value):
+            units[name] = unit
+    return values, units
 
 
 def _validated(model: type[M], content: Located, path: Path) -> M:
     return validate(model, content.value, str(path), places=content.place)
 
 
-def _check_keys(content: Located, known: list[str]) -> None:
+def _known_keys(content: Located, known: list[str], mistakes: Mistakes) -> Located:
+    """Return the content without keys that the format does not have; each is a mistake."""
     if not isinstance(content.value, dict):
-        raise content.error("expected keys and values")
-    for key in content.value:
-        if key not in known:
+        raise content.error("expected keys and values", hint="write it as 'key: value' lines")
+    unknown = [key for key in content.value if key not in known]
+    for key in unknown:
+        with mistakes:
             raise InputError(
                 f"unknown key '{key}'", where=content.place((key,)), hint=suggest(key, known)
             )
+    return content.without(*unknown)
 
 
-def _check_unique(name: str, trials: dict[str, Trial], content: Located) -> None:
+def _check_unique(name: str, folded: dict[str, str], content: Located) -> None:
+    """Note a trial's id; `folded` holds those before it by their small letters."""
     # some file systems do not tell capital letters from small ones
-    for other in trials:
-        if other.lower() == name.lower():
-            raise InputError(
-                f"two trials are called '{name}'"
-                if other == name
-                else f"trials '{other}' and '{name}' differ in capital letters only",
-                where=content.place(("id",)),
-                hint="give each an id of its own",
-            )
+    other = folded.get(name.lower())
+    folded.setdefault(name.lower(), name)
+    if other is not None:
+        raise InputError(
+            f"two trials are called '{name}'"
+            if other == name
+            else f"trials '{other}' and '{name}' differ in capital letters only",
+            where=content.place(("id",)),
+            hint="give each an id of its own",
+        )
 
 
 def _check_sampling(trial: Trial, content: Located) -> None:
@@ -165,7 +267,9 @@ def _check_sampling(trial: Trial, content: Located) -> None:
         )
     if round(trial.duration * trial.sample_rate) < 1:
         raise InputError(
-            f"the trial is shorter than one tick of {1 / trial.sample_rate:g} s", where=where
+            f"the trial is shorter than one tick of {1 / trial.sample_rate:g} s",
+            where=where,
+            hint="give it a longer 'duration', or a higher 'sample_rate'",
         )
     highest = _highest_frequency(trial.signal)
     if highest >= trial.sample_rate / 2:

@@ -10,9 +10,9 @@ from itertools import product
 from typing import Any
 
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.located import Located
 from eha_bench.core.near_miss import suggest
 from eha_bench.suites.identifiers import label
-from eha_bench.suites.located import Located
 
 MOST_TRIALS = 10_000
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")

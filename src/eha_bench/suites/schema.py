@@ -8,6 +8,7 @@ from pydantic.json_schema import JsonSchemaMode, models_json_schema
 
 from eha_bench.core import plugins
 from eha_bench.core.metric import METRICS
+from eha_bench.core.trial import MODES
 from eha_bench.suites.suite_file import SuiteFile, TrialFile
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -36,6 +37,7 @@ def suite_schema() -> dict[str, Any]:
     names = {model: references[model, mode]["$ref"].rsplit("/", 1)[-1] for model, _ in models}
     _offer_signals(definitions, [names[model] for model in signals], names[TrialFile])
     _offer_metrics(definitions[names[TrialFile]])
+    _offer_modes(definitions[names[TrialFile]])
     _allow_parameters(definitions, skip={names[SuiteFile]})
     defaults = _defaults(definitions[names[TrialFile]])
     definitions[names[TrialFile]]["required"] = ["id"]  # defaults may give the rest
@@ -76,6 +78,14 @@ def _offer_metrics(trial: dict[str, Any]) -> None:
     trial["properties"]["accept"]["propertyNames"] = {"anyOf": [known, {"type": "string"}]}
     items = trial["properties"]["scores"]["items"]
     items["anyOf"] = [known, *items["anyOf"]]
+
+
+def _offer_modes(trial: dict[str, Any]) -> None:
+    """Let editors complete the well-known control modes."""
+    mode = trial["properties"]["mode"]
+    known = {"enum": [item.name for item in MODES]}
+    other = {"type": mode.pop("type"), "pattern": mode.pop("pattern")}
+    mode["anyOf"] = [known, other]
 
 
 def _allow_parameters(definitions: dict[str, Any], skip: set[str]) -> None:

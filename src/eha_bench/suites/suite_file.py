@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from eha_bench.core.trial import Bypass, ControlMode, Piston
-from eha_bench.core.units import Unit
-from eha_bench.core.yaml_file import NUMBER, StrictModel
+from eha_bench.core.trial import MODES, Bypass, Piston
+from eha_bench.core.yaml_file import NUMBER, Real, StrictModel
 from eha_bench.suites.acceptance.limits import BoundsFile, LimitFile, ScoreFile
 from eha_bench.suites.identifiers import PATTERN
 from eha_bench.suites.signals.signal_model import Hertz, Moment, Seconds
@@ -17,21 +16,8 @@ Count = Annotated[int, Field(ge=1, le=10_000), NUMBER]
 Seed = Annotated[int, Field(ge=0, lt=2**63), NUMBER]
 
 
-class InitialFile(StrictModel):
-    """Where the piston starts: one of the two."""
-
-    joint_angle: Annotated[float, Unit("rad")] | None = None
-    piston_position: Annotated[float, Unit("m")] | None = None
-
-    @model_validator(mode="after")
-    def _one(self) -> InitialFile:
-        if self.joint_angle is not None and self.piston_position is not None:
-            raise ValueError("joint_angle and piston_position are both given: keep one of them")
-        return self
-
-    def values(self) -> dict[str, float]:
-        """Return start values by channel, SI."""
-        return {key: value for key, value in self.model_dump().items() if value is not None}
+CHANNEL = r"^[A-Za-z_][A-Za-z0-9_.]*$"
+"""What a channel may be called."""
 
 
 class SetupFile(StrictModel):
@@ -39,14 +25,20 @@ class SetupFile(StrictModel):
 
     piston: Piston = Piston.FREE
     bypass: Bypass = Bypass.CLOSED
-    initial: InitialFile = InitialFile()
+    initial: dict[str, Real | str] = Field(
+        default={}, description="start value by channel: joint_angle, piston_position ..."
+    )
 
 
 class RunKeys(StrictModel):
     """What a trial says about its run."""
 
     description: str = ""
-    mode: ControlMode
+    mode: str = Field(
+        pattern=CHANNEL,
+        description=f"{', '.join(mode.name for mode in MODES)}, the target's command, or any of "
+        "its channels",
+    )
     setup: SetupFile = SetupFile()
     duration: Seconds | None = Field(default=None, description="scored length, s")
     settle: Moment = Field(default=0.0, description="time before, not scored, s")

@@ -24,6 +24,7 @@ from eha_bench.core.trial import Bypass, ControlMode, Piston, Setup, Trial
 from eha_bench.core.yaml_file import Places, StrictModel, validate
 from eha_bench.suites.identifiers import check_identifier
 from eha_bench.suites.signals.signal_model import SignalContext, SignalModel
+from eha_bench.suites.suite_file import CHANNEL
 
 VERSION = 1
 _JUDGING = ("limits", "scores", "matters", "description", "repeats", "seed", "safety", "version")
@@ -60,6 +61,7 @@ class _Safety(StrictModel):
     channel: str
     bounds: _Bounds
     text: str
+    unit: str = ""
 
 
 class _Margin(StrictModel):
@@ -72,6 +74,7 @@ class _Setup(StrictModel):
     piston: Piston
     bypass: Bypass
     initial: dict[str, float]
+    units: dict[str, str] = Field(default={})
 
 
 class TrialSource(StrictModel):
@@ -80,7 +83,8 @@ class TrialSource(StrictModel):
     version: Literal[1] = 1
     id: str
     description: str = ""
-    mode: ControlMode
+    mode: str = Field(pattern=CHANNEL)
+    unit: str | None = None
     signal: dict[str, Any]
     setup: _Setup
     duration: float = Field(gt=0, allow_inf_nan=False)
@@ -99,12 +103,14 @@ def source_of(trial: Trial, signal: SignalModel) -> str:
     source = TrialSource(
         id=trial.id,
         description=trial.description,
-        mode=trial.mode,
+        mode=trial.mode.name,
+        unit=trial.mode.declared,
         signal=signal.model_dump(mode="json", by_alias=True),
         setup=_Setup(
             piston=trial.setup.piston,
             bypass=trial.setup.bypass,
             initial=dict(trial.setup.initial),
+            units=dict(trial.setup.units),
         ),
         duration=trial.duration,
         settle=trial.settle,
@@ -126,7 +132,12 @@ def source_of(trial: Trial, signal: SignalModel) -> str:
             for limit in trial.limits
         ),
         safety=tuple(
-            _Safety(channel=limit.channel, bounds=_Bounds.of(limit.bounds), text=limit.text)
+            _Safety(
+                channel=limit.channel,
+                bounds=_Bounds.of(limit.bounds),
+                text=limit.text,
+                unit=limit.unit,
+            )
             for limit in trial.safety
         ),
         matters={
@@ -134,7 +145,16 @@ def source_of(trial: Trial, signal: SignalModel) -> str:
             for metric, margin in trial.margins.items()
         },
     )
-    return json.dumps(source.model_dump(mode="json"), ensure_ascii=False, allow_nan=False)
+    content = source.model_dump(mode="json")
+    if source.unit is None:  # said only of channels that eha_bench does not know
+        del content["unit"]
+    if not source.setup.units:
+        del content["setup"]["units"]
+    content["safety"] = [
+        {key: value for key, value in limit.items() if key != "unit" or value}
+        for limit in content["safety"]
+    ]
+    return json.dumps(content, ensure_ascii=False, allow_nan=False)
 
 
 def definition_of(source: str) -> str:
@@ -170,8 +190,13 @@ def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
     return Trial(
         id=check_identifier(source.id, "the trial's id", Place(file=name, key="id")),
         signal=fitted(signal, source.duration),
-        mode=source.mode,
-        setup=Setup(source.setup.piston, source.setup.bypass, dict(source.setup.initial)),
+        mode=ControlMode(source.mode, source.unit, Place(file=name, key="mode")),
+        setup=Setup(
+            source.setup.piston,
+            source.setup.bypass,
+            dict(source.setup.initial),
+            dict(source.setup.units),
+        ),
         duration=source.duration,
         settle=source.settle,
         sample_rate=source.sample_rate,
@@ -192,7 +217,8 @@ def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
             for limit in source.limits
         ),
         safety=tuple(
-            SafetyLimit(limit.channel, limit.bounds.bounds(), limit.text) for limit in source.safety
+            SafetyLimit(limit.channel, limit.bounds.bounds(), limit.text, limit.unit)
+            for limit in source.safety
         ),
         margins={
             metric: Margin(margin.absolute, margin.share, margin.text)

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.control.controller import Controller, a_current
+from eha_bench.control.controller import Controller, as_command
 from eha_bench.core.errors import EhaBenchError, TargetFault
 from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.recording import Recording
@@ -30,8 +30,8 @@ class Simulated(Protocol):
     def truth(self) -> FloatArray:
         """What the sensors read now without noise, (channels,), SI."""
 
-    def advance(self, command: float) -> None:
-        """Hold a current command (A) until the next tick.
+    def advance(self, to: float, command: float) -> None:
+        """Hold a command (SI) until a later moment, s on the trial's clock.
 
         Raises:
             TargetFault: the simulation failed.
@@ -49,6 +49,7 @@ class ClosedLoop:
         sensors: noise and resolution by channel.
         constants: what is known of the plant, as metadata of the recording.
         units: SI units of channels that are not on the list of known ones.
+        command: what the controller commands, by which name the command is recorded.
     """
 
     trial: Trial
@@ -58,6 +59,7 @@ class ClosedLoop:
     sensors: dict[str, Sensor]
     constants: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    command: str = "current_command"
 
     def run(self, plant: Simulated, stopping: Stopping) -> Outcome:
         """Run to the end, or until a fault, a safety limit, or somebody asks to stop."""
@@ -65,7 +67,7 @@ class ClosedLoop:
         clock = trial.clock()
         reference = trial.reference(clock)
         seed = [trial.seed + self.repeat, zlib.crc32(trial.id.encode())]
-        noise = SensorNoise(self.sensors, channels, clock.size, seed)
+        noise = SensorNoise(self.sensors, channels, clock.size, seed, self.units)
         measured = np.full((clock.size, len(channels)), np.nan)
         commands = np.full(clock.size, np.nan)
         both = "pressure_a" in channels and "pressure_b" in channels
@@ -84,15 +86,15 @@ class ClosedLoop:
                     ending, done = Ending.SAFETY_STOP, tick + 1
                     commands[tick] = 0.0
                     break
-                command = a_current(self.controller.step(float(reference[tick]), reading))
+                command = as_command(self.controller.step(float(reference[tick]), reading))
                 if not math.isfinite(command):
                     ending, done = Ending.FAULT, tick + 1
-                    reason = f"the controller asked for {command} A at {clock[tick]:.4f} s"
+                    reason = f"the controller asked for {command} at {clock[tick]:.4f} s"
                     commands[tick] = 0.0
                     break
                 commands[tick] = command
                 if tick + 1 < clock.size:
-                    plant.advance(command)
+                    plant.advance(clock[tick + 1], command)
         except KeyboardInterrupt:
             ending, reason = Ending.INTERRUPTED, "interrupted"
             done = int(np.count_nonzero(np.isfinite(commands)))
@@ -104,12 +106,14 @@ class ClosedLoop:
         except (Exception, SystemExit) as crash:  # a plug-in controller may raise anything
             ending, reason = Ending.FAULT, told(crash)
             done = int(np.count_nonzero(np.isfinite(commands)))
-        values = {name: measured[:done, column] for column, name in enumerate(channels)}
-        values = {"reference": reference[:done], "current_command": commands[:done], **values}
+        values = {"reference": reference[:done], self.command: commands[:done]}
+        for column, name in enumerate(channels):
+            # what is commanded may be measured as well: what was asked for is what is recorded
+            values.setdefault(name, measured[:done, column])
         recording = Recording(
             time=clock[:done] - clock[0],
             values=values,
-            units={"reference": trial.mode.unit, **self.units},
+            units={**self.units, "reference": self.units.get(trial.channel, trial.mode.unit)},
             metadata={"signal_start": repr(float(abs(clock[0]))), **self.constants},
         )
         return Outcome(recording, ending, reason)

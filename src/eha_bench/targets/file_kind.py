@@ -25,4 +25,6 @@ def _schema() -> dict[str, Any]:
     return kinds.json_schema()
 
 
-KIND = FileKind("target", frozenset({"target"}), 3, _check, _schema)
+KIND = FileKind(
+    "target", frozenset({"target"}), 3, _check, _schema, use="eha-bench run SUITE --target FILE"
+)

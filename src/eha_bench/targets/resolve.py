@@ -1,12 +1,15 @@
-"""What `--target` may be: a registered name, a target.yaml, or a model.yaml to simulate."""
+"""What `--target` may be: a registered name, a target.yaml, or any file with a model in it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from eha_bench.core import plugins, yaml_file
 from eha_bench.core.errors import EhaBenchError, InputError, Place, PluginError
+from eha_bench.core.file_kind import kind_by_keys
+from eha_bench.core.shipped import find
 from eha_bench.targets.crash import told
 from eha_bench.targets.simulator import default_simulator
 from eha_bench.targets.target import Target
@@ -16,34 +19,52 @@ def _names_nothing(_key: str) -> None:
     return None
 
 
-def open_target(target: str | Path, named: Callable[[str], Path | None] = _names_nothing) -> Target:
+def open_target(
+    target: str | Path | Mapping[str, Any], named: Callable[[str], Path | None] = _names_nothing
+) -> Target:
     """Return the target that a name or a file stands for.
 
     Args:
-        target: `simulator`, the path of a target.yaml (key `target:`) or of a model.yaml.
+        target: `simulator`, the path of a target.yaml (key `target:`) or of a file that holds a
+            model to simulate, the name of a shipped one, or a dict of what such a file would hold.
         named: the file that a suite names as `model` or `controller`, which a target that brings
             its own is not asked for.
 
     Raises:
         InputError: no such target, or its file is wrong.
     """
-    if str(target) == "simulator":
+    if isinstance(target, Mapping):
+        path = yaml_file.given(target, "target" if "target" in target else "model")
+    elif str(target) == "simulator":
         return default_simulator(named("model"), named("controller"))
-    path = Path(target)
-    if path.suffix not in (".yaml", ".yml"):
-        names = ", ".join(plugins.names("targets"))
-        raise InputError(
-            f"unknown target '{target}'",
-            hint=f"give 'simulator', a model.yaml, or a target.yaml (its kinds: {names})",
-        )
+    else:
+        path = _file(target)
     content = yaml_file.load(path)
     if isinstance(content, dict) and "target" in content:
         return _from_file(path, content)
-    if isinstance(content, dict) and "model" in content:
+    found = kind_by_keys(content)
+    if found is not None and found.model is not None:
         return default_simulator(path, named("controller"))
+    what = f"this is a {found.title}, and a target or a model is expected" if found else (
+        "neither a target nor a model"
+    )  # fmt: skip
     raise InputError(
-        "neither a target nor a model", where=Place(file=str(path)), hint="expected 'target:'"
+        what,
+        where=Place(file=str(path), line=1),
+        hint="a target.yaml begins with 'target:', a model.yaml with 'model:'",
     )
+
+
+def _file(target: str | Path) -> Path:
+    """Return the file of a target or model, which may be a shipped one."""
+    path = find(target, "targets", "models")
+    if path.suffix not in (".yaml", ".yml"):
+        kinds = ", ".join(plugins.names("targets"))
+        raise InputError(
+            f"unknown target '{target}'",
+            hint=f"give 'simulator', a model.yaml, or a target.yaml (its kinds: {kinds})",
+        )
+    return path
 
 
 def _from_file(path: Path, content: dict[str, object]) -> Target:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
@@ -22,13 +23,17 @@ class Sensor(StrictModel):
     noise: Annotated[Real | str, Field(description="standard deviation")] = 0.0
     resolution: Annotated[Real | str, Field(description="size of one count; 0 for none")] = 0.0
 
-    def in_si(self, channel: str) -> tuple[float, float]:
+    def in_si(self, channel: str, unit: str | None = None) -> tuple[float, float]:
         """Return noise and resolution in the channel's SI unit.
+
+        Args:
+            channel: its name. unit: its SI unit, where eha_bench does not know the channel.
 
         Raises:
             UnitError: wrong dimension, or negative.
         """
-        noise, resolution = (parse(v, unit_of(channel)) for v in (self.noise, self.resolution))
+        si = unit_of(channel) if unit is None else unit
+        noise, resolution = (parse(v, si) for v in (self.noise, self.resolution))
         if noise < 0 or resolution < 0:
             raise UnitError(f"noise and resolution of '{channel}' cannot be negative")
         return noise, resolution
@@ -50,7 +55,12 @@ class SensorNoise:
     """Noise for every tick of a run, drawn at its start so that a seed fixes it."""
 
     def __init__(
-        self, sensors: dict[str, Sensor], channels: tuple[str, ...], n: int, seed: list[int]
+        self,
+        sensors: dict[str, Sensor],
+        channels: tuple[str, ...],
+        n: int,
+        seed: list[int],
+        units: Mapping[str, str],
     ) -> None:
         generator = np.random.default_rng(seed)
         self._noise = np.zeros((n, len(channels)))
@@ -58,7 +68,7 @@ class SensorNoise:
         for column, channel in enumerate(channels):
             drawn = generator.standard_normal(n)
             if channel in sensors:
-                noise, self._count[column] = sensors[channel].in_si(channel)
+                noise, self._count[column] = sensors[channel].in_si(channel, units.get(channel))
                 self._noise[:, column] = noise * drawn
 
     def read(self, tick: int, truth: FloatArray) -> FloatArray:

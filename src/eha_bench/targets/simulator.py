@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,14 +13,15 @@ from pydantic import Field
 from eha_bench.control.controller import Context
 from eha_bench.control.controller_file import ControllerSet, load_controllers
 from eha_bench.core import yaml_file
+from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place, UnitError
-from eha_bench.core.linkage import Linkage
+from eha_bench.core.limit import Bounds
 from eha_bench.core.shipped import shipped
-from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial
+from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import StrictModel
-from eha_bench.plants.eha_knee.plant import EhaKnee, Session
-from eha_bench.plants.model import Model, load_model
+from eha_bench.plants.model import Model, model_from
+from eha_bench.targets.channel_check import check_channels
 from eha_bench.targets.closed_loop import ClosedLoop
 from eha_bench.targets.sensors import RIG_SENSORS, Sensor
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
@@ -46,7 +47,7 @@ class SimulatorFile(StrictModel):
 
 
 class Simulator(Target):
-    """Runs trials on a model of the knee EHA in simulated time."""
+    """Runs trials on a model in simulated time."""
 
     def __init__(
         self,
@@ -58,22 +59,14 @@ class Simulator(Target):
         name: str = "simulator",
     ) -> None:
         plant = model.plant
-        if not isinstance(plant, EhaKnee):
-            raise InputError(
-                f"the simulator runs suites on eha_knee, not on {model.plant_id}",
-                hint="a model of that plant is for datasets: give it to `eha-bench predict`, "
-                "`calibrate` or `diagnose`",
-            )
+        plant.check_session()
         self._plant = plant
         self._model = model
+        self._vector = model.vector()
         self._controllers = controllers
         self._sensors = RIG_SENSORS if sensors is None else sensors
         self._step = step
         self._name = name
-        volume, area = model.value("volume_a"), model.value("piston_area_a")
-        self._linkage = Linkage(
-            model.value("link_a"), model.value("link_b"), model.value("link_c0"), volume / area
-        )
 
     @property
     def identity(self) -> Identity:
@@ -96,30 +89,42 @@ class Simulator(Target):
         """Travel to other processes without the compiled kernel, which each has of its own."""
         return _again, (self._model, self._controllers, self._sensors, self._step, self._name)
 
+    def reach(self, channel: str) -> Bounds:
+        """How far the model's positions go."""
+        low, high = self._plant.position_range(self._vector).get(channel, (-math.inf, math.inf))
+        return Bounds(low, high)
+
     def check(self, trial: Trial) -> None:
-        """Raise an InputError if there is no controller for the mode, or no such position."""
+        """Raise an InputError if there is no controller for the mode, or no such start."""
+        check_channels(trial, self._units, self._plant.id, self._plant.command)
         self._controllers.make(trial.mode, self._context(trial))
+        self._plant.check_session(
+            locked=trial.setup.piston is Piston.LOCKED,
+            bypass_open=trial.setup.bypass is Bypass.OPEN,
+        )
         self._initial(trial)
 
     def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
         """Run one repeat; the same trial, repeat and files give the same recording."""
-        loop = ClosedLoop(
-            trial,
-            repeat,
-            (*self._plant.outputs, "joint_angle"),
-            self._controllers.make(trial.mode, self._context(trial)),
-            self._sensors,
-            self._constants(),
-        )
         session = self._plant.session(
-            self._model.vector(),
-            trial.clock(),
+            self._vector,
             self._initial(trial),
             locked=trial.setup.piston is Piston.LOCKED,
             bypass_open=trial.setup.bypass is Bypass.OPEN,
             step=self._step,
+            start=float(trial.clock()[0]),
         )
-        return loop.run(_Knee(session, self._linkage), stopping)
+        loop = ClosedLoop(
+            trial,
+            repeat,
+            session.channels,
+            self._controllers.make(trial.mode, self._context(trial)),
+            self._sensors,
+            self._constants(),
+            {name: unit for name, unit in self._units.items() if name not in CHANNELS},
+            self._plant.command,
+        )
+        return loop.run(session, stopping)
 
     def _constants(self) -> dict[str, str]:
         """Return the plant's parameters, SI, as metadata: identification needs some of them."""
@@ -127,27 +132,55 @@ class Simulator(Target):
         return {f"model.{name}": repr(self._model.value(name)) for name in names}
 
     def _context(self, trial: Trial) -> Context:
-        limit = self._model.value("current_limit")
-        return Context(1.0 / trial.sample_rate, limit, self._linkage)
+        plant, vector = self._plant, self._vector
+        return Context(
+            period=1.0 / trial.sample_rate,
+            command_limit=plant.command_limit(vector),
+            linkage=plant.linkage(vector),
+            command=plant.command,
+            command_unit=plant.units[plant.command],
+            channel=trial.channel,
+            unit=self._units.get(trial.channel, trial.mode.unit),
+        )
+
+    @property
+    def _units(self) -> dict[str, str]:
+        """SI unit of everything that a trial may name."""
+        plant = self._plant
+        names = (plant.command, *plant.outputs, *plant.derived_channels)
+        found = {name: plant.units[name] for name in names}
+        if {"pressure_a", "pressure_b"} <= found.keys():
+            found["pressure_difference"] = unit_of("pressure_difference")
+        return found
 
     def _initial(self, trial: Trial) -> dict[str, float]:
-        """Return the state a trial starts from: where it says, or where its reference starts."""
-        initial = dict(trial.setup.initial)
-        angle = initial.pop("joint_angle", None)
-        first = float(trial.reference(np.zeros(1))[0])
-        if not initial and angle is None and trial.setup.piston is Piston.FREE:
-            if trial.mode is ControlMode.JOINT_ANGLE:
-                angle = first
-            elif trial.mode is ControlMode.PISTON_POSITION:
-                initial["piston_position"] = first
-        if angle is not None:
-            initial["piston_position"] = self._linkage.position_at(angle)
-        position = initial.get("piston_position", 0.0)
-        if abs(position) >= self._linkage.half_stroke:
-            raise InputError(
-                f"trial '{trial.id}' starts at {position * 1e3:.1f} mm, outside the stroke",
-                hint=f"the rod moves within +-{self._linkage.half_stroke * 1e3:.1f} mm",
-            )
+        """Return the state a trial starts from: where it says, or where its reference starts.
+
+        Raises:
+            InputError: the plant has no such state, or the start is outside its range.
+        """
+        plant, ranges = self._plant, self._plant.position_range(self._vector)
+        asked = dict(trial.setup.initial)
+        if not asked and trial.setup.piston is Piston.FREE and trial.channel in ranges:
+            asked[trial.channel] = float(trial.reference(np.zeros(1))[0])
+        initial = {name: value for name, value in asked.items() if name in plant.states}
+        for name, value in asked.items():
+            if name not in initial:
+                behind = plant.behind(self._vector, {**initial, name: value})
+                if not behind:
+                    raise InputError(
+                        f"trial '{trial.id}' starts at a {name}, which is no state of {plant.id}",
+                        hint=f"it has: {', '.join((*plant.states, *ranges))}",
+                    )
+                initial |= behind
+        for name, value in {**asked, **initial}.items():
+            low, high = ranges.get(name, (-math.inf, math.inf))
+            if value <= low or value >= high:
+                unit = plant.units[name]
+                raise InputError(
+                    f"trial '{trial.id}' starts at a {name} of {value:g} {unit}, outside its range",
+                    hint=f"it can be between {low:.4g} and {high:.4g} {unit}",
+                )
         return initial
 
 
@@ -157,22 +190,6 @@ def _again(
     return Simulator(model, controllers, sensors=sensors, step=step, name=name)
 
 
-@dataclass(frozen=True)
-class _Knee:
-    """A session of the plant with the encoder at the joint."""
-
-    session: Session
-    linkage: Linkage
-
-    @property
-    def truth(self) -> FloatArray:
-        reading = self.session.reading
-        return np.append(reading, self.linkage.angle_at(float(reading[4])))
-
-    def advance(self, command: float) -> None:
-        self.session.advance(command)
-
-
 def simulator_from_file(path: Path) -> Simulator:
     """Return the simulator that a target.yaml describes.
 
@@ -180,24 +197,24 @@ def simulator_from_file(path: Path) -> Simulator:
         InputError: with file, line and key.
     """
     content = yaml_file.load(path)
-    file = yaml_file.validate(SimulatorFile, content, str(path))
+    file = yaml_file.validate(SimulatorFile, content, str(path), kind="target")
     folder = path.resolve().parent
-    for channel, sensor in (file.sensors or {}).items():
-        line = yaml_file.line_of(content, ["sensors", channel])
-        try:
-            sensor.in_si(channel)
-        except UnitError as error:
-            where = Place(file=str(path), line=line, key=f"sensors.{channel}")
-            raise InputError(error.what, where=where, hint=error.hint) from error
 
     def beside(key: str, name: str) -> Path:
         where = Place(file=str(path), line=yaml_file.line_of(content, [key]), key=key)
         return yaml_file.named_file(folder, name, where)
 
-    model = beside("model", file.model)
+    model = model_from(beside("model", file.model))
+    for channel, sensor in (file.sensors or {}).items():
+        line = yaml_file.line_of(content, ["sensors", channel])
+        try:
+            sensor.in_si(channel, model.plant.units.get(channel))
+        except UnitError as error:
+            where = Place(file=str(path), line=line, key=f"sensors.{channel}")
+            raise InputError(error.what, where=where, hint=error.hint) from error
     own = beside("controller", file.controller) if file.controller else None
     return Simulator(
-        load_model(model),
+        model,
         load_controllers(own or shipped("controllers/paper.yaml")),
         sensors=file.sensors,
         step=file.step,
@@ -209,7 +226,7 @@ def default_simulator(model: Path | None = None, controller: Path | None = None)
     """Return the simulator with the shipped model and controller, or those given."""
     chosen = model or shipped("models/paper.yaml")
     return Simulator(
-        load_model(chosen), load_controllers(controller or shipped("controllers/paper.yaml"))
+        model_from(chosen), load_controllers(controller or shipped("controllers/paper.yaml"))
     )
 
 

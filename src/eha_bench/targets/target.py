@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from eha_bench.core.limit import Bounds
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
 
@@ -73,6 +74,10 @@ class Target(ABC):
         """Whether copies of it, pickled elsewhere, may run several trials at a time."""
         return False
 
+    def reach(self, channel: str) -> Bounds:  # noqa: ARG002 - a target that knows overrides it
+        """How far a channel can be driven, SI; without bounds where the target does not know."""
+        return Bounds()
+
     @abstractmethod
     def check(self, trial: Trial) -> None:
         """Raise an EhaBenchError if this target cannot run the trial, before anything moves."""
@@ -90,7 +95,7 @@ class Target(ABC):
     def preview(self, trial: Trial) -> tuple[str, ...]:
         """Return what a run of the trial would do to the target, one line each; nothing is sent."""
         ticks = trial.clock().size
-        return (f"{ticks} ticks at {trial.sample_rate:g} Hz, mode {trial.mode.value}: simulated",)
+        return (f"{ticks} ticks at {trial.sample_rate:g} Hz, mode {trial.mode.name}: simulated",)
 
     def keep_journal(self, journal: Journal) -> None:  # noqa: B027 - a simulation is not torn
         """Write the next run to a file while it runs, if a crash could otherwise cost it."""

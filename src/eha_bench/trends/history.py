@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,9 +16,14 @@ from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, metric_spec
+from eha_bench.core.showing import html_table
 from eha_bench.core.workers import HERE, Workers
+from eha_bench.suites.acceptance.grammar import parse_bounds, split_words
 from eha_bench.trends.changes import FEWEST
+from eha_bench.trends.events import Event, events_of
 from eha_bench.trends.index import Entry, Index, Night
+from eha_bench.trends.specimens import Kin, kin_of
+from eha_bench.trends.swing import Swing
 from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import State, Trend, judge
 
@@ -53,6 +59,16 @@ class History:
         """Metrics in which the newest run is not what was."""
         return tuple(trend for trend in self.trends if trend.state.drifted)
 
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """Metrics that moved together, those of the newest run first."""
+        return events_of(self.nights, self.trends)
+
+    @cached_property
+    def kin(self) -> tuple[Kin, ...]:
+        """Metrics of units of one kind, side by side."""
+        return kin_of(self.trends)
+
     def of(self, state: State) -> tuple[Trend, ...]:
         """Metrics in whose course the newest run is this."""
         return tuple(trend for trend in self.trends if trend.state is state)
@@ -62,12 +78,29 @@ class History:
         """`drifted`, `steady`, or `undecided` where nothing can be said of any metric."""
         if self.drifted:
             return "drifted"
-        return "steady" if self.of(State.STEADY) else "undecided"
+        known = self.of(State.STEADY) or self.of(State.ONE_NIGHT_OUT)
+        return "steady" if known else "undecided"
 
     def exit_status(self, *, only_worse: bool = False) -> int:
         """1 where the newest run drifted (`only_worse`: not for the better), else 0."""
         found = [trend for trend in self.drifted if not only_worse or trend.worse is not False]
         return int(bool(found))
+
+    def __repr__(self) -> str:
+        """What it is in one line: how many runs and metrics, and what drifted."""
+        return (
+            f"<History of {self.folder}: {len(self.nights)} runs, {len(self.trends)} metrics, "
+            f"{self.status}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a line a metric."""
+        rows = [
+            (trend.trial, trend.metric, float(trend.values[-1]), trend.unit, trend.state.value)
+            for trend in self.trends
+        ]
+        names = ("trial", "metric", "newest", "unit", "state")
+        return html_table(repr(self).strip("<>"), names, rows)
 
     def to_json(self) -> str:
         """Return the history as JSON; NaN becomes null."""
@@ -80,6 +113,8 @@ class History:
             "fewest_nights": FEWEST,
             "problems": list(self.problems),
             "nights": [_night(night) for night in self.nights],
+            "events": [_event(event) for event in self.events],
+            "units": [_kin(kin) for kin in self.kin],
             "trends": [_trend(trend, places) for trend in self.trends],
         }
         return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
@@ -122,15 +157,17 @@ class _Watched:
     Attributes:
         key: suite, target, trial, metric, channel, unit.
         entries: in the order of the nights. nights: the same ones.
-        scored: whether the newest night of its suite and target has a value.
-        missed: nights without one since the first. family: how many metrics are watched.
+        missing: newest nights in a row of its suite and target that have no value, and nights
+            without one before them, since its first.
+        lost: the first of the newest nights without a value; None for none.
+        family: how many metrics are watched.
     """
 
     key: Key
     entries: tuple[Entry, ...]
     nights: tuple[Night, ...]
-    scored: bool
-    missed: int
+    missing: tuple[int, int]
+    lost: Night | None
     family: int
 
 
@@ -157,8 +194,10 @@ def _watched(index: Index) -> list[_Watched]:
         all_nights = by_group[key[:2]]
         seen = tuple(nights[entry.run] for entry in entries)
         since = [night for night in all_nights if order[night.id] >= order[seen[0].id]]
-        scored = seen[-1] is all_nights[-1]
-        found.append(_Watched(key, tuple(entries), seen, scored, len(since) - len(seen), family))
+        gone = [night for night in since if order[night.id] > order[seen[-1].id]]
+        missing = (len(gone), len(since) - len(seen) - len(gone))
+        lost = gone[0] if gone else None
+        found.append(_Watched(key, tuple(entries), seen, missing, lost, family))
     return found
 
 
@@ -166,13 +205,33 @@ def _judged(metric: _Watched) -> Trend:
     values = np.array([entry.value for entry in metric.entries])
     better, aim = _direction(metric.key[3])
     margin = _margin(metric.entries[-1], float(np.median(values)))
-    course, limits, drift, state = judge(
-        values, family=metric.family, margin=margin, scored=metric.scored
+    spreads = np.array([entry.spread for entry in metric.entries])
+    known = spreads[np.isfinite(spreads)]
+    judged = judge(
+        values,
+        family=metric.family,
+        margin=margin,
+        own=float(np.median(known)) if known.size else math.nan,
+        missing=metric.missing,
     )
     return Trend(
-        *metric.key, better, aim, metric.nights, values, course, limits, drift, margin, state,
-        metric.missed,
+        *metric.key, better, aim, metric.nights, values, judged, margin, sum(metric.missing),
+        metric.lost, _bounds(metric.entries),
     )  # fmt: skip
+
+
+def _bounds(entries: tuple[Entry, ...]) -> tuple[float, float]:
+    """Return the newest acceptance limit in SI; infinite where there is none that is absolute."""
+    text = next((entry.bound for entry in reversed(entries) if entry.bound), "")
+    text = text.rpartition(",")[0] if text.endswith("of the repeats") else text
+    try:
+        words = split_words(text)
+        if not words.bounds or words.relative or "of baseline" in words.bounds:
+            return -math.inf, math.inf
+        bounds = parse_bounds(words.bounds, entries[-1].unit)
+    except EhaBenchError:
+        return -math.inf, math.inf  # it is there to be drawn: nothing depends on it
+    return bounds.low, bounds.high
 
 
 def _direction(metric: str) -> tuple[int, float]:
@@ -192,6 +251,48 @@ def _margin(entry: Entry, level: float) -> float:
     return DEFAULT_SHARE * abs(level)
 
 
+def _event(event: Event) -> dict[str, Any]:
+    return {
+        "now": event.now,
+        "since": _place(event.start),
+        "before": _place(event.before) if event.before is not None else None,
+        "metrics": [
+            {
+                "trial": trend.trial,
+                "metric": trend.metric,
+                "channel": trend.channel,
+                "state": trend.state.value,
+                "shift": finite_or_none(trend.shift) if event.now else None,
+                "worse": trend.worse if event.now else None,
+                "unit": trend.unit,
+            }
+            for trend in event.trends
+        ],
+    }
+
+
+def _kin(kin: Kin) -> dict[str, Any]:
+    return {
+        "suite": kin.suite,
+        "trial": kin.trial,
+        "metric": kin.metric,
+        "channel": kin.channel,
+        "unit": "" if kin.relative else kin.unit,
+        "relative": kin.relative,
+        "targets": [
+            {
+                "target": one.trend.target,
+                "first": finite_or_none(one.first),
+                "change": finite_or_none(one.change),
+                "low": finite_or_none(one.low),
+                "high": finite_or_none(one.high),
+                "odd": one.odd,
+            }
+            for one in kin.specimens
+        ],
+    }
+
+
 def _night(night: Night) -> dict[str, Any]:
     return {
         "path": night.path,
@@ -202,6 +303,7 @@ def _night(night: Night) -> dict[str, Any]:
         "revision": night.revision,
         "version": night.version,
         "status": night.status,
+        "oil_temperature": night.oil_temperature,
     }
 
 
@@ -221,7 +323,11 @@ def _trend(trend: Trend, places: dict[int, int]) -> dict[str, Any]:
         "level": finite_or_none(trend.level),
         "limits": [finite_or_none(limit) for limit in trend.limits],
         "sigma": finite_or_none(trend.course.sigma),
-        "drift_since_change": finite_or_none(trend.drift),
+        "drift_since_change": finite_or_none(trend.judged.drift),
+        "since": _place(trend.since) if trend.since is not None else None,
+        "shift": finite_or_none(trend.shift),
+        "swing": _swing(trend.judged.swing),
+        "acceptance": [finite_or_none(bound) for bound in trend.bounds],
         "slope_per_night": finite_or_none(trend.course.slope),
         "matters": finite_or_none(trend.margin),
         "changes": [
@@ -242,7 +348,13 @@ def _trend(trend: Trend, places: dict[int, int]) -> dict[str, Any]:
     }
 
 
-def _place(night: Night) -> dict[str, str]:
+def _swing(swing: Swing | None) -> dict[str, float] | None:
+    if swing is None:
+        return None
+    return {"period_nights": round(swing.period, 1), "amplitude": swing.amplitude}
+
+
+def _place(night: Night) -> dict[str, str | float | None]:
     return {
         "result": night.path,
         "started": night.started,
@@ -250,4 +362,5 @@ def _place(night: Night) -> dict[str, str]:
         "rig": night.target,
         "host": night.host,
         "suite_sha256": night.suite_sha256,
+        "oil_temperature": night.oil_temperature,
     }

@@ -19,8 +19,9 @@ from typing import Final
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.output_folder import writable
 from eha_bench.core.result import Result, Status
+from eha_bench.core.score import Measure
 
-VERSION: Final = 1
+VERSION: Final = 2
 RESULT_NAME: Final = "result.json"
 
 _TABLES: Final = f"""
@@ -29,19 +30,31 @@ CREATE TABLE runs (
   id INTEGER PRIMARY KEY, path TEXT NOT NULL UNIQUE, bytes INTEGER NOT NULL,
   changed INTEGER NOT NULL, started TEXT NOT NULL, suite TEXT NOT NULL, target TEXT NOT NULL,
   status TEXT NOT NULL, revision TEXT NOT NULL, host TEXT NOT NULL, version TEXT NOT NULL,
-  suite_sha256 TEXT NOT NULL, model_sha256 TEXT NOT NULL, controller_sha256 TEXT NOT NULL
+  suite_sha256 TEXT NOT NULL, model_sha256 TEXT NOT NULL, controller_sha256 TEXT NOT NULL,
+  oil_temperature REAL
 );
 CREATE TABLE scores (
   run INTEGER NOT NULL REFERENCES runs (id), trial TEXT NOT NULL, metric TEXT NOT NULL,
   channel TEXT NOT NULL, unit TEXT NOT NULL, value REAL, repeats INTEGER NOT NULL,
-  bound TEXT NOT NULL, matters TEXT NOT NULL
+  bound TEXT NOT NULL, matters TEXT NOT NULL, spread REAL
 );
 """
+_SECOND_VERSION: Final = """
+ALTER TABLE runs ADD COLUMN oil_temperature REAL;
+ALTER TABLE scores ADD COLUMN spread REAL;
+PRAGMA user_version = 2;
+"""
+_OF_MEDIAN: Final = 1.2533  # its standard deviation over that of a mean, of normal values
+_HALF_WIDTHS: Final = 2.0 * 1.959963984540054
 
 
 @dataclass(frozen=True)
 class Night:
-    """One run: where its result is (relative to the folder that is watched), and what was run."""
+    """One run: where its result is (relative to the folder that is watched), and what was run.
+
+    `started` is when it was recorded (of recordings that were scored later, not when they were);
+    `oil_temperature` in K is None where nobody logged it.
+    """
 
     id: int
     path: str
@@ -55,11 +68,16 @@ class Night:
     suite_sha256: str
     model_sha256: str
     controller_sha256: str
+    oil_temperature: float | None
 
 
 @dataclass(frozen=True)
 class Entry:
-    """The median of one metric over the repeats of one run, SI; NaN if it was not scored."""
+    """The median of one metric over the repeats of one run, SI; NaN if it was not scored.
+
+    `bound` is the acceptance limit in SI, "" for none; `spread` the median's standard deviation by
+    the repeats' own intervals and scatter, NaN where unknown.
+    """
 
     run: int
     trial: str
@@ -70,6 +88,7 @@ class Entry:
     repeats: int
     bound: str
     matters: str
+    spread: float
 
 
 @dataclass(frozen=True)
@@ -123,6 +142,8 @@ def _prepare(database: sqlite3.Connection, file: Path) -> None:
     version = database.execute("PRAGMA user_version").fetchone()[0]
     if version == 0 and not database.execute("SELECT name FROM sqlite_master").fetchall():
         database.executescript(_TABLES)
+    elif version == 1:  # runs whose results are gone are in it: they stay
+        database.executescript(_SECOND_VERSION)
     elif version != VERSION:
         raise InputError(
             f"an index of version {version}, not {VERSION}",
@@ -160,42 +181,66 @@ def _append(database: sqlite3.Connection, folder: Path) -> list[str]:
 def _add(database: sqlite3.Connection, name: str, stamp: tuple[int, int], result: Result) -> None:
     said = result.provenance
     keys = ("revision", "host", "version", "suite_sha256", "model_sha256", "controller_sha256")
-    started = said.get("started") or datetime.fromtimestamp(stamp[1] / 1e9, UTC).isoformat()
+    started = (
+        said.get("recorded")
+        or said.get("started")
+        or datetime.fromtimestamp(stamp[1] / 1e9, UTC).isoformat()
+    )
     row = (
         name, *stamp, started, result.suite, result.target, result.status.value,
-        *(said.get(key, "") for key in keys),
+        *(said.get(key, "") for key in keys), _number(said.get("oil_temperature", "")),
     )  # fmt: skip
     key = database.execute(
         f"INSERT INTO runs VALUES (NULL, {', '.join('?' * len(row))})", row
     ).lastrowid
     database.executemany(
-        "INSERT INTO scores VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO scores VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         [(key, *entry) for entry in _scores(result)],
     )
 
 
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
 def _scores(
     result: Result,
-) -> Iterator[tuple[str, str, str, str, float | None, int, str, str]]:
-    grouped: dict[tuple[str, str, str, str], list[float]] = {}
+) -> Iterator[tuple[str, str, str, str, float | None, int, str, str, float | None]]:
+    grouped: dict[tuple[str, str, str, str], list[Measure]] = {}
     about: dict[tuple[str, str, str, str], tuple[str, str]] = {}
     for trial in result.trials:
         if trial.status not in (Status.PASSED, Status.FAILED):
             continue
         for score in trial.scores:
             key = (trial.id, score.metric, score.channel, score.unit)
-            values = grouped.setdefault(key, [])
-            about.setdefault(key, (score.limit, score.matters))
+            found = grouped.setdefault(key, [])
+            about.setdefault(key, (score.limit_in_si or score.limit, score.matters))
             if math.isfinite(score.value):
-                values.append(score.value)
-    for key, values in grouped.items():
-        yield (*key, statistics.median(values) if values else None, len(values), *about[key])
+                found.append(score.measure)
+    for key, measures in grouped.items():
+        value = statistics.median(m.value for m in measures) if measures else None
+        yield (*key, value, len(measures), *about[key], _spread(measures))
+
+
+def _spread(measures: list[Measure]) -> float | None:
+    """Return the standard deviation of the median of repeats; None where nothing tells it."""
+    widths = [m.high - m.low for m in measures if math.isfinite(m.high - m.low)]
+    own = math.sqrt(sum(w * w for w in widths) / len(widths)) / _HALF_WIDTHS if widths else 0.0
+    count = len(measures)
+    scatter = statistics.stdev(m.value for m in measures) if count > 2 else 0.0
+    factor = _OF_MEDIAN if count > 2 else 1.0
+    found = factor * max(own, scatter) / math.sqrt(max(1, count))
+    return found if found > 0.0 else None
 
 
 def _nights(database: sqlite3.Connection) -> Iterator[Night]:
     rows = database.execute(
         "SELECT id, path, started, suite, target, status, revision, host, version, suite_sha256,"
-        " model_sha256, controller_sha256 FROM runs"
+        " model_sha256, controller_sha256, oil_temperature FROM runs"
     )
     # by the instant: time zones differ
     yield from sorted((Night(*row) for row in rows), key=lambda n: (_instant(n.started), n.path))
@@ -211,8 +256,10 @@ def _instant(text: str) -> float:
 
 def _entries(database: sqlite3.Connection) -> Iterator[Entry]:
     rows = database.execute(
-        "SELECT run, trial, metric, channel, unit, value, repeats, bound, matters FROM scores"
+        "SELECT run, trial, metric, channel, unit, value, repeats, bound, matters, spread"
+        " FROM scores"
     )
-    for run, trial, metric, channel, unit, value, *rest in rows:
+    for run, trial, metric, channel, unit, value, repeats, bound, matters, spread in rows:
         number = math.nan if value is None else value
-        yield Entry(run, trial, metric, channel, unit, number, *rest)
+        own = math.nan if spread is None else spread
+        yield Entry(run, trial, metric, channel, unit, number, repeats, bound, matters, own)

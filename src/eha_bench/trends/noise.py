@@ -31,7 +31,9 @@ _LAGS: Final = (4, 5, 6, 7)
 _SHORT_LAGS: Final = (2, 3)
 _MOST_CORRELATED: Final = 0.9
 _TRIED: Final = np.linspace(0.0, 0.99, 100)
+_UNSEEN: Final = 0.6  # correlation that few nights are supposed to have
 _DOUBT: Final = 1.0  # standard errors by which the correlation may be larger than it seems
+_DOUBT_OF_FEW: Final = 1.5
 
 
 @dataclass(frozen=True)
@@ -51,14 +53,15 @@ def noise_of(values: FloatArray) -> Noise:
     """Return the noise of a series of at least two values, shape (n,)."""
     scale = float(np.abs(values).max()) or 1.0
     sigma = max(_spread(values, 1), _LAST_DIGIT * scale)
-    if values.size < _LONG:
-        return Noise(sigma)
+    if values.size < _LONG:  # too few to see it: `newest` looks at steps that are news
+        return Noise(sigma, math.sqrt((1.0 + _UNSEEN) / (1.0 - _UNSEEN)))
     lags = _LAGS if values.size >= _VERY_LONG else _SHORT_LAGS
     spreads = [_spread(values, lag) for lag in lags]
     alike = float(np.median([
         _alike(sigma / max(spread, sigma), lag) for lag, spread in zip(lags, spreads, strict=True)
     ]))  # fmt: skip
-    alike = min(alike + _DOUBT / math.sqrt(values.size), _MOST_CORRELATED)
+    doubt = _DOUBT if values.size >= _VERY_LONG else _DOUBT_OF_FEW
+    alike = min(alike + doubt / math.sqrt(values.size), _MOST_CORRELATED)
     sigma = max(sigma, float(np.median(spreads)))
     return Noise(sigma, math.sqrt((1.0 + alike) / (1.0 - alike)))
 

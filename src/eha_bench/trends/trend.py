@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from eha_bench.trends.changes import FEWEST, Change, Course, course_of
 from eha_bench.trends.index import Night
+from eha_bench.trends.newest import newest_of, spread_of
+from eha_bench.trends.swing import Swing, swing_of
 from eha_bench.trends.tails import reach
 from eha_bench.trends.terms import Kind, Term, design
 
@@ -20,16 +23,28 @@ FloatArray = NDArray[np.float64]
 ALPHA: Final = 0.005
 """Of a false change in any metric of a history, and of a false alarm in any metric of a night."""
 
+NEWEST_ALPHA: Final = 0.006
+"""Of a false alarm by the newest nights together, in any metric."""
+
+LIMITS_ALPHA: Final = 0.005
+"""Of a night outside the control limits of one metric, by chance."""
+
 RECENT: Final = 7
 """Nights for which a step is news."""
 
 
 class State(StrEnum):
-    """What the newest run is in a metric."""
+    """What the newest run is in a metric.
 
+    `one night out` is a newest night outside its control limits that the next night has to bear
+    out; `out of limits` one so far out that it needs no second.
+    """
+
+    LOST = "not scored any more"
     OUT_OF_LIMITS = "out of limits"
     STEPPED = "stepped"
     DRIFTING = "drifting"
+    ONE_NIGHT_OUT = "one night out"
     NOT_SCORED = "not scored"
     STEADY = "steady"
     TOO_FEW = "too few nights"
@@ -37,7 +52,7 @@ class State(StrEnum):
     @property
     def drifted(self) -> bool:
         """Whether the newest run is not what the metric was."""
-        return self in (State.OUT_OF_LIMITS, State.STEPPED, State.DRIFTING)
+        return self in (State.LOST, State.OUT_OF_LIMITS, State.STEPPED, State.DRIFTING)
 
 
 @dataclass(frozen=True)
@@ -51,11 +66,11 @@ class Trend:
         nights: those that scored it, in order.
         values: (n,) one a night.
         course: changes and level.
-        limits: what the newest value has to lie between, SI; NaN with too few nights.
-        drift: by how much the level moved since the last change (0 where it does not).
+        judged: what was found of them.
         margin: smallest change that matters.
-        state: what the newest run is.
         missed: nights after the first at which it was not scored, the newest included.
+        lost: the first night from which on it was not scored any more; None where it is.
+        bounds: acceptance limits of the newest night that had any, SI; infinite without.
     """
 
     suite: str
@@ -68,12 +83,33 @@ class Trend:
     aim: float
     nights: tuple[Night, ...]
     values: FloatArray
-    course: Course
-    limits: tuple[float, float]
-    drift: float
+    judged: Judged
     margin: float
-    state: State
     missed: int
+    lost: Night | None = None
+    bounds: tuple[float, float] = (-math.inf, math.inf)
+
+    @property
+    def state(self) -> State:
+        """What the newest run is."""
+        return self.judged.state
+
+    @property
+    def course(self) -> Course:
+        """Changes and level."""
+        return self.judged.course
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """What the newest value has to lie between, SI; NaN with too few nights."""
+        return self.judged.limits
+
+    @property
+    def since(self) -> Night | None:
+        """The first night of what is wrong now; None where nothing is."""
+        if self.state is State.LOST:
+            return self.lost
+        return self.nights[self.judged.since] if self.state.drifted else None
 
     @property
     def level(self) -> float:
@@ -82,57 +118,144 @@ class Trend:
 
     @property
     def shift(self) -> float:
-        """By how much the newest run is away from what was, whatever the state."""
-        if self.state is State.DRIFTING:
-            return self.drift
-        if self.state is State.STEPPED:
-            return self.course.changes[-1].size
-        if self.values.size < FEWEST:
-            return math.nan
-        return float(self.values[-1] - self.course.line[-2])
+        """By how much the newest run is away from what was, whatever the state; NaN if unknown."""
+        return self.judged.shift
 
     @property
     def worse(self) -> bool | None:
         """Whether the shift is for the worse; None where nobody knows which value is better."""
+        if self.state is State.LOST:
+            return True
         now = float(self.values[-1]) if self.values.size else math.nan
         if not math.isnan(self.aim):
             return abs(now - self.aim) > abs(now - self.shift - self.aim)
         return None if self.better == 0 else self.shift * self.better < 0.0
 
 
+@dataclass(frozen=True)
+class Judged:
+    """What was found of a series.
+
+    Attributes:
+        course: changes and level.
+        limits: what the newest value has to lie between; NaN with too few nights.
+        state: what the newest run is.
+        since: index of the first night of it, where it drifted.
+        shift: by how much the newest run is away from what was; NaN if unknown.
+        drift: by how much the level moved since the last change (0 where it does not).
+        swing: a slow swing that was taken out before anything was looked for; None for none.
+    """
+
+    course: Course
+    limits: tuple[float, float]
+    state: State
+    since: int
+    shift: float
+    drift: float
+    swing: Swing | None = None
+
+
 def judge(
-    values: FloatArray, *, family: int, margin: float, scored: bool
-) -> tuple[Course, tuple[float, float], float, State]:
-    """Return course, control limits, drift since the last change and state of the newest run.
+    values: FloatArray,
+    *,
+    family: int,
+    margin: float,
+    own: float = math.nan,
+    missing: tuple[int, int] = (0, 0),
+) -> Judged:
+    """Return what a series did, and what its newest run is.
 
     Args:
         values: (n,) finite, one a night.
         family: how many metrics are watched.
         margin: smallest change that matters, SI.
-        scored: whether the newest run has a value here.
+        own: standard deviation of a night by its own interval, SI; NaN where unknown.
+        missing: newest nights in a row without a value, and nights without one before them.
     """
-    course = course_of(values, alpha=ALPHA / family)
-    limits = _limits(values, course, ALPHA / family)
+    course, swing = course_of(values, alpha=ALPHA / family), None
+    if course.changes:
+        swing = _swing(values, course)
+    if swing is not None:
+        course = course_of(values - swing.course, alpha=ALPHA / family)
+    rest = values if swing is None else values - swing.course
+    judged = _judged_rest(rest, course, family, margin, own, missing)
+    if swing is None:
+        return judged
+    newest = float(swing.course[-1])
+    return replace(
+        judged,
+        course=replace(course, line=course.line + swing.course),
+        limits=(judged.limits[0] + newest, judged.limits[1] + newest),
+        swing=swing,
+    )
+
+
+def _swing(values: FloatArray, course: Course) -> Swing | None:
+    """Return a slow swing that explains a series better than its changes do."""
+    sigma = course.sigma or 1.0
+    clipped = np.clip(values, course.line - 3.0 * sigma, course.line + 3.0 * sigma)
+    swing = swing_of(clipped, course.widening)
+    numbers = 1 + 2 * len(course.changes)
+    misfit = float(np.mean((clipped - course.line) ** 2))
+    return swing if swing is not None and swing.explains_better(misfit, numbers) else None
+
+
+def _judged_rest(
+    values: FloatArray,
+    course: Course,
+    family: int,
+    margin: float,
+    own: float,
+    missing: tuple[int, int],
+) -> Judged:
+    count, alpha = values.size, ALPHA / family
     last = course.changes[-1].start if course.changes else 0
     drift = float(course.line[-1] - course.line[last]) if course.slope else 0.0
-    if not scored:
-        state = State.NOT_SCORED
-    elif values.size < FEWEST:
-        state = State.TOO_FEW
-    elif _is_out(values, course, limits, margin):
-        state = State.OUT_OF_LIMITS
-    elif _has_stepped(course, values.size, margin):
-        state = State.STEPPED
-    else:
-        state = State.DRIFTING if abs(drift) >= margin and drift else State.STEADY
-    return course, limits, drift, state
-
-
-def _limits(values: FloatArray, course: Course, alpha: float) -> tuple[float, float]:
-    """Return the prediction interval of the newest night by all nights before it."""
-    count = values.size
+    nothing = math.nan
+    found = Judged(course, (nothing, nothing), State.STEADY, count - 1, nothing, drift)
+    if missing[0]:
+        return replace(found, state=_lost(count, *missing))
     if count < FEWEST:
-        return math.nan, math.nan
+        return replace(found, state=State.TOO_FEW)
+    expected, leverage, residuals = _expected(values, course)
+    start = _stretch(course, count)
+    known = residuals[start:-1]
+    half = _half_width(known, own, leverage)
+    away = float(values[-1]) - expected
+    found = replace(found, limits=(expected - half, expected + half), shift=away)
+    below, above = (
+        math.sqrt(1.0 + leverage) * distance for distance in reach(residuals[:-1], alpha / 2.0)
+    )
+    out = abs(away) > half and abs(away) >= margin
+    if out and not -below <= away <= above:
+        return replace(found, state=State.OUT_OF_LIMITS)
+    if _has_stepped(course, count, margin):
+        change = course.changes[-1]
+        return replace(found, state=State.STEPPED, since=change.start, shift=change.size)
+    if abs(drift) >= margin and drift:
+        return replace(found, state=State.DRIFTING, since=last, shift=drift)
+    newest = newest_of(_from_before(values, course, start), own)
+    if newest.p_value <= NEWEST_ALPHA / family and abs(newest.shift) >= margin:
+        since = count - newest.span
+        return replace(found, state=State.STEPPED, since=since, shift=newest.shift)
+    return replace(found, state=State.ONE_NIGHT_OUT) if out else found
+
+
+def _lost(known: int, gone: int, before: int) -> State:
+    """Return whether the newest nights without a value are more than those before explain."""
+    usual = (before + 0.5) / (known + before + 1.0)
+    return State.LOST if known >= 2 and usual**gone <= ALPHA else State.NOT_SCORED
+
+
+def _stretch(course: Course, count: int) -> int:
+    """Return the index from which on nights are what the newest has to be like."""
+    starts = [change.start for change in course.changes if change.start <= count - FEWEST]
+    return starts[-1] if starts else 0
+
+
+def _expected(values: FloatArray, course: Course) -> tuple[float, float, FloatArray]:
+    """Return the newest night as expected by those before, its leverage, and all residuals."""
+    count = values.size
     terms = _terms(course.changes, count - 2)
     matrix = design(terms, count)
     before, newest = matrix[:-1], matrix[-1]
@@ -141,23 +264,27 @@ def _limits(values: FloatArray, course: Course, alpha: float) -> tuple[float, fl
     known = np.clip(values, course.line - far, course.line + far)[:-1]
     sizes = np.linalg.lstsq(before, known, rcond=None)[0]
     leverage = float(newest @ np.linalg.pinv(before.T @ before) @ newest)
-    expected = float(newest @ sizes)
-    floor = 1e-9 * max(abs(expected), float(np.abs(values).max()))
-    below, above = (
-        max(math.sqrt(1.0 + leverage) * distance, floor)
-        for distance in reach(values[:-1] - before @ sizes, alpha / 2.0)
-    )
-    return expected - below, expected + above
+    return float(newest @ sizes), leverage, values - matrix @ sizes
+
+
+def _half_width(residuals: FloatArray, own: float, leverage: float) -> float:
+    """Return how far a night lies from its level, but once in 200 nights of one metric."""
+    sigma = spread_of(residuals, own)
+    quantile = float(stats.t.isf(LIMITS_ALPHA / 2.0, max(2, residuals.size - 1)))
+    floor = 1e-9 * float(np.abs(residuals).max())
+    return max(quantile * sigma * math.sqrt(1.0 + leverage), floor)
+
+
+def _from_before(values: FloatArray, course: Course, start: int) -> FloatArray:
+    """Return the nights of the last stretch about the line that those but the newest lie on."""
+    nights = values[start:]
+    if not course.slope:
+        return nights - float(np.median(nights[:-2]))
+    return nights - course.line[start:]
 
 
 def _terms(changes: tuple[Change, ...], latest: int) -> list[Term]:
     return [Term(change.start, change.kind) for change in changes if change.start <= latest]
-
-
-def _is_out(values: FloatArray, course: Course, limits: tuple[float, float], margin: float) -> bool:
-    newest = float(values[-1])
-    away = abs(newest - float(course.line[-2]))
-    return not limits[0] <= newest <= limits[1] and away >= margin
 
 
 def _has_stepped(course: Course, count: int, margin: float) -> bool:

@@ -19,7 +19,7 @@ def test_a_command_arrives_as_it_was_meant(
     eha_drive: Drive, mode: ControlMode, value: float
 ) -> None:
     command = eha_drive.commands[mode]
-    scale = {"current": 1.0, "pressure": 1e6, "joint_angle": math.pi / 180}[mode.value]
+    scale = {"current": 1.0, "pressure": 1e6, "joint_angle": math.pi / 180}[mode.name]
     frame = eha_drive.command_frame(mode, value * scale, 1)
     signals = eha_drive.decode(frame.id, frame.data)
     assert signals is not None

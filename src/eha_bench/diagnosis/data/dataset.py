@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import glob
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
 from eha_bench.core import yaml_file
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.recording import Recording
+from eha_bench.core.shipped import by_name
 from eha_bench.core.trial import Bypass, Piston
-from eha_bench.core.yaml_file import StrictModel
-from eha_bench.plants.model import Model, load_model
+from eha_bench.core.units import Unit
+from eha_bench.core.yaml_file import Real, StrictModel, WrongAt
+from eha_bench.plants.layout import Layout
+from eha_bench.plants.model import Model, model_from, parse_parameter
 from eha_bench.plants.plant import Plant
 from eha_bench.plants.static_plant import StaticPlant
+from eha_bench.recordings.computed import ComputedChannel, check_known, in_order, with_computed
+
+FloatArray = NDArray[np.float64]
 
 _FEWEST = 10
 _LONGEST = 86_400.0
@@ -25,22 +35,53 @@ _LONGEST = 86_400.0
 
 
 class Use(StrEnum):
-    """What a run is for: `holdout` runs are only scored, when everything is decided."""
+    """What a run is for: all but `train` are only scored, when everything is decided.
+
+    `unseen` runs are held out as well, and of another kind (another load, another excitation):
+    they are scored apart.
+    """
 
     TRAIN = "train"
     HOLDOUT = "holdout"
+    UNSEEN = "unseen"
 
 
 class RunEntry(StrictModel):
     """One recording with the setup it was made in."""
 
-    log: Annotated[str, Field(min_length=1, description="path, relative to this file")]
+    log: Annotated[
+        str,
+        Field(min_length=1, description="path or pattern (runs/*.csv), relative to this file"),
+    ]
     channels: Annotated[
         str | None, Field(description="its own channels.yaml instead of the dataset's")
     ] = None
     piston: Piston = Piston.FREE
     bypass: Bypass = Bypass.CLOSED
     use: Use = Use.TRAIN
+    start: Annotated[
+        float,
+        Unit("s"),
+        Field(alias="from", ge=0.0, description="only from here on, from the log's first sample"),
+    ] = 0.0
+    stop: Annotated[
+        float | None,
+        Unit("s"),
+        Field(alias="to", description="only until here, from the log's first sample"),
+    ] = None
+    parameters: Annotated[
+        dict[str, Real | str],
+        Field(
+            default_factory=dict,
+            description="what is known of this run and differs from the model: added_mass: 80 kg",
+        ),
+    ]
+
+    @model_validator(mode="after")
+    def _ends_later(self) -> RunEntry:
+        if self.stop is not None and self.stop <= self.start:
+            raise WrongAt(f"it ends at {self.stop:g} s, where it begins at {self.start:g} s", "to")
+        return self
 
 
 class DatasetFile(StrictModel):
@@ -48,7 +89,11 @@ class DatasetFile(StrictModel):
 
     model: Annotated[str, Field(description="model.yaml, relative to this file")]
     channels: Annotated[
-        str | None, Field(description="channels.yaml of all runs; none for our own recordings")
+        str | dict[str, ComputedChannel] | None,
+        Field(
+            description="channels.yaml of all runs, none for our own recordings; or channels that "
+            "are computed from those of every run"
+        ),
     ] = None
     inputs: Annotated[
         list[str],
@@ -69,8 +114,11 @@ class Run:
         name: file name without its ending; unique in the dataset.
         log, channels: paths; `channels` may be None.
         locked, bypass_open: setup.
-        use: train or holdout.
-        reader: returns the recording; a holdout run's is first called to score.
+        use: train, holdout or unseen.
+        reader: returns the recording; a held-out run's is first called to score.
+        parameters: plant's parameter -> value that it has in this run, SI.
+        own: parameter that is estimated for this run alone -> its place in a vector of parameters,
+            behind those of the layout.
     """
 
     name: str
@@ -80,6 +128,8 @@ class Run:
     bypass_open: bool
     use: Use
     reader: Callable[[], Recording]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    own: Mapping[str, int] = field(default_factory=dict)
 
     def read(self) -> Recording:
         """Read the recording.
@@ -88,6 +138,32 @@ class Run:
             RecordingError: it cannot be read, has fewer than ten samples, or is longer than a day.
         """
         return self.reader()
+
+    def vector(self, layout: Layout, vector: FloatArray) -> FloatArray:
+        """Return the plant's parameters as they are in this run, (layout.size,), SI.
+
+        Args:
+            layout: of the plant. vector: of all runs, with the values that runs have of their own
+                behind it or without.
+
+        Raises:
+            InputError: the plant has no parameter that the run names.
+        """
+        out = vector[: layout.size]
+        if not self.parameters and not self.own:
+            return out
+        out = out.copy()
+        for key, value in self.parameters.items():
+            if key not in layout.index:
+                raise InputError(
+                    f"the run sets '{key}', which the model '{layout.plant}' does not have",
+                    where=Place(file=str(self.log)),
+                )
+            out[layout.index[key]] = value
+        for key, place in self.own.items():
+            if place < vector.size:
+                out[layout.index[key]] = vector[place]
+        return out
 
 
 @dataclass(frozen=True)
@@ -99,6 +175,7 @@ class Dataset:
         inputs: channels that drive the model.
         runs: all runs, in the order of the file.
         source: the file, for messages. inputs_at: where it names its inputs.
+        computed: channels that are computed in every run, by name.
     """
 
     model: Model
@@ -106,6 +183,7 @@ class Dataset:
     runs: tuple[Run, ...]
     source: str = ""
     inputs_at: Place = field(default_factory=Place)
+    computed: tuple[str, ...] = ()
 
     @property
     def training(self) -> tuple[Run, ...]:
@@ -113,9 +191,9 @@ class Dataset:
         return tuple(run for run in self.runs if run.use is Use.TRAIN)
 
     @property
-    def holdout(self) -> tuple[Run, ...]:
-        """Runs that are only scored."""
-        return tuple(run for run in self.runs if run.use is Use.HOLDOUT)
+    def held_out(self) -> tuple[Run, ...]:
+        """Runs that are only scored, those of another kind included."""
+        return tuple(run for run in self.runs if run.use is not Use.TRAIN)
 
     def driven(self, plant: Plant) -> tuple[str, ...]:
         """Return the outputs of a plant that the inputs determine.
@@ -142,14 +220,15 @@ class Dataset:
         return replace(self, model=model)
 
 
-def load_dataset(path: Path) -> Dataset:
-    """Read a dataset.yaml; recordings are read later, one by one.
+def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
+    """Read a dataset.yaml, or a dict of what it would hold; recordings are read later, one by one.
 
     Raises:
         InputError: a wrong key or value, a missing file, with file, line and key.
     """
+    path = yaml_file.file_of(source, "dataset")
     content = yaml_file.load(path)
-    file = yaml_file.validate(DatasetFile, content, str(path))
+    file = yaml_file.validate(DatasetFile, content, str(path), kind="dataset")
     folder = path.parent
 
     def place(*keys: int | str) -> Place:
@@ -162,37 +241,118 @@ def load_dataset(path: Path) -> Dataset:
             raise InputError(f"'{name}' is not there", where=place(*keys))
         return target
 
-    model = load_model(existing(file.model, "model"))
-    shared = existing(file.channels, "channels") if file.channels else None
+    model = model_from(by_name("models", file.model) or existing(file.model, "model"))
+    if isinstance(model.plant, StaticPlant):
+        _refuse_own(model, file, place)
+    fewest = 1 if isinstance(model.plant, StaticPlant) else _FEWEST
+    given = file.channels
+    shared = existing(given, "channels") if isinstance(given, str) else None
+    computed = _computed(given, place) if isinstance(given, dict) else {}
     runs: list[Run] = []
-    uses: dict[tuple[Path, Path | None], Use] = {}
+    read: list[_Read] = []
     for number, entry in enumerate(file.runs):
-        log = existing(entry.log, "runs", number, "log")
         own = entry.channels
         channels = existing(own, "runs", number, "channels") if own else shared
-        read_as = log.resolve(), channels.resolve() if channels else None
-        if uses.setdefault(read_as, entry.use) is not entry.use:
-            raise InputError(
-                f"'{entry.log}' is both for training and held out",
-                where=place("runs", number, "log"),
-                hint="hold out a run that is not fitted: what was fitted tells nothing of the rest",
+        for log in _logs(folder, entry.log, place("runs", number, "log")):
+            part = _Read(log, channels, entry.start, entry.stop, entry.use)
+            if any(part.contradicts(other) for other in read):
+                raise InputError(
+                    f"'{log.name}' is both for training and held out",
+                    where=place("runs", number, "log"),
+                    hint="hold out a run that is not fitted: what was fitted tells nothing of the "
+                    "rest",
+                )
+            read.append(part)
+            runs.append(
+                Run(
+                    _free_name(log.stem or log.name, [run.name for run in runs]),
+                    log,
+                    channels,
+                    entry.piston is Piston.LOCKED,
+                    entry.bypass is Bypass.OPEN,
+                    entry.use,
+                    _reader(part, fewest, computed, place("channels")),
+                    {
+                        key: parse_parameter(
+                            model.plant.layout, key, raw, place("runs", number, "parameters", key)
+                        )
+                        for key, raw in entry.parameters.items()
+                    },
+                )
             )
-        runs.append(
-            Run(
-                _free_name(log.stem or log.name, [run.name for run in runs]),
-                log,
-                channels,
-                entry.piston is Piston.LOCKED,
-                entry.bypass is Bypass.OPEN,
-                entry.use,
-                _reader(log, channels, 1 if isinstance(model.plant, StaticPlant) else _FEWEST),
-            )
-        )
     if not any(run.use is Use.TRAIN for run in runs):
         raise InputError(
             "no run is for training", where=place("runs"), hint="give at least one `use: train`"
         )
-    return Dataset(model, tuple(file.inputs), tuple(runs), str(path), place("inputs"))
+    return Dataset(model, tuple(file.inputs), tuple(runs), str(path), place("inputs"), (*computed,))
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A part of a log, and what it is for."""
+
+    log: Path
+    channels: Path | None
+    start: float
+    stop: float | None
+    use: Use
+
+    def contradicts(self, other: _Read) -> bool:
+        """Whether a part of both is fitted by one and held out by the other."""
+        if (self.use is Use.TRAIN) is (other.use is Use.TRAIN):
+            return False
+        mine, theirs = (item.channels and item.channels.resolve() for item in (self, other))
+        ends, others_end = (item.stop or math.inf for item in (self, other))
+        together = self.start < others_end and other.start < ends
+        return together and mine == theirs and self.log.resolve() == other.log.resolve()
+
+
+def _logs(folder: Path, name: str, where: Place) -> Iterator[Path]:
+    """Yield the logs that a path or a pattern names, in the order of their names.
+
+    Raises:
+        InputError: there is none.
+    """
+    if (folder / name).exists():
+        yield folder / name
+        return
+    if not glob.has_magic(name):
+        raise InputError(f"'{name}' is not there", where=where)
+    # Path.glob takes no absolute pattern
+    found = sorted(glob.glob(name, root_dir=folder, recursive=True))  # noqa: PTH207
+    if not found:
+        raise InputError(f"no log matches '{name}'", where=where)
+    for log in found:
+        yield folder / log
+
+
+def _refuse_own(model: Model, file: DatasetFile, place: Callable[..., Place]) -> None:
+    """Refuse what belongs to one run only, where runs are operating points."""
+    for number, entry in enumerate(file.runs):
+        if entry.parameters:
+            raise InputError(
+                f"{model.plant_id} has operating points, which all have the model's parameters",
+                where=place("runs", number, "parameters"),
+            )
+    if model.per_run:
+        raise InputError(
+            f"{model.plant_id} has operating points, and no parameter per run",
+            where=place("model"),
+            hint="take per_run out of the model",
+        )
+
+
+def _computed(
+    channels: Mapping[str, ComputedChannel], place: Callable[..., Place]
+) -> Mapping[str, ComputedChannel]:
+    """Return computed channels whose units and order have been checked."""
+    for name, entry in channels.items():
+        try:
+            check_known(name, entry.unit)
+        except WrongAt as error:
+            raise InputError(str(error), where=place("channels", name, *error.keys)) from error
+    in_order(channels, place("channels"))
+    return channels
 
 
 def _free_name(name: str, taken: Sequence[str]) -> str:
@@ -208,24 +368,45 @@ def _free_name(name: str, taken: Sequence[str]) -> str:
     return free
 
 
-def _reader(log: Path, channels: Path | None, fewest: int) -> Callable[[], Recording]:
+def _reader(
+    part: _Read, fewest: int, computed: Mapping[str, ComputedChannel], where: Place
+) -> Callable[[], Recording]:
     def read() -> Recording:
         # imported here: reading formats pulls in large libraries that a schema check needs not
         from eha_bench.recordings import read as read_recording
 
-        recording = read_recording(log, channels=channels)
+        recording = read_recording(part.log, channels=part.channels)
+        if computed:
+            recording = with_computed(recording, computed, where)
+        recording = _cut(recording, part)
         if len(recording) < fewest:
             raise RecordingError(
-                f"only {len(recording)} samples, too few to hold a model against",
-                where=Place(file=str(log)),
+                f"only {len(recording)} samples{_window(part)}, too few to hold a model against",
+                where=Place(file=str(part.log)),
             )
         length = float(recording.time[-1] - recording.time[0])
         if fewest > 1 and length > _LONGEST:
             raise RecordingError(
                 f"{len(recording)} samples over {length:.3g} s are more than a day",
-                where=Place(file=str(log)),
+                where=Place(file=str(part.log)),
                 hint="check the unit of its time in channels.yaml, or cut it",
             )
         return recording
 
     return read
+
+
+def _cut(recording: Recording, part: _Read) -> Recording:
+    """Return the window of a recording that a run asks for, counted from its first sample."""
+    if not len(recording) or (part.start == 0.0 and part.stop is None):
+        return recording
+    first = float(recording.time[0])
+    stop = math.inf if part.stop is None else part.stop
+    return recording.between(first + part.start, first + stop)
+
+
+def _window(part: _Read) -> str:
+    """Say which window was asked for, where it is not all of the log."""
+    if part.stop is not None:
+        return f" from {part.start:g} s to {part.stop:g} s"
+    return f" from {part.start:g} s on" if part.start else ""

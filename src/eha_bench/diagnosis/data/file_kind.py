@@ -16,7 +16,7 @@ def _check(path: Path) -> object:
     from eha_bench.recordings.channel_map import load_channel_map
 
     dataset = load_dataset(path)
-    mapped: set[str] = set()
+    mapped: set[str] = set(dataset.computed)
     for channels in dict.fromkeys(run.channels for run in dataset.runs if run.channels):
         mapped.update(load_channel_map(channels).channels)
     _check_inputs(path, dataset, mapped)
@@ -34,7 +34,8 @@ def _check_inputs(path: Path, dataset: Dataset, mapped: set[str]) -> None:
     from eha_bench.core.yaml_file import line_of, load
 
     plant = dataset.model.plant
-    known = dict.fromkeys((*sorted(mapped), *plant.outputs, *plant.states, *CHANNELS))
+    own = (*plant.inputs, *plant.outputs, *plant.states)
+    known = dict.fromkeys((*sorted(mapped), *own, *CHANNELS))
     all_mapped = all(run.channels for run in dataset.runs)
     for number, name in enumerate(dataset.inputs):
         hint = suggest(name, known)
@@ -53,4 +54,4 @@ def _schema() -> dict[str, Any]:
     return DatasetFile.model_json_schema()
 
 
-KIND = FileKind("dataset", frozenset({"runs"}), 4, _check, _schema)
+KIND = FileKind("dataset", frozenset({"runs"}), 4, _check, _schema, use="eha-bench diagnose FILE")

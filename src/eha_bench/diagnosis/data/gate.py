@@ -7,7 +7,7 @@ stretches that stand still or are clipped, and gaps are said and left out.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,19 +19,21 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run
-from eha_bench.diagnosis.data.noise import noise_of, noise_of_input, quantum_of
+from eha_bench.diagnosis.data.noise import (
+    noise_of,
+    noise_of_input,
+    quantum_of,
+    sharp_noise_of,
+)
 from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
-from eha_bench.diagnosis.data.stuck import stuck
+from eha_bench.diagnosis.data.stuck import FLICKERS, stuck
+from eha_bench.plants.channel_roles import KNOWN as KNOWN_CHANNELS
+from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.plant import Drive
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-_HELD = ("current_command", "reference", "voltage", "pulses")
-# what comes on top of another input: a log without it is one in which nothing was added
-_ON_TOP = ("pulses",)
-_LIMITED = ("current", "voltage")
-_LOCKED_STILL = ("piston_position", "piston_velocity", "joint_angle")
 GAP = 1.5
 """A step of the clock by more than this many usual ones leaves samples out."""
 _RESTS = 3
@@ -69,7 +71,7 @@ class Measured:
         input_noise: channel -> standard deviation of the noise of an input that was measured, SI;
             what was asked for is exact, and not in here.
         colours: channel -> colour of its noise, where that is not white.
-        start: angle of the shaft at the first sample.
+        start: angle of the shaft at the first sample. roles: what the channels are.
         first: channel -> its first reading as logged, whether it may be believed or not.
     """
 
@@ -86,11 +88,30 @@ class Measured:
     input_noise: Mapping[str, float] = field(default_factory=dict)
     colours: Mapping[str, Colour] = field(default_factory=dict)
     start: StartAngle = KNOWN
+    roles: ChannelRoles = KNOWN_CHANNELS
     first: Mapping[str, FirstReading] = field(default_factory=dict)
 
     def begun(self, starts: Mapping[str, StartAngle]) -> Measured:
         """Return the same run with the shaft at another angle at its start, given by run's name."""
         return replace(self, start=starts.get(self.run.name, self.start))
+
+    def knowing(self, parameters: Mapping[str, float]) -> Measured:
+        """Return the same run with some of its parameters known, by name, SI."""
+        if not parameters:
+            return self
+        known = {**self.run.parameters, **parameters}
+        own = {key: place for key, place in self.run.own.items() if key not in known}
+        return replace(self, run=replace(self.run, parameters=known, own=own))
+
+    @cached_property
+    def steps(self) -> dict[str, float]:
+        """The step in which each output is quantised, SI; those without one are not there."""
+        found = {}
+        for name in self.outputs:
+            column = self.column(name)
+            if column is not None and (step := quantum_of(column[np.isfinite(column)])) > 0.0:
+                found[name] = step
+        return found
 
     @cached_property
     def jumps(self) -> NDArray[np.intp]:
@@ -105,9 +126,14 @@ class Measured:
     @cached_property
     def shaft_angle(self) -> FloatArray | None:
         """The shaft's angle from its start by the integrated measured speed, (n,) rad, or None."""
-        speed = self.inputs.get("motor_speed")
-        if speed is None:
-            speed = self.column("motor_speed")
+        speed = next(
+            (
+                found
+                for name in self.roles.turning
+                if (found := self.inputs.get(name, self.column(name))) is not None
+            ),
+            None,
+        )
         if speed is None:
             return None
         good = np.isfinite(speed)
@@ -209,6 +235,8 @@ def admit(
     outputs: Sequence[str],
     *,
     strict: bool = True,
+    restful: Collection[str] = (),
+    roles: ChannelRoles = KNOWN_CHANNELS,
 ) -> Measured:
     """Pass one recording through the gate.
 
@@ -216,6 +244,9 @@ def admit(
         run: where it is from. recording: what was read.
         inputs: channels that drive the model. outputs: channels that the model gives.
         strict: whether a recording without any output to compare is an error.
+        restful: channels that read the same for as long as nothing moves, as other runs show:
+            standing still all through a run, they tell of a machine that does.
+        roles: what the plant's channels are.
 
     Raises:
         MissingChannelError: an input is not in the recording.
@@ -236,7 +267,7 @@ def admit(
     noise: dict[str, float] = {}
     missing = np.zeros(time.size, dtype=np.bool_)
     for name in inputs:
-        if name not in recording and name in _ON_TOP:
+        if name not in recording and name in roles.on_top:
             notes.append(f"{run.name}: no '{name}' in the log, so none are taken to have acted")
             driven[name] = np.zeros(time.size)
             continue
@@ -245,8 +276,8 @@ def admit(
         if bad.any():
             notes.append(f"{run.name}: input '{name}' has {int(bad.sum())} gaps, bridged")
             missing |= bad
-        driven[name] = _filled(time, raw, held=name in _HELD)
-        noise |= _input_noise(name, time, raw)
+        driven[name] = _filled(time, raw, held=name in roles.commands)
+        noise |= _input_noise(name, time, raw, roles)
     names, columns, masks = [], [], []
     held: dict[str, float] = {}
     unmoved: dict[str, FloatArray] = {}
@@ -258,16 +289,14 @@ def admit(
         if not good.any():
             notes.append(f"{run.name}: '{name}' holds no finite value and is left out")
             continue
-        if run.locked and name == "piston_position":
+        if run.locked and name in roles.locked and name in roles.rate_of:
             held[name] = float(raw[int(np.argmax(good))])
-        if np.ptp(raw[good]) == 0.0:
-            if not (run.locked and name in _LOCKED_STILL):
-                notes.append(f"{run.name}: '{name}' never changes (dead sensor?) and is left out")
+        if np.ptp(raw[good]) == 0.0 and not _stands(run, name, restful, notes, roles):
             continue
-        if run.locked and name in _LOCKED_STILL:
+        if run.locked and name in roles.locked:
             unmoved[name] = raw
             continue
-        still = _stuck(name, raw, quantum_of(raw[good]))
+        still = _stuck(raw, good, limited=name in roles.limited)
         if still.any():
             notes.append(
                 f"{run.name}: '{name}' stands still or is clipped for "
@@ -302,6 +331,7 @@ def admit(
         unmoved,
         noise,
         first=_first_readings(recording),
+        roles=roles,
     )
 
 
@@ -317,10 +347,51 @@ def _first_readings(recording: Recording) -> dict[str, FirstReading]:
     return found
 
 
-def _stuck(name: str, raw: FloatArray, resolution: float) -> BoolArray:
-    still = stuck(raw, resolution)
+def restful_channels(readings: Iterable[tuple[str, FloatArray]]) -> frozenset[str]:
+    """Return channels whose readings rest where nothing moves, as at least one run shows.
+
+    Their noise is finer than their resolution, so a reading that stands still is that of a
+    machine that does.
+
+    Args:
+        readings: channels of runs, (n,) each, NaN where nothing was measured.
+    """
+    found = set()
+    for name, values in readings:
+        there = values[np.isfinite(values)]
+        if there.size > 1 and np.ptp(there) > 0.0 and _may_rest(there):
+            found.add(name)
+    return frozenset(found)
+
+
+def _may_rest(values: FloatArray) -> bool:
+    """Whether a reading stands still for long without being stuck, and moves at other times."""
+    step = quantum_of(values)
+    same = np.diff(values) == 0.0
+    return step > 0.0 and bool(same.any()) and sharp_noise_of(values) <= FLICKERS * step
+
+
+def _stands(
+    run: Run, name: str, restful: Collection[str], notes: list[str], roles: ChannelRoles
+) -> bool:
+    """Whether a reading that never changes is that of a machine that stands, and say so."""
+    if run.locked and name in roles.locked:
+        return False
+    if name in restful:
+        notes.append(
+            f"{run.name}: '{name}' stands still all through, as in other runs where nothing "
+            "moves: it is taken for a machine at rest or stalled"
+        )
+        return True
+    notes.append(f"{run.name}: '{name}' never changes (dead sensor?) and is left out")
+    return False
+
+
+def _stuck(raw: FloatArray, good: BoolArray, *, limited: bool) -> BoolArray:
+    read = raw[good]
+    still = stuck(raw, quantum_of(read), sharp_noise_of(raw))
     # at its limit a drive's current does stand still
-    return still & (np.abs(raw) < np.nanmax(np.abs(raw))) if name in _LIMITED else still
+    return still & (np.abs(raw) < np.nanmax(np.abs(raw))) if limited else still
 
 
 def _input(name: str, recording: Recording, where: Place) -> FloatArray:
@@ -332,9 +403,11 @@ def _input(name: str, recording: Recording, where: Place) -> FloatArray:
     return raw
 
 
-def _input_noise(name: str, time: FloatArray, raw: FloatArray) -> dict[str, float]:
+def _input_noise(
+    name: str, time: FloatArray, raw: FloatArray, roles: ChannelRoles
+) -> dict[str, float]:
     """Return an input's noise by its name; what was asked for, or never changes, has none."""
-    level = 0.0 if name in _HELD else noise_of_input(_parted(time, raw))
+    level = 0.0 if name in roles.commands else noise_of_input(_parted(time, raw))
     return {name: level} if level > 0.0 else {}
 
 

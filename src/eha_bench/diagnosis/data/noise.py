@@ -21,6 +21,17 @@ _BLOCK = 100
 # median over mean of a block's mean square: chi2 with 100 / 2.31 degrees of freedom, the 2.31 from
 # the correlation of third differences of white noise (-0.75, 0.3, -0.05)
 _MEDIAN = 0.9846
+_FEWEST_LEVELS = 3
+_ROUNDING = 2.0**-23
+"""Relative rounding of single precision."""
+_LEAST = 0.05
+"""Quantile of the differences of levels that is a step of one, and no rounding."""
+_PARTS = 8
+"""Most steps between the nearest levels that come."""
+_WHOLE = 0.05
+"""What a multiple of a step may be beside a whole number."""
+_COARSE = 20.0
+"""Least size of a step, in roundings: finer ones are those of the digits that were written."""
 
 
 def noise_of(values: FloatArray) -> float:
@@ -42,6 +53,21 @@ def noise_of(values: FloatArray) -> float:
         spread = float(np.sqrt(middle / _MEDIAN / _THIRD))
     step = quantum_of(values[good])
     return max(spread, step / float(np.sqrt(12.0)))
+
+
+def sharp_noise_of(values: FloatArray) -> float:
+    """Return what a channel's readings flicker by, in its unit, without what its step may hide.
+
+    The median of absolute third differences over stretches that move at all: 0 where readings
+    stand still for as long as nothing moves.
+
+    Args:
+        values: (n,), NaN where nothing was measured.
+    """
+    third = np.diff(values, 3)
+    moves = np.diff(values)[1:-1] != 0.0
+    third = third[np.isfinite(third) & moves] if moves.any() else third[np.isfinite(third)]
+    return _usual(third) if third.size else 0.0
 
 
 def noise_of_input(values: FloatArray) -> float:
@@ -66,10 +92,25 @@ def _usual(third: FloatArray) -> float:
 
 
 def quantum_of(values: FloatArray) -> float:
-    """Return the step in which a channel is quantised (0 where no step shows)."""
-    levels = np.unique(values)
-    if levels.size < 3 or levels.size > values.size / 2:
+    """Return the step in which a channel is quantised (0 where no step shows).
+
+    Levels that differ by no more than rounding to single precision are one. Where hardly any level
+    comes twice (a fine encoder that moves on), a step shows if all levels are multiples of it.
+    """
+    levels = np.unique(values[np.isfinite(values)])
+    if levels.size < _FEWEST_LEVELS:
         return 0.0
     steps = np.diff(levels)
-    least = 1e-12 * max(1e-300, float(np.abs(levels).max()))
-    return float(np.median(steps[steps > least]))
+    rounding = _ROUNDING * max(1e-300, float(np.abs(levels).max()))
+    steps = steps[steps > rounding]
+    if steps.size < _FEWEST_LEVELS - 1:
+        return 0.0
+    if steps.size < values.size / 2:
+        return float(np.median(steps))
+    least = float(np.quantile(steps, _LEAST))
+    for part in range(1, _PARTS + 1):
+        step = least / part
+        beside = np.abs(steps / step - np.rint(steps / step))
+        if step > _COARSE * rounding and float(np.quantile(beside, 0.9)) < _WHOLE:
+            return step
+    return 0.0

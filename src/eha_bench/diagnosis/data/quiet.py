@@ -32,8 +32,6 @@ _MOVES = 2.0
 noise with a memory of a tenth of the stretch moves as much."""
 _GOES = 5.0
 """Mean of a speed that is motion, in standard deviations of what is beside its parabola."""
-_SPEEDS = ("motor_speed", "piston_velocity")
-_TURN = ("current_command", "current")
 _ALIKE = 0.05
 """What sampling periods may differ by and still be the same, as a share of them."""
 
@@ -145,17 +143,19 @@ def _stands(values: FloatArray) -> bool:
 
 def _rests(measured: Measured, span: slice, readings: Mapping[str, FloatArray]) -> bool:
     """Whether readings that stand are those of a machine at rest, not of steady motion."""
-    speeds = [name for name in _SPEEDS if name in readings and name not in measured.still]
+    roles = measured.roles
+    speeds = [name for name in roles.rates if name in readings and name not in measured.still]
     if any(_goes(readings[name]) for name in speeds):
         return False
-    if "motor_speed" in readings:
+    if any(name in readings for name in roles.turning):
         return True
     # nobody says whether the shaft turns, but for what turns it
-    turned = [name for name in _TURN if name in measured.inputs]
+    drives = {*roles.acting, *roles.acting.values()}
+    turned = [name for name in measured.inputs if name in drives]
     if turned:
         return all(_is_nothing(measured, name, span) for name in turned)
     # no shaft drives what is compared: a rod whose position stands is all that could move
-    return "piston_position" in readings and "piston_position" not in measured.still
+    return any(name in readings and name not in measured.still for name in roles.rate_of)
 
 
 def _goes(values: FloatArray) -> bool:

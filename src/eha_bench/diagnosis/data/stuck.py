@@ -14,6 +14,10 @@ _STUCK = 40
 _COMMON = 0.3
 _NEVER = 1e-6
 """Expected number of stretches in a run from which one is none of chance."""
+FLICKERS = 0.5
+"""Noise, in steps of the resolution, up to which a reading may rest."""
+_BENDS = 0.3
+"""Share of the steepest step beside an end that its nearest steps have where it is cut."""
 _ABRUPT = 1.5
 """Change from sample to sample, in steps of the resolution, of what does not stand still itself."""
 _BESIDE = 5
@@ -21,16 +25,19 @@ _LET_GO = 3.0
 """Jump over the usual change from sample to sample by which a latched reading comes back."""
 
 
-def stuck(raw: FloatArray, resolution: float) -> BoolArray:
+def stuck(raw: FloatArray, resolution: float, noise: float = np.inf) -> BoolArray:
     """Return the samples in stretches of equal values that this channel's noise makes impossible.
 
-    Forty are enough where equal neighbours are rare. Fewer are where by chance no stretch of this
-    length would come, and the signal itself did not rest: when it was let go it had gone on
-    (latched), or it ran into the same end of its range several times and left it as it came
-    (clipped); all that reads this end is clipped then.
+    Forty are enough where noise would have moved the reading; where it is finer than the
+    resolution, a machine that stalls, or rests at a stop, reads the same for as long as it does.
+    Fewer are where by chance no stretch of this length would come, and the signal itself did not
+    rest: when it was let go it had gone on (latched), or it ran into the same end of its range and
+    left it as it came (clipped), at least twice or for long; all that reads this end is clipped
+    then. A signal that bends into an end is flat, and none of these.
 
     Args:
         raw: (n,), NaN where nothing was measured. resolution: of the channel, in its unit.
+        noise: its standard deviation, in its unit (default: enough to move the reading).
     """
     mask = np.zeros(raw.size, dtype=np.bool_)
     same = np.diff(raw) == 0.0
@@ -45,26 +52,44 @@ def stuck(raw: FloatArray, resolution: float) -> BoolArray:
     common = outside / others if others else 1.0
     if others < _STUCK or common > _COMMON:
         return mask
+    may_rest = noise <= FLICKERS * resolution
     by_chance = np.log(_NEVER / raw.size) / np.log(max(common, 1.0 / raw.size))
     ends = {float(np.nanmin(raw)), float(np.nanmax(raw))}
     coarse = _ABRUPT * resolution
     clipped: Counter[float] = Counter()
     for start, length in zip(starts, lengths, strict=True):
         stop = start + length + 1
-        if length >= _STUCK:
+        if length >= _STUCK and not may_rest:
             mask[start:stop] = True
         # a run may begin at rest
         if length > by_chance and start > 0 and stop < raw.size:
             change = _change_beside(raw, start, stop)
             if _was_latched(raw, start, stop, max(_LET_GO * max(change), coarse)):
                 mask[start:stop] = True
-            elif float(raw[start]) in ends and min(change) > coarse:
-                clipped[float(raw[start])] += 1
+            elif float(raw[start]) in ends and min(change) > coarse and _is_cut(raw, start, stop):
+                clipped[float(raw[start])] += 2 if length >= _STUCK else 1
     for value, times in clipped.items():
         # a play or a reversal may hold a reading as well, but hardly twice at the same value
         if times > 1:
             mask |= raw == value
     return mask
+
+
+def _is_cut(raw: FloatArray, start: int, stop: int) -> bool:
+    """Whether a signal runs into an end and out of it as steeply as it does before and after.
+
+    One that saturates by itself bends: its last step is a small part of those before it.
+    """
+    before = np.abs(np.diff(raw[max(0, start - _BESIDE) : start + 1]))
+    after = np.abs(np.diff(raw[stop - 1 : stop + _BESIDE]))
+    if before.size < 3 or after.size < 3:
+        return True
+    sides = (before[-3:], after[:3])
+    wholes = (before, after)
+    return all(
+        float(np.nanmedian(near)) > _BENDS * float(np.nanmax(whole))
+        for near, whole in zip(sides, wholes, strict=True)
+    )
 
 
 def _change_beside(raw: FloatArray, start: int, stop: int) -> tuple[float, float]:

@@ -22,16 +22,15 @@ FloatArray = NDArray[np.float64]
 
 _TRUSTED = 0.1
 """How far a carried state may be off, as a share of what it moves by in its run."""
-_MOVES = ("current", "motor_speed", "piston_velocity")
-_HELD = ("piston_position", "piston_velocity")
 
 
 def missing(plant: Plant, window: Window) -> tuple[str, ...]:
     """Return the plant's states that a window does not know at its start."""
-    still = _HELD if window.measured.run.locked else ()
+    roles = window.measured.roles
+    still = roles.locked if window.measured.run.locked else ()
     if window.first == 0:
         # a run begins at rest, where what moves is zero
-        still = (*still, *_MOVES)
+        still = (*still, *roles.rates, *roles.acting)
     return tuple(
         name
         for name in plant.states

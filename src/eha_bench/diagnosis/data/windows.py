@@ -28,17 +28,8 @@ FREE_WINDOW = 0.4
 """Length of a window of a free run, s."""
 LONGEST_SHAKEN = 1.0
 """About the longest window of a run that a measured input's noise drives, s."""
-_ADDED_UP = (
-    "current",
-    "motor_speed",
-    "pressure_a",
-    "pressure_b",
-    "pressure_difference",
-    "piston_velocity",
-)
-"""Inputs whose noise a balance adds up."""
-_ADDED_UP_BY_THE_ROD = ("force",)
-_CLEAR = 1.5e-3
+_CLEAR = {"m": 1.5e-3, "rad": 0.02}
+"""How far something has to have moved on since it last reversed or rested, by its unit."""
 _QUIET = 0.015
 _HALF_FIT = 8
 
@@ -95,7 +86,8 @@ def cut(
 
 def _is_shaken(measured: Measured) -> bool:
     """Whether a run's inputs drive a balance with their sensors' noise."""
-    own = _ADDED_UP if measured.run.locked else (*_ADDED_UP, *_ADDED_UP_BY_THE_ROD)
+    roles = measured.roles
+    own = roles.added_up if measured.run.locked else (*roles.added_up, *roles.added_up_by_rod)
     return any(name in measured.input_noise for name in own)
 
 
@@ -133,10 +125,12 @@ def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_
     reach = max(2, round(_QUIET / period))
     for k in measured.jumps:
         fine[max(0, k - reach) : k + reach] = False
-    position = measured.column("piston_position")
-    if position is not None:
-        fine &= _clear_of_reversals(time, position, noise.get("piston_position", 0.0))
-    for name in ("piston_velocity", "motor_speed"):
+    for name in measured.roles.rate_of:
+        position = measured.column(name)
+        if position is not None:
+            least = _CLEAR.get(measured.roles.units.get(name, "m"), 1.5e-3)
+            fine &= _clear_of_reversals(time, position, noise.get(name, 0.0), least)
+    for name in measured.roles.rates:
         speed = measured.column(name)
         if speed is not None:
             level = np.abs(_smooth(np.nan_to_num(speed), reach))
@@ -148,11 +142,13 @@ def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_
     return fine
 
 
-def _clear_of_reversals(time: FloatArray, position: FloatArray, noise: float) -> NDArray[np.bool_]:
-    """Whether the rod has moved on by 1.5 mm since it last reversed or rested."""
+def _clear_of_reversals(
+    time: FloatArray, position: FloatArray, noise: float, least: float
+) -> NDArray[np.bool_]:
+    """Whether a position has moved on by some way since it last reversed or rested."""
     good = np.isfinite(position)
     x = np.interp(time, time[good], position[good])
-    clear = min(_CLEAR, 0.1 * float(np.ptp(x)))
+    clear = min(least, 0.1 * float(np.ptp(x)))
     hysteresis = max(6.0 * noise, 0.02 * clear)
     ok = np.zeros(x.size, dtype=np.bool_)
     direction = 0.0
@@ -195,7 +191,7 @@ def _start(
                 continue
             loud = sigma * (colour.loudness_of_mean(part.size) if colour else 1.0)
             state[name] = float(np.median(part) if part.size > 4 else part.mean())
-            if name in ("motor_speed", "piston_velocity"):
+            if name in measured.roles.rates:
                 at_rest = abs(part.mean()) < 4.0 * loud / np.sqrt(part.size) + 1e-12
                 state[name] = 0.0 if at_rest else float(part.mean())
                 if at_rest:
@@ -208,21 +204,23 @@ def _start(
             state[name] = local[0]
             spread[name] = 10.0 * sigma + local[1]
     _derive_velocity(measured, first, noise, lead, state, spread)
-    command = measured.inputs.get("current_command")
-    current = measured.column("current")
-    if first in measured.breaks and current is not None and np.isfinite(current[first]):
-        # nobody knows what was asked for in the gap, and a polynomial bends where it steps
-        state["current"] = float(current[first])
-    elif "current" not in state and command is not None:
-        state["current"] = float(command[first if first in measured.breaks else max(0, first - 1)])
-    if lead > 0:
-        state["current"] = _start_current(measured, state)
+    for name, asked in measured.roles.acting.items():
+        command = measured.inputs.get(asked)
+        current = measured.column(name)
+        if first in measured.breaks and current is not None and np.isfinite(current[first]):
+            # nobody knows what was asked for in the gap, and a polynomial bends where it steps
+            state[name] = float(current[first])
+        elif name not in state and command is not None:
+            state[name] = float(command[first if first in measured.breaks else max(0, first - 1)])
+        if lead > 0:
+            state[name] = _start_current(measured, name, state)
+        spread.pop(name, None)
     if measured.run.locked:
-        for name in ("piston_velocity",):
-            state.pop(name, None)
-            spread.pop(name, None)
+        for name in measured.roles.locked:
+            if name in measured.roles.rates:
+                state.pop(name, None)
+                spread.pop(name, None)
     _turn(measured, first, noise, state, spread)
-    spread.pop("current", None)
     return state, spread
 
 
@@ -236,23 +234,24 @@ def _turn(
     """Set the angle of the shaft at a tick, and how far it may be off."""
     if measured.shaft_angle is None:
         return
-    state["shaft_angle"] = float(measured.shaft_angle[first])
+    speed, angle = next(iter(measured.roles.turning.items()))
+    state[angle] = float(measured.shaft_angle[first])
     walked = 0.0
-    own = measured.input_noise if "motor_speed" in measured.inputs else noise
-    if "motor_speed" in own:
+    own = measured.input_noise if speed in measured.inputs else noise
+    if speed in own:
         # what the noise of the speed adds up to
         period = float(measured.time[-1]) / (measured.time.size - 1)
-        colour = measured.colours.get("motor_speed")
-        loud = own["motor_speed"] * (colour.loudness_of_mean(max(1, first)) if colour else 1.0)
+        colour = measured.colours.get(speed)
+        loud = own[speed] * (colour.loudness_of_mean(max(1, first)) if colour else 1.0)
         walked = loud * np.sqrt(float(measured.time[first]) * period)
     elif not measured.start.is_estimated:
         return
-    spread["shaft_angle"] = float(np.hypot(walked, measured.start.spread))
+    spread[angle] = float(np.hypot(walked, measured.start.spread))
 
 
-def _start_current(measured: Measured, state: Mapping[str, float]) -> float:
-    value = state.get("current", 0.0)
-    column = measured.column("current")
+def _start_current(measured: Measured, name: str, state: Mapping[str, float]) -> float:
+    value = state.get(name, 0.0)
+    column = measured.column(name)
     if column is not None and np.isfinite(column[0]):
         value = float(column[0])
         # at rest a current within the noise of nothing is nothing
@@ -270,12 +269,25 @@ def _derive_velocity(
     spread: dict[str, float],
 ) -> None:
     """Where no velocity is logged, take the slope of the position."""
-    if "piston_velocity" in state or measured.run.locked:
-        return
-    position = measured.column("piston_position")
-    if position is None or "piston_velocity" in measured.inputs:
-        return
     if lead > 1:
+        return
+    for name, rate in measured.roles.rate_of.items():
+        held = measured.run.locked and name in measured.roles.locked
+        if rate not in state and not held and rate not in measured.inputs:
+            _slope(measured, first, noise, name, rate, state, spread)
+
+
+def _slope(
+    measured: Measured,
+    first: int,
+    noise: Mapping[str, float],
+    name: str,
+    rate: str,
+    state: dict[str, float],
+    spread: dict[str, float],
+) -> None:
+    position = measured.column(name)
+    if position is None:
         return
     around = _around(measured, first)
     t, x = measured.time[around], position[around]
@@ -284,11 +296,11 @@ def _derive_velocity(
         return
     t = t[good] - measured.time[first]
     slope = float(np.polyfit(t, x[good], 2 if good.sum() > 5 else 1)[-2])
-    state["piston_velocity"] = slope
-    sigma = noise.get("piston_position", 0.0)
+    state[rate] = slope
+    sigma = noise.get(name, 0.0)
     random = 10.0 * sigma / float(np.sqrt(np.sum((t - t.mean()) ** 2)) + 1e-300)
     further = float(np.polyfit(t, x[good], 3)[-2]) if good.sum() > 6 else slope
-    spread["piston_velocity"] = random + 3.0 * abs(further - slope)
+    spread[rate] = random + 3.0 * abs(further - slope)
 
 
 def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:

@@ -12,15 +12,26 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
 from eha_bench.diagnosis.data.dataset import Dataset
-from eha_bench.diagnosis.data.gate import Measured, admit, grouped, pooled_noise
-from eha_bench.diagnosis.data.quiet import coloured
+from eha_bench.diagnosis.data.gate import (
+    Measured,
+    admit,
+    grouped,
+    pooled_noise,
+    restful_channels,
+)
+from eha_bench.diagnosis.data.quiet import coloured, quiet_stretches, with_colours
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.windows import Window, begun, cut, split
+from eha_bench.diagnosis.fit.beliefs import beliefs_of
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.odd_runs import notes_of, odd_runs
+from eha_bench.diagnosis.fit.own_parameters import with_own
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
+from eha_bench.diagnosis.fit.residual_colour import NOTHING_SEEN, noise_of_residual
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
+from eha_bench.diagnosis.fit.starts import Arrival, arrived
+from eha_bench.plants.layout import Layout
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -41,16 +52,12 @@ BUDGET = 40.0
 CHUNK = 4.0
 """Length of the parts of long windows that are chosen from, s."""
 
-FRICTION_AT_REST = {
-    "rod_creep_speed": (0.0, 1e-5, 1e-4, 1e-3),
-    "pump_creep_speed": (0.0, 1e-3, 1e-2, 1e-1),
-    "creep_speed": (0.0, 1e-5, 1e-4, 1e-3),
+_CREEPS = "creep_speed"
+_AT_REST: Mapping[str, tuple[float, ...]] = {
+    "m/s": (0.0, 1e-5, 1e-4, 1e-3),
+    "rad/s": (0.0, 1e-3, 1e-2, 1e-1),
 }
-"""How friction behaves at rest is nobody's declared knowledge: fitted always, never an effect.
-
-Sticking (0) is asked for again like any other: creeping may have imitated what was missing.
-"""
-_OF_THE_SHAFT = ("pump_creep_speed",)
+"""Speeds over which friction may creep at rest, by their unit."""
 _TELLING = 20.0
 """Fall of the cost that says that friction at rest is another one."""
 
@@ -67,6 +74,7 @@ class Baseline:
         keys: what was fitted.
         nuisance: those of `keys` that the model file does not list.
         notes: what the gate found.
+        starts: from how many it was fitted. agreed: how many of them ended at the same cost.
     """
 
     dataset: Dataset
@@ -77,11 +85,31 @@ class Baseline:
     nuisance: tuple[str, ...]
     declared_cost: float
     notes: tuple[str, ...] = field(default=())
+    starts: int = 1
+    agreed: int = 1
 
     def begun(self, starts: Mapping[str, StartAngle]) -> Baseline:
         """Return the same where runs begin at other angles of the shaft, by name."""
         measured = tuple(item.begun(starts) for item in self.measured)
         return replace(self, measured=measured, problem=self.problem.begun(starts))
+
+
+def is_friction_at_rest(key: str) -> bool:
+    """Whether a parameter says how friction behaves at rest.
+
+    That is nobody's declared knowledge: it is fitted always, and never an effect. Sticking (0) is
+    asked for again like any other: creeping may have imitated what was missing.
+    """
+    return key.endswith(_CREEPS)
+
+
+def friction_at_rest_of(layout: Layout) -> dict[str, tuple[float, ...]]:
+    """Return the speeds that are tried for how friction behaves at rest, by parameter."""
+    return {
+        item.name: _AT_REST[item.unit]
+        for item in layout.parameters
+        if is_friction_at_rest(item.name) and item.unit in _AT_REST
+    }
 
 
 def no_progress(_stage: str, _fraction: float) -> None:
@@ -105,9 +133,19 @@ def gather(
     compared = dataset.driven(plant)
     measured: list[Measured] = []
     unread: list[RecordingError] = []
-    for run in dataset.training:
+    runs, recordings = [], []
+    for run in with_own(plant.layout, dataset.training, dataset.model.per_run):
         try:
-            measured.append(admit(run, run.read(), dataset.inputs, compared))
+            recordings.append(run.read())
+            runs.append(run)
+        except RecordingError as error:
+            unread.append(error)
+    restful = restful_channels((name, item[name]) for item in recordings for name in item)
+    for run, recording in zip(runs, recordings, strict=True):
+        try:
+            measured.append(
+                admit(run, recording, dataset.inputs, compared, restful=restful, roles=plant.roles)
+            )
         except RecordingError as error:
             unread.append(error)
     if unread and not measured:
@@ -186,24 +224,32 @@ def _calibrated(
     """Calibrate; the last of `best` is always the best vector so far."""
     plant = dataset.model.plant
     layout = plant.layout
-    keys = tuple(dict.fromkeys(dataset.model.calibrate))
     progress("calibrate", 0.1)
-    declared, rough, fit = _roughly(dataset, windows, noise, best)
-    odd = odd_runs(rough, (declared, fit.residual))
+    declared, rough, arrival = _roughly(dataset, windows, noise, best)
+    odd = odd_runs(rough, (declared, arrival.fit.residual))
     if odd:
         measured = tuple(item for item in measured if item.run.name not in odd)
         windows = [window for window in windows if window.measured.run.name not in odd]
         noise = pooled_noise(measured, plant.outputs)
-        declared, rough, fit = _roughly(dataset, windows, noise, best)
+        declared, rough, arrival = _roughly(dataset, windows, noise, best)
+    seen = NOTHING_SEEN
+    if not _rest_is_seen(measured):
+        seen = noise_of_residual(rough, arrival.fit.vector)
+    if seen.levels:
+        measured = tuple(with_colours(item, seen.colours) for item in measured)
+        noise = pooled_noise(measured, plant.outputs) | seen.levels
+        windows = thinned([window for item in measured for window in cut(item, noise)])
+        declared, rough, arrival = _roughly(dataset, windows, noise, best)
     progress("calibrate", 0.4)
-    fit = at_rest(rough, fit)
+    fit = at_rest(rough, arrival.fit)
     best.append(fit.vector)
     progress("calibrate", 0.6)
-    noise = refined_noise(rough, fit.residual, noise)
+    noise = refined_noise(rough, fit.residual, noise) | seen.levels
     problem = rough.with_noise(noise).at_step(STEP)
     problem.prepare(fit.vector)
     problem.scale_to(problem.residual(fit.vector))
-    nuisance = tuple(key for key in FRICTION_AT_REST if key in layout.index and key not in keys)
+    keys = _keys(dataset, problem)
+    nuisance = tuple(key for key in friction_at_rest_of(layout) if key not in keys)
     fit = levenberg_marquardt(
         problem, fit.vector, fit.free, known=fit.columns, refresh=1, watch=best.append
     )
@@ -216,8 +262,15 @@ def _calibrated(
         (*keys, *nuisance),
         nuisance,
         float(np.sum(declared**2)),
-        notes_of(odd),
+        (*notes_of(odd), *(_colour_notes(measured) if seen.colours else ())),
+        arrival.tried,
+        arrival.agreed,
     )
+
+
+def _rest_is_seen(measured: Sequence[Measured]) -> bool:
+    """Whether any run shows its sensors' noise alone, while nothing moves."""
+    return any(True for item in measured for _ in quiet_stretches(item))
 
 
 def _at_their_angles(
@@ -234,18 +287,24 @@ def _at_their_angles(
 
 def _roughly(
     dataset: Dataset, windows: list[Window], noise: dict[str, float], best: list[FloatArray]
-) -> tuple[FloatArray, Problem, Fit]:
-    """Return the residual of the declared model, and a first fit from there with its problem."""
-    vector = dataset.model.vector()
-    rough = Problem(dataset.model.plant, windows, noise, COARSE)
+) -> tuple[FloatArray, Problem, Arrival]:
+    """Return the residual of the declared model, and where first fits end with their problem."""
+    rough = Problem(dataset.model.plant, windows, noise, COARSE, beliefs_of(dataset.model))
+    vector = rough.places.lengthened(dataset.model.vector())
     rough.prepare(vector)
     first = rough.residual(vector)
     rough.scale_to(first)
-    keys = tuple(dict.fromkeys(dataset.model.calibrate))
-    free = free_parameters(rough.plant.layout, keys, vector)
-    fit = levenberg_marquardt(rough, vector, free, iterations=6, refresh=1, watch=best.append)
-    rough.scale_to(fit.residual)
-    return first, rough, fit
+    free = free_parameters(rough.places, _keys(dataset, rough), vector)
+    arrival = arrived(rough, vector, free, best.append)
+    rough.scale_to(arrival.fit.residual)
+    return first, rough, arrival
+
+
+def _keys(dataset: Dataset, problem: Problem) -> tuple[str, ...]:
+    """Return what a calibration estimates: for all runs, and of each run's own."""
+    return tuple(
+        dict.fromkeys((*dataset.model.calibrate, *(item.key for item in problem.places.own)))
+    )
 
 
 def _noise_notes(measured: Sequence[Measured]) -> Iterator[str]:
@@ -257,12 +316,17 @@ def _noise_notes(measured: Sequence[Measured]) -> Iterator[str]:
             f"input '{name}' was measured, with a noise of {level:.2g} {unit_of(name)}: what that "
             "makes a simulation do counts as noise"
         )
+    yield from _colour_notes(measured)
+
+
+def _colour_notes(measured: Sequence[Measured]) -> Iterator[str]:
+    """Say which channels' noise is not white."""
     for name in sorted({name for item in measured for name in item.colours}):
         colours = dict.fromkeys(item.colours[name] for item in measured if name in item.colours)
         # one for each sampling period
         known = sorted({f"{colour.correlations(2)[1]:.2f}" for colour in colours}, key=float)
         yield (
-            f"the noise of '{name}' is not white: where nothing moves, neighbouring samples "
+            f"the noise of '{name}' is not white: neighbouring samples "
             f"correlate by {' and '.join(known)}; it is weighed so"
         )
 
@@ -284,13 +348,14 @@ def _as_far_as(
 ) -> Baseline:
     """Return a baseline at a vector that no fit has finished with."""
     layout = dataset.model.plant.layout
-    keys = tuple(dict.fromkeys(dataset.model.calibrate))
-    nuisance = tuple(key for key in FRICTION_AT_REST if key in layout.index and key not in keys)
-    problem = Problem(dataset.model.plant, windows, noise, COARSE)
+    problem = Problem(dataset.model.plant, windows, noise, COARSE, beliefs_of(dataset.model))
+    keys = _keys(dataset, problem)
+    nuisance = tuple(key for key in friction_at_rest_of(layout) if key not in keys)
+    vector = problem.places.lengthened(vector)
     problem.prepare(vector)
     problem.scale_to(problem.residual(vector))
     creeps = (key for key in nuisance if vector[layout.index[key]] != 0.0)
-    free = free_parameters(layout, (*keys, *creeps), vector)
+    free = free_parameters(problem.places, (*keys, *creeps), vector)
     fit = levenberg_marquardt(problem, vector, free, iterations=0)
     return Baseline(dataset, measured, problem, fit, (*keys, *nuisance), nuisance, np.nan)
 
@@ -303,13 +368,11 @@ def at_rest(problem: Problem, fit: Fit) -> Fit:
     """
     layout = problem.plant.layout
     vector = fit.vector
-    for key, sizes in FRICTION_AT_REST.items():
-        if key not in layout.index:
-            continue
+    for key, sizes in friction_at_rest_of(layout).items():
         moving = [
             k
             for k, window in enumerate(problem.windows)
-            if key in _OF_THE_SHAFT or not window.measured.run.locked
+            if layout.by_key[key].unit == "rad/s" or not window.measured.run.locked
         ]
         if not moving:
             continue
@@ -334,9 +397,7 @@ def at_rest(problem: Problem, fit: Fit) -> Fit:
 def friction_at_rest(problem: Problem, fit: Fit) -> Fit:
     """Return a fit with friction at rest as the data ask for, in a problem prepared as it is."""
     layout = problem.plant.layout
-    for key, sizes in FRICTION_AT_REST.items():
-        if key not in layout.index:
-            continue
+    for key, sizes in friction_at_rest_of(layout).items():
         at = layout.index[key]
         best, cost = fit.vector, fit.cost
         for size in sizes:
@@ -356,8 +417,8 @@ def _along(problem: Problem, fit: Fit, vector: FloatArray) -> Fit:
     layout = problem.plant.layout
     changed = [
         key
-        for key in FRICTION_AT_REST
-        if key in layout.index and vector[layout.index[key]] != fit.vector[layout.index[key]]
+        for key in friction_at_rest_of(layout)
+        if vector[layout.index[key]] != fit.vector[layout.index[key]]
     ]
     known = {key: column for key, column in fit.columns.items() if key not in changed}
     creeps = [key for key in changed if vector[layout.index[key]] != 0.0]

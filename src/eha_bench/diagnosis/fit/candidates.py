@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.plants.effect import Effect, Equation
+from eha_bench.plants.effect import BoundEffect, Equation
 from eha_bench.plants.layout import Layout
 
 FloatArray = NDArray[np.float64]
@@ -60,16 +60,14 @@ class Start:
         return self.candidate.startswith("parameter:")
 
 
-def effect_starts(layout: Layout, effect: Effect) -> list[Start]:
+def effect_starts(layout: Layout, effect: BoundEffect) -> list[Start]:
     """Return the starting points of an effect: its defaults, its `starts`, and every choice."""
-    action = effect.action(layout.plant)
     words: dict[str, Sequence[int]] = {}
     for parameter in effect.parameters:
         if parameter.choices:
-            allowed = action.choices.get(parameter.name, parameter.choices)
+            allowed = effect.words(parameter)
             words[parameter.name] = [parameter.choices.index(word) for word in allowed]
-    points: list[dict[str, float]] = [{}]
-    points += [dict(start) for start in effect.starts]
+    points = [dict(start) for start in effect.starts]
     found = []
     seen = set()
     for point in points:
@@ -89,7 +87,7 @@ def effect_starts(layout: Layout, effect: Effect) -> list[Start]:
     return [start for start in found if start.strength != start.neutral]
 
 
-def _start(layout: Layout, effect: Effect, values: dict[str, float]) -> Start:
+def _start(layout: Layout, effect: BoundEffect, values: dict[str, float]) -> Start:
     settings = []
     for parameter in effect.parameters:
         at = layout.index[f"{effect.id}.{parameter.name}"]
@@ -105,7 +103,7 @@ def _start(layout: Layout, effect: Effect, values: dict[str, float]) -> Start:
         strength.low,
         strength.high,
         tuple(keys),
-        str(effect.equation(layout.plant, values).value),
+        str(effect.equation(values).value),
     )
 
 
@@ -150,11 +148,11 @@ def all_starts(
     return found
 
 
-def _repeats(layout: Layout, effect: Effect, start: Start, vector: FloatArray) -> bool:
+def _repeats(layout: Layout, effect: BoundEffect, start: Start, vector: FloatArray) -> bool:
     """Return whether a start only repeats what a parameter of the plant already says."""
     settings = dict(start.settings)
     values = {p.name: settings[layout.index[f"{effect.id}.{p.name}"]] for p in effect.parameters}
-    twin = effect.repeats(layout.plant, values)
+    twin = effect.repeats(values)
     return bool(twin) and vector[layout.index[twin]] != 0.0
 
 

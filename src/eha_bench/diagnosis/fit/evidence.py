@@ -50,6 +50,7 @@ def refined_noise(
     What is smooth in the signal but not over four samples is mostly gone from the residual.
     """
     names = problem.plant.outputs
+    least = _of_resolution(problem)
     found: dict[int, list[tuple[float, int]]] = {}
     for channel, part in _stretches(problem, residual):
         level = noise_of(part)
@@ -64,8 +65,19 @@ def refined_noise(
         cumulative = np.cumsum(sizes[order]) / sizes.sum()
         middle = float(levels[order][np.searchsorted(cumulative, 0.5)])
         # below half or above twice the first estimate something else than noise is at work
-        out[names[channel]] = noise[names[channel]] * float(np.clip(middle, 0.5, 2.0))
+        level = noise[names[channel]] * float(np.clip(middle, 0.5, 2.0))
+        out[names[channel]] = max(level, least.get(names[channel], 0.0))
     return out
+
+
+def _of_resolution(problem: Problem) -> dict[str, float]:
+    """Return what each channel's resolution alone makes of noise, its step over the root of 12."""
+    runs = {window.measured.run.name: window.measured for window in problem.windows}
+    steps: dict[str, list[float]] = {}
+    for item in runs.values():
+        for name, step in item.steps.items():
+            steps.setdefault(name, []).append(step)
+    return {name: float(np.median(own)) / float(np.sqrt(12.0)) for name, own in steps.items()}
 
 
 def _stretches(problem: Problem, residual: FloatArray) -> Iterator[tuple[int, FloatArray]]:
@@ -139,7 +151,9 @@ def excess(problem: Problem, fit: Fit) -> Excess:
             value = total / (count - len(fit.free))
             structure[length] = value
             if length > 1:
-                significance = max(significance, (value - 1.0) * np.sqrt(count / 2.0))
+                # beside single samples: what is white only tells a wrong estimate of the noise
+                above = value / max(1.0, structure.get(1, 1.0)) - 1.0
+                significance = max(significance, above * np.sqrt(count / 2.0))
     names = problem.plant.outputs
     sums: dict[str, list[float]] = {}
     for channel, part in parts:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
+from eha_bench.diagnosis.fit.problem import SLOPES, Problem, cost_of, soften
+from eha_bench.diagnosis.fit.side_by_side import side_by_side
 
 FloatArray = NDArray[np.float64]
 
@@ -34,6 +35,14 @@ _SHARE = 0.02
 _ROUNDS = 4
 _FAR = 1.0
 """Fall of the cost from which slopes are computed anew, in squares of a standard deviation."""
+_SHOWN = 30.0
+"""Change of the residual by a long difference, in standard deviations of the noise."""
+_SHORT, _LONG = 0.02, 0.1
+"""Shortest and longest half of it, in sizes of the parameters."""
+_AGAIN = 3
+"""Weakest directions along which slopes are taken once more."""
+_TRUE = 0.5
+"""Share of the information foreseen in the weakest one that has to be found there."""
 _NOTHING = 0.1
 """Fall of the cost that ends a fit, in squares of a standard deviation."""
 
@@ -90,6 +99,14 @@ def finished(problem: Problem, fit: Fit) -> Finished:
         fit = _at(finer, better) if gain > _FAR else better
         if gain < _NOTHING:
             break
+    fit = _with_long_slopes(finer, fit)
+    if fit.free:
+        # what says little is moved at last by slopes that are right
+        last = levenberg_marquardt(
+            finer, fit.vector, fit.free, iterations=2, tolerance=_NOTHING,
+            known=fit.columns, refresh=0,
+        )  # fmt: skip
+        fit = replace(last, jacobian=fit.jacobian)
     soft, weight = soften(fit.residual, fit.soft)
     coarse, _ = soften(problem.at_step(2.0 * finer.step).residual(fit.vector), fit.soft)
     matrix = fit.jacobian * weight[:, None]
@@ -98,6 +115,62 @@ def finished(problem: Problem, fit: Fit) -> Finished:
         fit,
         {item.key: float(step * item.scale) for item, step in zip(fit.free, moved, strict=True)},
     )
+
+
+def _with_long_slopes(problem: Problem, fit: Fit) -> Fit:
+    """Return a fit whose Jacobian is right where it says little.
+
+    A difference of a percent of one parameter moves instants of sticking from one step to another,
+    and that noise makes directions look determined in which nothing changes at all: K_T, J,
+    friction, D_p, leakage and 1 / beta of a locked run can all be scaled by one factor. So the
+    slope along each eigenvector of the information matrix is taken anew between ends as far apart
+    as the residual foreseen there allows, and then once more along the weakest of what came out.
+    """
+    if not fit.free:
+        return fit
+    problem = problem.at_step(max(problem.step, SLOPES))
+    sizes = np.array([abs(fit.vector[item.at]) or item.scale for item in fit.free])
+    units = sizes / np.array([item.scale for item in fit.free])
+    matrix = fit.jacobian.copy()
+    _, weight = soften(fit.residual, fit.soft)
+    for weakest in (len(fit.free), *(_AGAIN for _ in range(_ROUNDS))):
+        weighted = matrix * weight[:, None] * units
+        values, vectors = np.linalg.eigh(weighted.T @ weighted)
+        directions = [vectors[:, k] for k in range(min(weakest, len(fit.free)))]
+        lengths = np.clip(_SHOWN / np.sqrt(np.maximum(values, 1e-300)), _SHORT, _LONG)
+        slopes = side_by_side(
+            lambda item: _slope_along(problem, fit, item[0] * sizes, item[1], sizes),
+            list(zip(directions, lengths, strict=False)),
+        )
+        for direction, slope in zip(directions, slopes, strict=True):
+            if slope is not None:
+                matrix += np.outer(slope - matrix @ (direction * units), direction / units)
+        if slopes[0] is None or _size(slopes[0], weight) > _TRUE * float(values[0]):
+            break
+    return replace(fit, jacobian=matrix)
+
+
+def _size(slope: FloatArray, weight: FloatArray) -> float:
+    return float(np.sum((slope * weight) ** 2))
+
+
+def _slope_along(
+    problem: Problem, fit: Fit, direction: FloatArray, length: float, sizes: FloatArray
+) -> FloatArray | None:
+    """Return the residual's slope between two ends about a fit, (N,); None where bounds hold it."""
+    ends = [_moved(fit, side * length * direction) for side in (1.0, -1.0)]
+    apart = np.array([ends[0][f.at] - ends[1][f.at] for f in fit.free]) / sizes
+    reached = float(apart @ (direction / sizes))
+    if reached < length:
+        return None
+    return (problem.residual(ends[0]) - problem.residual(ends[1])) / reached
+
+
+def _moved(fit: Fit, step: FloatArray) -> FloatArray:
+    vector = fit.vector.copy()
+    for item, change in zip(fit.free, step, strict=True):
+        vector[item.at] = min(max(vector[item.at] + float(change), item.low), item.high)
+    return vector
 
 
 def _at(problem: Problem, fit: Fit) -> Fit:

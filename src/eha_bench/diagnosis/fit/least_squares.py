@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import SLOPES, Problem, soften
 from eha_bench.plants.layout import Layout
 
@@ -29,6 +30,8 @@ _STANDS_OUT = 60.0
 """The same for what may be hardly there."""
 _TELLS = 5.0
 """Least size of a step's change of the residual from which the Jacobian learns."""
+_NONSENSE = 10.0
+"""Size of that change, in residuals, from which it does not."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +39,12 @@ class Free:
     """One number that a fit may move.
 
     Attributes:
-        key: `name` of the plant's parameter or `effect.name`.
+        key: `name` of the plant's parameter or `effect.name`; `name in run` for a run's own.
         at: place in the vector.
         low, high: bounds, SI.
         scale: a change that matters, SI.
+        of_effect: whether it is an effect's, which may be hardly there.
+        run: the run that has it of its own, and alone tells of it; "" for all runs.
     """
 
     key: str
@@ -47,6 +52,8 @@ class Free:
     low: float
     high: float
     scale: float
+    of_effect: bool = False
+    run: str = ""
 
 
 @dataclass(frozen=True)
@@ -56,11 +63,12 @@ class Fit:
     Attributes:
         vector: parameters.
         free: what moved.
-        residual: (N,) whitened residual there.
+        residual: (N,) whitened residual there, that of beliefs at its end.
         jacobian: (N, p) its derivative by scaled parameters (last one computed).
         cost: sum of soft-L1 losses of the residual.
         steps: accepted steps.
         soft: scale of the soft-L1 loss.
+        beliefs: how many rows are no readings but beliefs.
     """
 
     vector: FloatArray
@@ -70,6 +78,7 @@ class Fit:
     cost: float
     steps: int = 0
     soft: float = 1.0
+    beliefs: int = 0
 
     @property
     def columns(self) -> dict[str, FloatArray]:
@@ -82,7 +91,7 @@ class Fit:
 
 
 def free_parameters(
-    layout: Layout,
+    layout: Layout | Places,
     keys: Sequence[str],
     vector: FloatArray,
     spans: Mapping[str, float] | None = None,
@@ -90,14 +99,18 @@ def free_parameters(
     """Return parameters of a layout as free numbers.
 
     Args:
-        layout: of the plant.
+        layout: of the plant, or with what runs have of their own.
         keys: `name` or `effect.name`; one that holds several numbers gives as many.
         vector: where the fit starts; the scale of a parameter is its size there, or its default's.
         spans: key -> scale, where neither says one.
     """
     found = []
+    places = layout if isinstance(layout, Places) else Places(layout)
+    plants_own = {parameter.name for parameter in places.layout.parameters}
     for key in keys:
         parameter = layout.by_key[key]
+        run = places.runs.get(key, "")
+        of_effect = not run and key not in plants_own
         for k in range(parameter.size):
             at = layout.index[key] + k
             scale = max(abs(vector[at]), 0.1 * abs(parameter.default))
@@ -107,7 +120,8 @@ def free_parameters(
                 width = parameter.high - parameter.low
                 scale = 0.1 * width if np.isfinite(width) else 1.0
             name = key if parameter.size == 1 else f"{key}[{k}]"
-            found.append(Free(name, at, parameter.low, parameter.high, float(scale)))
+            bounds = parameter.low, parameter.high
+            found.append(Free(name, at, *bounds, float(scale), of_effect, run))
     return tuple(found)
 
 
@@ -127,11 +141,22 @@ def jacobian(
         problem = problem.at_step(SLOPES)
         base = problem.residual(vector)
     columns = [
-        known[item.key] if item.key in known else _slope(problem, vector, item, base)
+        known[item.key] if item.key in known else _slope_of(problem, vector, item, base)
         for item in free
     ]
     # column by column in memory: a hundred thousand rows are multiplied and updated that way
     return np.array(columns).T if columns else np.zeros((base.size, 0))
+
+
+def _slope_of(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -> FloatArray:
+    """Return one column; what one run has of its own takes only that run's simulation."""
+    if not item.run:
+        return _slope(problem, vector, item, base)
+    part, rows = problem.of_run(item.run)
+    column = np.zeros(base.size)
+    if rows.size:
+        column[rows] = _slope(part, vector, item, base[rows])
+    return column
 
 
 def _slope(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -> FloatArray:
@@ -141,7 +166,7 @@ def _slope(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -
     noise. Where a parameter does little, that noise would pass for its effect, and the parameter
     for well determined. That threatens effects, which may be hardly there at all.
     """
-    enough = problem.soft * (_STANDS_OUT if "." in item.key else _SHOWS)
+    enough = problem.soft * (_STANDS_OUT if item.of_effect else _SHOWS)
     relative = _DIFFERENCE
     while True:
         step = relative * item.scale
@@ -166,6 +191,7 @@ def levenberg_marquardt(
     tolerance: float = 1.0,
     known: Mapping[str, FloatArray] | None = None,
     refresh: int = 2,
+    tries: int = 4,
     watch: Callable[[FloatArray], None] | None = None,
 ) -> Fit:
     """Minimise the soft-L1 cost of a problem over the free parameters.
@@ -178,6 +204,8 @@ def levenberg_marquardt(
         tolerance: fall of the cost in one step that ends it (a cost of 1 is one sigma).
         known: columns of a Jacobian from nearby, by key, to start with.
         refresh: how often the Jacobian may be computed anew.
+        tries: of a step from a Jacobian that is, each ten times shorter: far from the minimum a
+            slope holds only nearby.
         watch: given every vector that is better than all before.
     """
     free = tuple(free)
@@ -186,7 +214,8 @@ def levenberg_marquardt(
     soft, weight = soften(residual, problem.soft)
     cost = float(soft @ soft)
     if not free:
-        return Fit(vector, free, residual, np.zeros((residual.size, 0)), cost, 0, problem.soft)
+        none = np.zeros((residual.size, 0))
+        return Fit(vector, free, residual, none, cost, 0, problem.soft, len(problem.beliefs))
     scales = np.array([item.scale for item in free])
     matrix = jacobian(problem, vector, free, residual, known)
     fresh = not known
@@ -198,7 +227,7 @@ def levenberg_marquardt(
         normal = weighted.T @ weighted
         gradient = weighted.T @ soft
         gain = 0.0
-        for _try in range(4 if fresh else 2):
+        for _try in range(tries if fresh else 2):
             step = _bounded_step(normal, gradient, damping, vector, free)
             trial = vector.copy()
             for item, move in zip(free, step, strict=True):
@@ -211,8 +240,10 @@ def levenberg_marquardt(
             new_soft, new_weight = soften(new_residual, problem.soft)
             new_cost = float(new_soft @ new_soft)
             change = new_residual - residual
-            if float(change @ change) > (_TELLS * problem.soft) ** 2:
-                # a smaller change is the noise of sticking as much as it is the parameters'
+            size = float(change @ change)
+            if (_TELLS * problem.soft) ** 2 < size < _NONSENSE**2 * float(residual @ residual):
+                # a smaller change is the noise of sticking as much as it is the parameters', and
+                # a step into nonsense tells nothing of the slopes here
                 unforeseen = change - matrix @ done
                 for k in np.flatnonzero(done):
                     matrix[:, k] += unforeseen * (done[k] / length)
@@ -243,7 +274,8 @@ def levenberg_marquardt(
             damping = 1e-3
         elif gain:
             fresh = False
-    return Fit(vector, free, residual, matrix, cost, taken, problem.soft)
+    beliefs = len(problem.beliefs)
+    return Fit(vector, free, residual, matrix, cost, taken, problem.soft, beliefs)
 
 
 def _bounded_step(

@@ -28,8 +28,10 @@ from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.unmeasured import carried, missing
 from eha_bench.diagnosis.data.windows import Window, begun
 from eha_bench.diagnosis.fit import side_by_side
+from eha_bench.diagnosis.fit.beliefs import Belief, believed_residual
 from eha_bench.diagnosis.fit.effort import simulated
 from eha_bench.diagnosis.fit.input_noise import Shaken, shaken
+from eha_bench.diagnosis.fit.own_parameters import places_of
 from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.fit.whitening import whitening
 from eha_bench.plants.plant import Drive, Parametrised, Plant
@@ -86,6 +88,7 @@ class Problem:
         windows: stretches to simulate.
         noise: channel -> standard deviation; channels without are not compared.
         step: largest integration step, s.
+        beliefs: of parameters; each is one more row, behind those of the windows.
     """
 
     def __init__(
@@ -94,14 +97,17 @@ class Problem:
         windows: Sequence[Window],
         noise: Mapping[str, float],
         step: float,
+        beliefs: Sequence[Belief] = (),
     ) -> None:
         self.plant = plant
         self.windows = tuple(windows)
         self.noise = dict(noise)
         self.step = step
         self.soft = 1.0
+        self.beliefs = tuple(beliefs)
         self._defect: FloatArray | None = None
         self._outputs = {name: at for at, name in enumerate(plant.outputs)}
+        self.places = places_of(plant.layout, (window.measured.run for window in windows))
         self._parts = [self._ready(window) for window in windows]
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
         self._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
@@ -120,15 +126,25 @@ class Problem:
         """Return the problem over some of the windows; start-state bases are shared."""
         other = object.__new__(Problem)
         other.plant, other.noise, other.step = self.plant, self.noise, self.step
-        other.soft = self.soft
+        other.soft, other.beliefs = self.soft, self.beliefs
         other._defect = None
         other._outputs = self._outputs
+        other.places = self.places
         other.windows = tuple(self.windows[k] for k in keep)
         other._parts = [self._parts[k] for k in keep]
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in other._parts])])
         other._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
         other.size = int(offsets[-1])
         return other
+
+    def of_run(self, name: str) -> tuple[Problem, NDArray[np.intp]]:
+        """Return the problem over one run's windows, and the places of their rows in this one."""
+        keep = [k for k, window in enumerate(self.windows) if window.measured.run.name == name]
+        other = self.subset(keep)
+        other.beliefs = ()
+        rows = self.rows_of(keep) if keep else np.zeros(0, dtype=np.intp)
+        other._defect = None if self._defect is None else self._defect[rows]
+        return other, rows
 
     def apart(self) -> Problem:
         """Return the same problem with start-state bases of its own."""
@@ -170,7 +186,7 @@ class Problem:
 
     def with_noise(self, noise: Mapping[str, float]) -> Problem:
         """Return the same windows weighted by another noise; it needs `prepare`."""
-        other = Problem(self.plant, self.windows, noise, self.step)
+        other = Problem(self.plant, self.windows, noise, self.step, self.beliefs)
         for own, part in zip(self._parts, other._parts, strict=True):
             if own.shaken is not None and own.pick.size == part.pick.size:
                 part.shaken = own.shaken.reweighted(own.scale / part.scale)
@@ -199,9 +215,10 @@ class Problem:
         rough = self.at_step(max(self.step, SLOPES))
         self._carry(vector, rough.step)
 
-        at = self.plant.at(vector)
+        in_run = self._in_runs(vector)
 
         def one(part: _Prepared) -> float:
+            at = in_run(part)
             base = rough._weighted(part, at, {})
             columns = []
             for name, spread in part.window.spread.items():
@@ -246,23 +263,33 @@ class Problem:
             if any(missing(self.plant, window) for window in own):
                 simulated(float(own[0].measured.time[-1]))
                 for number, window in zip(
-                    numbers, carried(self.plant, vector, own, step), strict=True
+                    numbers,
+                    carried(
+                        self.plant,
+                        own[0].measured.run.vector(self.plant.layout, vector),
+                        own,
+                        step,
+                    ),
+                    strict=True,
                 ):
                     self._parts[number].window = window
 
     def raw(self, vector: FloatArray) -> FloatArray:
         """Return the weighted residual as it is, start states and all, (size,)."""
-        at = self.plant.at(vector)
-        return np.concatenate(self._each(lambda part: self._weighted(part, at, {})))
+        in_run = self._in_runs(vector)
+        return np.concatenate(self._each(lambda part: self._weighted(part, in_run(part), {})))
 
     def residual(self, vector: FloatArray) -> FloatArray:
-        """Return the whitened weighted residual, (size,): white, variance 1 where all is said."""
-        at = self.plant.at(vector)
+        """Return the whitened weighted residual: white, variance 1 where all is said.
+
+        (size,) of the readings, and behind them one of each belief.
+        """
+        in_run = self._in_runs(vector)
 
         def one(part: _Prepared) -> FloatArray:
-            return self._white(part, self._weighted(part, at, {}))
+            return self._white(part, self._weighted(part, in_run(part), {}))
 
-        found = np.concatenate(self._each(one))
+        found = np.concatenate([*self._each(one), believed_residual(self.beliefs, vector)])
         return found if self._defect is None else found + self._defect
 
     def with_best_start(self, vector: FloatArray) -> FloatArray:
@@ -270,10 +297,10 @@ class Problem:
 
         The noise of measured inputs is at its best too. Needs `prepare` at this vector.
         """
-        at = self.plant.at(vector)
+        in_run = self._in_runs(vector)
 
         def one(part: _Prepared) -> FloatArray:
-            residual = self._weighted(part, at, {})
+            residual = self._weighted(part, in_run(part), {})
             if part.shrink.size == 0:
                 return residual
             # 1 - 1 / (1 + s^2), from 1 - 1 / sqrt(1 + s^2)
@@ -284,7 +311,7 @@ class Problem:
 
     def in_readings(self, residual: FloatArray) -> FloatArray:
         """Return what a residual is of each reading, in its noise: the same where that is white."""
-        out = residual.copy()
+        out = residual[: self.size].copy()
         for part, rows in zip(self._parts, self._rows, strict=True):
             if part.whitening is not None:
                 out[rows] = spsolve(part.whitening, residual[rows])
@@ -295,8 +322,19 @@ class Problem:
 
         Each is (ticks, outputs of the plant).
         """
-        at = self.plant.at(vector)
-        return self._each(lambda part: self._simulated(part, at, {})[part.drive.first :])
+        in_run = self._in_runs(vector)
+        return self._each(lambda part: self._simulated(part, in_run(part), {})[part.drive.first :])
+
+    def _in_runs(self, vector: FloatArray) -> Callable[[_Prepared], Parametrised]:
+        """Return what gives a window the plant with the parameters that its run has."""
+        runs = {part.window.measured.run.name: part.window.measured.run for part in self._parts}
+        layout = self.plant.layout
+        shared = self.plant.at(vector[: layout.size])
+        found = {
+            name: self.plant.at(run.vector(layout, vector)) if run.parameters or run.own else shared
+            for name, run in runs.items()
+        }
+        return lambda part: found[part.window.measured.run.name]
 
     def _each(self, function: Callable[[_Prepared], T], seconds: float | None = None) -> list[T]:
         """Do something with every window; `seconds` are simulated by it (default: each once)."""

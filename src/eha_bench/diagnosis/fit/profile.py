@@ -24,6 +24,12 @@ _RISEN = 9.0
 _ROUGH = 4.0
 _BEGIN = 1.5
 _FEWEST, _MOST = 3, 9
+_ALIKE = 2.0
+"""Factor that two rises of the cost may differ by and still be the same: 1.4 in the interval."""
+_PIT = 0.2
+"""Share of an interval within which a cost is rough and no parabola."""
+_SEARCHED = 6
+"""Simulations to each side for the end of an interval."""
 
 
 def profiled(problem: Problem, fit: Fit, key: str, deviation: float) -> float:
@@ -70,6 +76,50 @@ def cost_with(problem: Problem, fit: Fit, key: str, value: float) -> float:
     at = next(k for k, item in enumerate(fit.free) if item.key == key)
     place = (value - fit.vector[fit.free[at].at]) / fit.free[at].scale
     return _cost(problem, fit, _following(fit, at), place)
+
+
+def profile_interval(
+    problem: Problem, fit: Fit, key: str, half: float
+) -> tuple[float, float] | None:
+    """Return a parameter's interval by the profile, None where it stays in the linear one.
+
+    The cost has to rise by as much as a parabola of the Jacobian's curvature does over the linear
+    interval, so that what is in that interval beyond noise is in this one as well. Where the cost
+    rises sooner it may be rough, and the linear interval stands.
+
+    Args:
+        problem: what was fitted. fit: the end, with its Jacobian there.
+        key: of what was fitted. half: of the linear interval, SI.
+    """
+    at = next(k for k, item in enumerate(fit.free) if item.key == key)
+    item, value = fit.free[at], float(fit.vector[fit.free[at].at])
+    if not np.isfinite(half) or half <= 0.0:
+        return None
+    direction = _following(fit, at)
+    _, weight = soften(fit.residual, fit.soft)
+    moved = (fit.jacobian @ direction) * weight
+    wanted = float(moved @ moved) * (half / item.scale) ** 2
+    # a fit ends in a pit of a rough cost: what it rises by next to it is no information
+    beside = [_cost(problem, fit, direction, x * half / item.scale) for x in (-_PIT, _PIT)]
+    base = max(_cost(problem, fit, direction, 0.0), 0.5 * sum(beside) - _PIT**2 * wanted)
+    ends, alike = [], True
+    for side in (-1.0, 1.0):
+        bound = abs((item.low if side < 0.0 else item.high) - value)
+        inner, outer, width = 0.0, np.inf, half
+        for _ in range(_SEARCHED):
+            place = min(width, bound)
+            rise = _cost(problem, fit, direction, side * place / item.scale) - base
+            ratio = rise / wanted
+            if 1.0 / _ALIKE < ratio < _ALIKE or (place == bound and ratio < 1.0):
+                break
+            alike = False
+            if ratio < 1.0:
+                inner, width = place, 2.0 * place if np.isinf(outer) else 0.5 * (place + outer)
+            else:
+                outer, width = place, 0.5 * (inner + place)
+        ends.append(value + side * min(width, bound))
+    further = ends[0] < value - half or ends[1] > value + half
+    return (ends[0], ends[1]) if further and not alike else None
 
 
 def _following(fit: Fit, at: int) -> FloatArray:

@@ -33,7 +33,7 @@ def medium_problem(problem: Problem, length: float = WINDOW) -> Problem:
         places = np.arange(0, time.size - size, size)
         places = _evenly(places, max(2, round(share / length)))
         windows += [window_at(measured, int(k), int(k) + size, problem.noise) for k in places]
-    return Problem(problem.plant, windows, problem.noise, problem.step)
+    return Problem(problem.plant, windows, problem.noise, problem.step, problem.beliefs)
 
 
 def aligned_problem(problem: Problem, vector: FloatArray, knots: int) -> tuple[Problem, float]:

@@ -23,7 +23,7 @@ from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
 from eha_bench.diagnosis.fit.short_windows import medium_problem
-from eha_bench.plants.effect import Effect
+from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.layout import Layout
 
 FloatArray = NDArray[np.float64]
@@ -44,7 +44,7 @@ _FURTHEST = 0.5
 """Longest step, in spreads."""
 
 
-def is_periodic(effect: Effect) -> bool:
+def is_periodic(effect: BoundEffect) -> bool:
     """Whether an effect is periodic in the shaft's angle: it has a `count` and a `phase`."""
     names = {parameter.name for parameter in effect.parameters}
     return {"count", "phase"} <= names

@@ -22,6 +22,6 @@ def start_of(at: Parametrised, drive: Drive, measured: Mapping[str, float]) -> d
         return initial
     reads = at.simulate(drive.first_tick, initial, 1.0)[drive.first]
     for place, name in enumerate(plant.outputs):
-        if name in measured and name != "current" and np.isfinite(reads[place]):
+        if name in measured and name not in plant.roles.acting and np.isfinite(reads[place]):
             initial[name] += measured[name] - reads[place]
     return initial

@@ -40,7 +40,10 @@ from eha_bench.diagnosis.fit.problem import soften
 FloatArray = NDArray[np.float64]
 
 _Z = 1.96
-_LOOSE = 0.3
+LOOSE = 0.3
+"""Standard deviation along a direction, as a share of a parameter, from which it is open."""
+_LOOSE_TOGETHER = 0.1
+"""The same where three and more parameters move together: each moves by a part of it."""
 _RIDGE = 0.02
 _CONCERNED = 0.01
 _CHANCE = 0.05
@@ -48,18 +51,31 @@ _TOGETHER = 3
 """Blocks of 0.1 s that are taken together: an error with a memory of 20 ms is longer than one."""
 _INEXACT = 1e-3
 """Standard uncertainty of an effect's equation, of the size that is fitted."""
+_OPEN = 1e3
+"""Half of an interval, in sizes of the parameter, from which there is none."""
 _ALONE = 0.1
 """Below this many degrees of freedom one run says nearly all, and no other can disagree."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its 95 % interval, SI."""
+    """A number with its 95 % interval, SI.
+
+    Attributes:
+        value: SI. low, high: interval; infinite where there is none. unit: SI.
+        profile: interval by the profile of the likelihood, where that is another one.
+    """
 
     value: float
     low: float
     high: float
     unit: str
+    profile: tuple[float, float] | None = None
+
+    @property
+    def without_interval(self) -> Estimate:
+        """The number alone."""
+        return replace(self, low=-float("inf"), high=float("inf"), profile=None)
 
 
 @dataclass(frozen=True)
@@ -201,43 +217,102 @@ def estimates(
         item = next(free for free in fit.free if free.key == key)
         value = float(fit.vector[item.at])
         wider = replace(spread, deviation=max(spread.deviation, (profiled or {}).get(key, 0.0)))
-        inexact = _INEXACT * abs(value) if "." in key else 0.0
+        inexact = _INEXACT * abs(value) if item.of_effect else 0.0
         further = np.hypot((shift or {}).get(key, 0.0), inexact)
         half = float(np.hypot(wider.half_width, _Z * further))
-        found[key] = Estimate(
-            value, max(item.low, value - half), min(item.high, value + half), units.get(key, "")
-        )
+        if half > _OPEN * max(abs(value), item.scale):
+            half = float("inf")
+        low, high = (max(item.low, value - half), min(item.high, value + half))
+        if np.isinf(half):
+            low, high = -half, half
+        found[key] = Estimate(value, low, high, units.get(key, ""))
     return found
+
+
+def covariance(fit: Fit, groups: Groups) -> FloatArray:
+    """Return the covariance of all fitted numbers, (p, p) SI, in the order of `fit.free`.
+
+    Correlations are those of the information matrix, standard deviations those of the intervals
+    (infinite ones where nothing is determined).
+    """
+    _, weight = soften(fit.residual, fit.soft)
+    weighted = fit.jacobian * weight[:, None]
+    lengths = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
+    normal = (weighted / lengths).T @ (weighted / lengths)
+    inverse = np.linalg.inv(normal + 1e-12 * np.eye(len(fit.free)))
+    root = np.sqrt(np.diag(inverse))
+    deviations = np.array([item.deviation for item in spreads(fit, groups).values()])
+    return np.asarray(inverse / np.outer(root, root) * np.outer(deviations, deviations))
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction in which the parameters of a calibration may move.
+
+    Attributes:
+        deviation: standard deviation along it, as a share of the parameters (0.3: 30 %).
+        shares: parameter -> part that it takes in it, of a direction of length 1.
+    """
+
+    deviation: float
+    shares: Mapping[str, float]
+
+    def words(self) -> str:
+        """Say it in words."""
+        names = list(self.shares)
+        if len(names) == 1:
+            text = f"{names[0]} is not determined by these data"
+        elif len(names) == 2:
+            same = self.shares[names[0]] * self.shares[names[1]] > 0
+            text = f"{names[0]} and {names[1]} only as a {'ratio' if same else 'product'}"
+        else:
+            text = f"{', '.join(names[:-1])} and {names[-1]} only in combination"
+        if self.deviation > _OPEN:
+            return f"{text} (nothing changes along it)"
+        return f"{text} (one standard deviation along it is {100.0 * self.deviation:.3g} %)"
 
 
 def undetermined(fit: Fit) -> tuple[str, ...]:
     """Return, in words, the directions in which the parameters could move unnoticed.
 
-    A direction counts where one standard deviation along it changes parameters by 30 %.
+    A direction counts where one standard deviation along it changes parameters by 30 %, or three
+    and more of them together by 10 %. What is believed of them beforehand has no say.
     """
-    free = [item for item in fit.free if "." not in item.key and "[" not in item.key]
+    return tuple(
+        item.words()
+        for item in directions(fit)
+        if item.deviation >= (LOOSE if len(item.shares) < 3 else _LOOSE_TOGETHER)
+    )
+
+
+def open_parameters(fit: Fit) -> frozenset[str]:
+    """Return the parameters that the data do not determine: no interval says anything of them."""
+    return frozenset(
+        key
+        for item in directions(fit)
+        for key, share in item.shares.items()
+        if item.deviation * abs(share) >= LOOSE
+    )
+
+
+def directions(fit: Fit) -> tuple[Direction, ...]:
+    """Return the directions of the information matrix of the parameters, the weakest first."""
+    free = [item for item in fit.free if not item.of_effect and not item.run]
     columns = [k for k, item in enumerate(fit.free) if item in free]
     if not columns:
         return ()
-    _, weight = soften(fit.residual, fit.soft)
+    rows = slice(fit.residual.size - fit.beliefs)
+    _, weight = soften(fit.residual[rows], fit.soft)
     size = np.array([abs(fit.vector[item.at]) or item.scale for item in free])
     scale = np.array([item.scale for item in free])
-    matrix = fit.jacobian[:, columns] * weight[:, None] * (size / scale)
+    matrix = fit.jacobian[rows][:, columns] * weight[:, None] * (size / scale)
     level = float(np.sqrt(max(1.0, fit.cost / max(1, fit.residual.size))))
     values, vectors = np.linalg.eigh(matrix.T @ matrix)
     found = []
     for k in range(values.size):
-        if level / np.sqrt(max(values[k], 1e-300)) < _LOOSE:
-            continue
         direction = vectors[:, k]
         order = np.argsort(-np.abs(direction))
         main = [int(j) for j in order if abs(direction[j]) > 0.4 * abs(direction[order[0]])]
-        names = [free[j].key for j in main]
-        if len(names) == 1:
-            found.append(f"{names[0]} is not determined by these data")
-        elif len(names) == 2:
-            same = direction[main[0]] * direction[main[1]] > 0
-            found.append(f"{names[0]} and {names[1]} only as a {'ratio' if same else 'product'}")
-        else:
-            found.append(f"{', '.join(names[:-1])} and {names[-1]} only in combination")
+        deviation = level / float(np.sqrt(max(values[k], 1e-300)))
+        found.append(Direction(deviation, {free[j].key: float(direction[j]) for j in main}))
     return tuple(found)

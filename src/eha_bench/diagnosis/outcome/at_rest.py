@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from eha_bench.diagnosis.fit.baseline import Baseline
+from eha_bench.diagnosis.fit.convergence import Convergence, convergence
 from eha_bench.diagnosis.fit.evidence import Groups
 from eha_bench.diagnosis.fit.finish import Finished, finished
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
@@ -25,11 +26,13 @@ class Calibrated:
 
     Attributes:
         end: the finished fit. keys: parameters that it changed. notes: one sentence each.
+        convergence: how the fit ended.
     """
 
     end: Finished
     keys: tuple[str, ...]
     notes: tuple[str, ...]
+    convergence: Convergence
 
 
 def with_friction_at_rest(base: Baseline, groups: Groups, units: dict[str, str]) -> Calibrated:
@@ -65,7 +68,8 @@ def with_friction_at_rest(base: Baseline, groups: Groups, units: dict[str, str])
         if key not in base.nuisance
         or (key not in kept and end.fit.vector[layout.index[key]] != declared[layout.index[key]])
     )
-    return Calibrated(end, changed, tuple(notes))
+    ended = convergence(end.fit, base.starts, base.agreed)
+    return Calibrated(end, changed, tuple(notes), ended)
 
 
 def _is_open(item: Estimate, deviation: float, declared: float) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from eha_bench.diagnosis.fit.candidates import LEARNED
@@ -18,6 +18,8 @@ from eha_bench.diagnosis.unknown.locator import Locator, locate
 Progress = Callable[[str, float], None]
 
 _EXPLAINED = 0.5
+_NOTHING = 0.005
+"""Share of the excess that is none."""
 _TOLD = 0.1
 """Share of the excess from which a curve's variable is what it depends on."""
 
@@ -39,19 +41,21 @@ class Decision:
     learned: bool = False
 
 
-def decide(search: Search, step: float, progress: Progress) -> Decision:
+def decide(search: Search, step: float, progress: Progress, said: Sequence[str] = ()) -> Decision:
     """Return the verdict on a finished search.
 
     Args:
         search: finished. step: integration step of the localisation, s. progress: called often.
+        said: what was refused before, one sentence each.
     """
     rest = search.excess_left
     unexplained = is_unexplained(rest)
     before = max(search.excess_base.total, 1.0)
     share = 1.0 - max(rest.total, 0.0) / before
     notes = [
+        *said,
         f"what remains is {max(rest.relative, 0.0):.1%} above the noise "
-        f"({max(search.excess_base.relative, 0.0):.1%} before)"
+        f"({max(search.excess_base.relative, 0.0):.1%} before)",
     ]
     if search.effects and (not unexplained or share >= _EXPLAINED):
         if unexplained:
@@ -90,6 +94,11 @@ def _learned(
     soft, _ = soften(search.fit.residual, fit.soft)
     before = float(soft @ soft)
     share = (before - fit.cost) / max(before - floor, 1.0)
+    if not share > _NOTHING:
+        text = f"something acts in the {best.template.equation} balance; no curve that was tried "
+        text += "explains any of it, so what it depends on remains open"
+        unknown = Unknown(best.template.equation, (), text, 0.0)
+        return Decision(Verdict.UNKNOWN, search.fit, notes, unknown)
     template = best.template
     period = float(fit.vector[search.problem.plant.layout.index[f"{LEARNED}.period"]])
     text = f"something acts in the {template.equation} balance"
@@ -103,7 +112,9 @@ def _learned(
     else:
         text += f"; a curve of {template.variable} explains {max(share, 0.0):.0%} of the excess, "
         text += "so it depends on more than one variable, or on what was before"
-    when = times_of(search.problem, fit) if template.variable == "time" else ()
+    when = (
+        times_of(search.problem, fit, search.declared_vector) if template.variable == "time" else ()
+    )
     learned = fit.cost < before
     return Decision(
         Verdict.UNKNOWN,

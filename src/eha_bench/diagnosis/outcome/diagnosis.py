@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -11,7 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from eha_bench.core.atomic_file import write_text
+from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.finite import finite_or_none
+from eha_bench.core.showing import html_table
+from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.replay.replay import Replay
@@ -34,6 +38,7 @@ class FoundEffect:
 
     Attributes:
         id: public name. equation: balance it acts in. parameters: with 95 % intervals, SI.
+        at: node, element or channel where it acts; "all" for all of a kind alike.
         settings: its words (which chamber, which sensor).
         share: part of the excess that it explains on runs left out in turn, when it was added; at
             most 1, below 0 where it does harm there.
@@ -46,6 +51,7 @@ class FoundEffect:
     settings: Mapping[str, str] = field(default_factory=dict)
     share: float = math.nan
     p_value: float = math.nan
+    at: str = ""
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,35 @@ class RankLine:
 
 
 @dataclass(frozen=True)
+class FailedStage:
+    """A stage that could not be ended.
+
+    Attributes:
+        stage: its name. error: what went wrong, one sentence. trace: for who mends it.
+    """
+
+    stage: str
+    error: str
+    trace: str = ""
+
+    @property
+    def note(self) -> str:
+        """Say it in one sentence."""
+        return f"the stage '{self.stage}' failed ({self.error}): what was found before it stands"
+
+    def to_dict(self) -> dict[str, str]:
+        """Return it as it stands in JSON."""
+        return {"stage": self.stage, "error": self.error}
+
+
+def failed_stage(stage: str, error: Exception) -> FailedStage:
+    """Return a stage that an error has ended."""
+    known = isinstance(error, EhaBenchError)
+    text = str(error) if known else f"{type(error).__name__}: {error}"
+    return FailedStage(stage, text, "".join(traceback.format_exception(error)))
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The outcome of closing the loop once.
 
@@ -89,15 +124,19 @@ class Diagnosis:
         equivalent: sets of candidates that these data cannot tell apart.
         separate: effect's id -> the experiment that would tell it from its look-alikes.
         ranking: all candidates, the best first.
-        train, holdout: channel -> errors.
+        train, holdout, unseen: channel -> errors; unseen runs are held out and of another kind.
         calibrated: parameters of the revised model with intervals.
+        per_run: run -> parameter that it has of its own -> value with its interval; of held-out
+            runs by their first part.
         undetermined: directions that the data do not determine, in words.
+        convergence: how the fit of the revised model ended.
         notes: what the data gate and the search found, one sentence each.
         revised: the model with everything that was found.
         recalibrated: the model with its own parameters estimated anew and nothing added.
         replays: every run replayed freely by the declared, the recalibrated and the revised model;
             what the errors are computed from. Not in diagnosis.json: `predict` gives them again.
-        complete: False where it was interrupted.
+        complete: False where it was interrupted, or a stage failed.
+        failed: the stage that failed, if any: what was found before it stands.
         seconds: how long it took.
         simulations: how many simulations of all training data that equals, by simulated time.
     """
@@ -112,13 +151,35 @@ class Diagnosis:
     ranking: tuple[RankLine, ...] = ()
     train: Mapping[str, ChannelError] = field(default_factory=dict)
     holdout: Mapping[str, ChannelError] = field(default_factory=dict)
+    unseen: Mapping[str, ChannelError] = field(default_factory=dict)
     calibrated: Mapping[str, Estimate] = field(default_factory=dict)
+    per_run: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
+    convergence: Convergence | None = None
     notes: tuple[str, ...] = ()
     replays: tuple[Replay, ...] = ()
     complete: bool = True
+    failed: FailedStage | None = None
     seconds: float = math.nan
     simulations: float = math.nan
+
+    def __repr__(self) -> str:
+        """What it is in one line: the verdict, and what was found."""
+        found = ", ".join(item.id for item in self.effects)
+        if not found and self.unknown is not None:
+            found = f"in the {self.unknown.equation or 'undetermined'} equation"
+        ended = "" if self.complete else ", interrupted"
+        return f"<Diagnosis: {self.verdict.value}{f' ({found})' if found else ''}{ended}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: errors on runs that were never fitted, before and after."""
+        rows = [
+            (channel, error.before, error.after, error.noise_floor, error.unit)
+            for channel, error in (self.holdout or self.train).items()
+        ]
+        runs = "held-out runs" if self.holdout else "training runs"
+        names = ("channel", "error before", "after", "noise", "unit")
+        return html_table(f"{repr(self).strip('<>')}, errors on {runs}", names, rows)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of diagnosis.json; what is not computable is null."""
@@ -128,6 +189,7 @@ class Diagnosis:
             "effects": [
                 {
                     "id": item.id,
+                    "at": item.at,
                     "equation": item.equation,
                     "parameters": {
                         name: estimate_to_dict(e) for name, e in item.parameters.items()
@@ -158,12 +220,19 @@ class Diagnosis:
                 }
                 for line in self.ranking
             ],
-            "error": {"train": errors_to_dict(self.train), "holdout": errors_to_dict(self.holdout)},
+            "error": {
+                "train": errors_to_dict(self.train),
+                "holdout": errors_to_dict(self.holdout),
+                "unseen": errors_to_dict(self.unseen),
+            },
             "model": "revised.yaml",
             "calibrated": {name: estimate_to_dict(e) for name, e in self.calibrated.items()},
+            "per_run": own_to_dict(self.per_run),
             "undetermined": list(self.undetermined),
+            "convergence": None if self.convergence is None else self.convergence.to_dict(),
             "notes": list(self.notes),
             "complete": self.complete,
+            "failed": None if self.failed is None else self.failed.to_dict(),
             "seconds": finite_or_none(self.seconds),
             "simulations": finite_or_none(self.simulations),
         }  # fmt: skip
@@ -185,6 +254,14 @@ class Diagnosis:
         write_text(folder / "diagnosis.json", self.to_json())
 
 
+def own_to_dict(items: Mapping[str, Mapping[str, Estimate]]) -> dict[str, Any]:
+    """Return what runs have of their own as it stands in JSON."""
+    return {
+        run: {name: estimate_to_dict(item) for name, item in own.items()}
+        for run, own in items.items()
+    }
+
+
 def estimate_to_dict(item: Estimate) -> dict[str, Any]:
     """Return an estimate as it stands in JSON."""
     return {
@@ -192,6 +269,7 @@ def estimate_to_dict(item: Estimate) -> dict[str, Any]:
         "low": finite_or_none(item.low),
         "high": finite_or_none(item.high),
         "unit": item.unit,
+        **({} if item.profile is None else {"profile": list(item.profile)}),
     }
 
 

@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from eha_bench.diagnosis.data.dataset import Dataset
-from eha_bench.diagnosis.fit.baseline import COARSE, FRICTION_AT_REST, Baseline
+from eha_bench.diagnosis.fit.baseline import COARSE, Baseline, friction_at_rest_of
 from eha_bench.diagnosis.fit.candidates import LEARNED
+from eha_bench.diagnosis.fit.convergence import convergence, moved_notes
 from eha_bench.diagnosis.fit.finish import Finished, finished
 from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.profile import profiled
-from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates, spreads, undetermined
+from eha_bench.diagnosis.fit.uncertainty import (
+    Estimate,
+    estimates,
+    open_parameters,
+    spreads,
+    undetermined,
+)
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.search.state import Ranked
 from eha_bench.diagnosis.search.stepwise import Search
-from eha_bench.plants.effect import Effect
+from eha_bench.plants.effect import AT, BoundEffect
 from eha_bench.plants.model import Model
 
 
@@ -40,6 +49,14 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     keys = [*base.keys, *mundane]
     profiles = _profiles(search, decision, fit)
     values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
+    ended = convergence(fit, base.starts, base.agreed)
+    own = own_estimates(search.problem.places, values)
+    calibrated = {key: values[key] for key in keys if key in values and key in layout.index}
+    unknown = open_parameters(fit) if ended.has_intervals else calibrated.keys()
+    calibrated = {k: v.without_interval if k in unknown else v for k, v in calibrated.items()}
+    if not ended.has_intervals:
+        own = {run: {key: item.without_interval for key, item in of.items()}
+               for run, of in own.items()}  # fmt: skip
     effects = []
     for item in search.effects:
         effect = layout.effect(item.start.candidate)
@@ -48,11 +65,16 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         effects.append(
             FoundEffect(
                 effect.id,
-                str(effect.equation(layout.plant, numbers).value),
+                str(effect.equation(numbers).value),
                 _numbers(effect, item.start.keys, values, numbers),
-                {p.name: str(p.decode(numbers[p.name])) for p in effect.parameters if p.choices},
+                {
+                    p.name: str(p.decode(numbers[p.name]))
+                    for p in effect.parameters
+                    if p.choices and p.name != AT
+                },
                 item.comparison.explained_out,
                 item.comparison.p_value,
+                effect.place(numbers),
             )
         )
     effects.sort(key=lambda item: -_share(search, item.id))
@@ -74,6 +96,11 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
             f"{fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}"
         )
     notes += decision.notes
+    notes += ended.notes()
+    notes += moved_notes(
+        model, {key: float(fit.vector[layout.index[key]]) for key in keys if key in layout.index},
+        ended.at_bounds,
+    )  # fmt: skip
     return Diagnosis(
         decision.verdict,
         revised(model, fit.vector, keys, added),
@@ -83,12 +110,22 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         groups,
         dict(sorted(separate.items())),
         _ranking(search),
-        {},
-        {},
-        {key: item for key, item in values.items() if "." not in key},
-        undetermined(fit),
-        tuple(notes),
+        calibrated=calibrated,
+        per_run=own,
+        undetermined=undetermined(fit),
+        convergence=ended,
+        notes=tuple(notes),
     )
+
+
+def own_estimates(places: Places, values: Mapping[str, Estimate]) -> dict[str, dict[str, Estimate]]:
+    """Return run -> parameter that it has of its own -> estimate, from estimates by key."""
+    found: dict[str, dict[str, Estimate]] = {}
+    for item in places.own:
+        if item.key in values:
+            unit = places.by_key[item.key].unit
+            found.setdefault(item.run, {})[item.parameter] = replace(values[item.key], unit=unit)
+    return found
 
 
 def _finished(search: Search, decision: Decision) -> Finished:
@@ -97,8 +134,8 @@ def _finished(search: Search, decision: Decision) -> Finished:
     if decision.learned:
         return Finished(fit, {})
     layout = search.problem.plant.layout
-    still = {key for key in FRICTION_AT_REST if key in layout.index
-             and fit.vector[layout.index[key]] == 0.0}  # fmt: skip
+    still = {key for key in friction_at_rest_of(layout)
+             if fit.vector[layout.index[key]] == 0.0}  # fmt: skip
     free = tuple(item for item in fit.free if item.key not in still)
     return finished(search.problem, replace(fit, free=free))
 
@@ -118,7 +155,10 @@ def _profiles(search: Search, decision: Decision, fit: Fit) -> dict[str, float]:
 
 
 def _numbers(
-    effect: Effect, keys: tuple[str, ...], values: dict[str, Estimate], numbers: dict[str, float]
+    effect: BoundEffect,
+    keys: tuple[str, ...],
+    values: dict[str, Estimate],
+    numbers: dict[str, float],
 ) -> dict[str, Estimate]:
     """What was fitted, with its interval; a count that a scan found is exact."""
     found = {}
@@ -143,8 +183,15 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
     size = max(1, search.problem.size)
     order = {name: k for k, name in enumerate(i.start.candidate for i in search.accepted)}
     same = {name for item in search.accepted for name in item.equivalent}
-    best = max((i.score for i in search.ranking if i.candidate in order), default=0.0)
+    shares = [min(i.comparison.share, i.comparison.share_out) for i in search.accepted]
+    best = max(shares, default=0.0)
+    accepted = {item.start.candidate: item.comparison for item in search.accepted}
     for item in search.ranking:
+        if item.candidate in accepted:
+            # what it was added for, which may be more than it could do as the first one
+            found = accepted[item.candidate]
+            share = min(found.share, found.share_out)
+            item = replace(item, score=share, p_value=found.p_value, refitted=True)  # noqa: PLW2901
         error = float(np.sqrt(max(item.cost, 0.0) / size))
         place = order.get(item.candidate, len(order) + (0 if item.refitted else 1))
         reason = "added" if item.candidate in order else _why(item, best)

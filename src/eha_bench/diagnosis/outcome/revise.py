@@ -20,12 +20,20 @@ def revised(
     Args:
         model: the declared one.
         vector: parameters, as the plant's layout orders them.
-        keys: parameters that were estimated (plant's, or `effect.name` of a declared effect).
+        keys: parameters that were estimated (plant's, or `effect.name` of a declared effect);
+            what a run has of its own is no model's.
         effects: ids of effects that were added.
     """
     layout = model.plant.layout
-    own = [key for key in keys if "." not in key]
+    plants_own = {parameter.name for parameter in layout.parameters}
+    own = [key for key in keys if key in plants_own]
     out = model.with_parameters({key: float(vector[layout.index[key]]) for key in own})
+    for item in model.effects:
+        ours = {key.rpartition(".")[2]: float(vector[layout.index[key]]) for key in keys
+                if key not in plants_own and key in layout.index
+                and key.rpartition(".")[0] == item.id}  # fmt: skip
+        if ours:
+            out = out.with_values(item.id, ours)
     for name in effects:
         out = out.with_effect(_declared(model, vector, name))
     return out

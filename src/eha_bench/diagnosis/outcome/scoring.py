@@ -5,20 +5,23 @@ Runs for holdout are read here, for the first time, when everything is decided.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.diagnosis.data.dataset import Dataset, Use
-from eha_bench.diagnosis.data.gate import Measured, admit
+from eha_bench.diagnosis.data.gate import Measured, admit, restful_channels
 from eha_bench.diagnosis.data.quiet import coloured_like
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.baseline import STEP, Baseline, thinned
+from eha_bench.diagnosis.fit.first_part import first_part
+from eha_bench.diagnosis.fit.own_parameters import OwnValues
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import angles_of, counts_on, estimated, said, starts_of
+from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import (
     ChannelError,
@@ -27,28 +30,78 @@ from eha_bench.diagnosis.replay.errors_by_channel import (
     replay_notes,
     rms_by_channel,
 )
-from eha_bench.diagnosis.replay.replay import replay
+from eha_bench.diagnosis.replay.replay import Replay, replay
+from eha_bench.plants.model import Model
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Errors of three models on all runs.
+
+    Attributes:
+        errors: channel -> errors, by the runs' use. replays: what they are computed from.
+        per_run: held-out run -> parameter that it has of its own -> estimate by its first part.
+        notes: one sentence each.
+    """
+
+    errors: Mapping[Use, Mapping[str, ChannelError]]
+    replays: tuple[Replay, ...]
+    per_run: Mapping[str, Mapping[str, Estimate]]
+    notes: tuple[str, ...]
 
 
 def scored(
     found: Diagnosis,
     dataset: Dataset,
     base: Baseline,
-    vectors: tuple[FloatArray, FloatArray],
+    recalibrated: FloatArray,
     progress: Progress,
 ) -> Diagnosis:
     """Return a diagnosis with its replays and errors on training and on held-out runs.
 
     Args:
         found: what was decided. dataset: all runs. base: what it was fitted on.
-        vectors: parameters of the recalibrated and of the revised model.
+        recalibrated: parameters of the recalibrated model, with what runs have of their own.
+        progress: called with the stage and the fraction of it done.
+    """
+    places = base.problem.places
+    own = {run: {key: item.value for key, item in it.items()} for run, it in found.per_run.items()}
+    vectors = (
+        places.with_values(recalibrated, {}),
+        places.with_values(found.revised.vector(), own),
+    )
+    models = (dataset.model, found.recalibrated, found.revised)
+    scores = scores_of(dataset, base, models, vectors, progress)
+    return replace(
+        found,
+        train=scores.errors[Use.TRAIN],
+        holdout=scores.errors[Use.HOLDOUT],
+        unseen=scores.errors[Use.UNSEEN],
+        per_run={**found.per_run, **scores.per_run},
+        replays=scores.replays,
+        notes=(*found.notes, *scores.notes),
+    )
+
+
+def scores_of(
+    dataset: Dataset,
+    base: Baseline,
+    models: tuple[Model, Model, Model],
+    vectors: tuple[FloatArray, FloatArray],
+    progress: Progress,
+) -> Scores:
+    """Replay all runs by three models; held-out ones are read here.
+
+    Args:
+        dataset: all runs. base: what was fitted. models: declared, before, after.
+        vectors: parameters of the last two, with what training runs have of their own.
         progress: called with the stage and the fraction of it done.
     """
     noise = base.problem.noise
-    held_out, notes = _read(dataset)
+    held_out, notes = _read(dataset, base.measured)
     held_out = [coloured_like(item, base.measured) for item in held_out]
     begun = starts_of(base.problem)
     if begun and counts_on(dataset.model.plant.layout, vectors[-1]):
@@ -60,40 +113,67 @@ def scored(
         base = base.begun(begun)
         held_out = [item.begun(begun) for item in held_out]
         notes.append(said(begun))
-    models = (dataset.model, found.recalibrated, found.revised)
+    parts = [[first_part(item, model, noise) for item in held_out] for model in models[1:]]
+    trained = [base.problem.places.values(vector) for vector in vectors]
+    own: tuple[OwnValues, ...] = (
+        {},
+        *({**known, **{item.run: item.values for item in part}}
+          for known, part in zip(trained, parts, strict=True)),
+    )  # fmt: skip
+    notes += [note for item in parts[-1] for note in item.notes()]
     runs = (*base.measured, *held_out)
-    replays = replay(runs, models, noise, lambda done: progress("replay", done))
-    errors: list[dict[str, ChannelError]] = []
-    for use, problem in (
-        (Use.TRAIN, base.problem),
-        (Use.HOLDOUT, _windows_of(dataset, held_out, noise)),
-    ):
-        own = [item for item in replays if item.use is use]
-        before, after = ({}, {}) if problem is None else (
-            rms_by_channel(problem, vector) for vector in vectors
-        )  # fmt: skip
-        errors.append(replay_errors(own, floors(noise), (before, after)))
-        notes += replay_notes(own, errors[-1])
-    return replace(
-        found,
-        train=errors[0],
-        holdout=errors[1],
-        replays=replays,
-        notes=(*found.notes, *dict.fromkeys(notes)),
-    )
+    replays = replay(runs, models, noise, lambda done: progress("replay", done), own)
+    errors: dict[Use, dict[str, ChannelError]] = {}
+    for use in Use:
+        mine = [item for item in replays if item.use is use]
+        before, after = (
+            _over_windows(dataset, base, noise, use, held_out, vector, values)
+            for vector, values in zip(vectors, own[1:], strict=True)
+        )
+        errors[use] = replay_errors(mine, floors(noise), (before, after))
+        notes += replay_notes(mine, errors[use])
+    per_run = {item.run: item.estimates for item in parts[-1] if item.estimates}
+    return Scores(errors, replays, per_run, tuple(dict.fromkeys(notes)))
 
 
-def _read(dataset: Dataset) -> tuple[list[Measured], list[str]]:
+def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured], list[str]]:
     """Read the held-out runs; one that cannot be read costs its score, not the diagnosis."""
     found, notes = [], []
     compared = dataset.model.plant.determined(dataset.inputs)
-    for run in dataset.holdout:
+    columns = ((name, item.column(name)) for item in fitted for name in item.outputs)
+    restful = restful_channels((name, column) for name, column in columns if column is not None)
+    for run in dataset.held_out:
         try:
             recording = run.read()
-            found.append(admit(run, recording, dataset.inputs, compared, strict=False))
+            found.append(
+                admit(
+                    run,
+                    recording,
+                    dataset.inputs,
+                    compared,
+                    strict=False,
+                    restful=restful,
+                    roles=dataset.model.plant.roles,
+                )
+            )
         except EhaBenchError as error:
             notes.append(f"held-out run {run.name} is not scored: {error}")
     return found, notes
+
+
+def _over_windows(
+    dataset: Dataset,
+    base: Baseline,
+    noise: dict[str, float],
+    use: Use,
+    held_out: list[Measured],
+    vector: FloatArray,
+    own: OwnValues,
+) -> dict[str, float]:
+    """Return each channel's error over windows of the runs for one use, SI."""
+    runs = [item.knowing(own.get(item.run.name, {})) for item in held_out if item.run.use is use]
+    problem = base.problem if use is Use.TRAIN else _windows_of(dataset, runs, noise)
+    return {} if problem is None else rms_by_channel(problem, vector)
 
 
 def _windows_of(dataset: Dataset, runs: list[Measured], noise: dict[str, float]) -> Problem | None:

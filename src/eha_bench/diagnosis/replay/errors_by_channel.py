@@ -16,7 +16,6 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.core.channels import unit_of
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.replay.replay import Replay
 
@@ -56,7 +55,6 @@ def replay_errors(
     replays: Sequence[Replay],
     floors: Mapping[str, float],
     windows: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
-    places: tuple[int, int, int] = (0, 1, 2),
 ) -> dict[str, ChannelError]:
     """Return the errors of the declared, the recalibrated and the revised model, by channel.
 
@@ -64,14 +62,13 @@ def replay_errors(
         replays: by these models.
         floors: channel -> noise floor, SI.
         windows: the recalibrated and the revised model's errors over windows, by channel.
-        places: of the declared, the recalibrated and the revised model among the replays'.
     """
     found = {}
     for name in sorted({name for item in replays for name in item.measured}):
         own = [item for item in replays if name in item.measured]
         errors = [item.errors(name) for item in own]
         predicted = [item.prediction_errors(name) for item in own]
-        declared, before, after = (_rms([e[k] for e in errors]) for k in places)
+        declared, before, after = (_rms([e[k] for e in errors]) for k in range(3))
         counts = [float(np.isfinite(item.measured[name]).sum()) for item in own]
         moved = [item.moved.get(name, nan) for item in own]
         found[name] = ChannelError(
@@ -79,12 +76,12 @@ def replay_errors(
             before,
             after,
             floors.get(name, nan),
-            unit_of(name),
-            _rms([e[places[1]] for e in predicted]),
-            _rms([e[places[2]] for e in predicted]),
+            own[0].unit(name),
+            _rms([e[1] for e in predicted]),
+            _rms([e[2] for e in predicted]),
             windows[0].get(name, nan),
             windows[1].get(name, nan),
-            float(np.sqrt(np.average(np.square(moved), weights=counts))),
+            float(np.sqrt(np.average(np.square(moved), weights=counts))) if sum(counts) else nan,
         )
     return found
 

@@ -13,14 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eha_bench.core.channels import unit_of
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.plants.model import Model
-
-_SPEEDS = ("motor_speed", "piston_velocity")
-_PRESSURES = ("pressure_a", "pressure_b")
-_LOCKED = ("piston_position", "piston_velocity")
+from eha_bench.plants.plant import Plant
 
 
 @dataclass(frozen=True)
@@ -58,36 +54,40 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
     their difference, where these were read.
     """
     plant = model.plant
+    roles = plant.roles
     determined = plant.determined(tuple(measured.inputs))
     needed = [n for n in plant.states if n in determined and n not in measured.inputs]
     locked = measured.run.locked
     first = _trusted(measured)
     readings, notes = {}, []
     for name in needed:
-        if name not in first or (locked and name in _LOCKED):
+        if name not in first or (locked and name in roles.locked):
             continue
         readings[name] = first[name]
-        notes += _about(measured, name)
+        notes += _about(measured, name, plant)
     told = {*readings, *(measured.held if locked else ())}
     if locked:
-        told.add("piston_velocity")
+        told |= {name for name in roles.locked if name in roles.rates}
     behind = plant.behind(model.vector(), first)
     for name in needed:
         if name in behind and name not in told:
             readings[name] = behind[name]
             told.add(name)
-            notes.append(f"no '{name}' in the log: it begins at {_amount(name, behind[name])}, "
-                         "where other channels have it")  # fmt: skip
-    if all(name in needed and name not in told for name in _PRESSURES):
+            value = _amount(name, behind[name], plant)
+            notes.append(
+                f"no '{name}' in the log: it begins at {value}, where other channels have it"
+            )
+    if roles.pair and all(name in needed and name not in told for name in roles.pair):
         difference = first.get("pressure_difference")
         if difference is not None:
             rest = _rest_pressure(model)
-            readings["pressure_a"] = rest + max(difference, 0.0)
-            readings["pressure_b"] = rest + max(-difference, 0.0)
-            told |= {*_PRESSURES}
+            readings[roles.pair[0]] = rest + max(difference, 0.0)
+            readings[roles.pair[1]] = rest + max(-difference, 0.0)
+            told |= {*roles.pair}
             notes.append(
                 "neither chamber's pressure is in the log: they begin with the difference that was "
-                f"measured, the lower one at {_amount('pressure_a', rest)}, which is assumed"
+                f"measured, the lower one at {_amount(roles.pair[0], rest, plant)}, "
+                "which is assumed"
             )
     state = _state(measured, model, readings)
     assumed = [_assumed(name, state, model) for name in needed if name not in told]
@@ -99,7 +99,7 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
 def _trusted(measured: Measured) -> dict[str, float]:
     """Return the first readings, without those of channels that are dead."""
     dead = {n for n, item in measured.first.items() if item.frozen and measured.outputs}
-    if dead.intersection(_PRESSURES):
+    if dead.intersection(measured.roles.pair):
         # it may have been derived from both
         dead.add("pressure_difference")
     return {n: item.value for n, item in measured.first.items() if n not in dead}
@@ -107,15 +107,16 @@ def _trusted(measured: Measured) -> dict[str, float]:
 
 def _assumed(name: str, state: Mapping[str, float], model: Model) -> str:
     """Say at what a state begins that no reading tells."""
-    rest = _rest_pressure(model) if name in _PRESSURES else 0.0
-    value = {name: rest, **model.plant.at_rest(state), **state}[name]
-    return f"{name} at {_amount(name, value)}"
+    plant = model.plant
+    rest = _rest_pressure(model) if name in plant.roles.pressures else 0.0
+    value = {name: rest, **plant.at_rest(state), **state}[name]
+    return f"{name} at {_amount(name, value, plant)}"
 
 
-def _about(measured: Measured, name: str) -> list[str]:
+def _about(measured: Measured, name: str, plant: Plant) -> list[str]:
     """Say of a reading that it is late, or from a channel that is not believed there."""
     first = measured.first[name]
-    amount = _amount(name, first.value)
+    amount = _amount(name, first.value, plant)
     if first.tick > 0:
         return [
             f"the first sample has no '{name}': it begins at its first reading, {amount} at "
@@ -127,8 +128,8 @@ def _about(measured: Measured, name: str) -> list[str]:
     return []
 
 
-def _amount(name: str, value: float) -> str:
-    return f"{value:.6g} {unit_of(name)}".rstrip()
+def _amount(name: str, value: float, plant: Plant) -> str:
+    return f"{value:.6g} {plant.units.get(name, '')}".rstrip()
 
 
 def _state(measured: Measured, model: Model, readings: Mapping[str, float]) -> dict[str, float]:
@@ -138,40 +139,55 @@ def _state(measured: Measured, model: Model, readings: Mapping[str, float]) -> d
         return state
     noise = {name: noise_of(column) for name in measured.outputs
              if (column := measured.column(name)) is not None}  # fmt: skip
+    roles = model.plant.roles
     for name, value in readings.items():
-        at_rest = name in _SPEEDS and abs(value) < 4.0 * noise.get(name, 0.0)
+        at_rest = name in roles.rates and abs(value) < 4.0 * noise.get(name, 0.0)
         state[name] = 0.0 if at_rest else value
-    charge = _charge_pressure(model)
-    if all(name in state for name in _PRESSURES):
-        sigma = max(noise.get(name, 0.0) for name in _PRESSURES)
-        charged = charge is not None and all(
-            abs(state[name] - charge) < 4.0 * sigma for name in _PRESSURES
-        )
-        if charge is not None and charged:
-            state["pressure_a"] = state["pressure_b"] = charge
-        elif abs(state["pressure_a"] - state["pressure_b"]) < 4.0 * sigma:
-            middle = 0.5 * (state["pressure_a"] + state["pressure_b"])
-            state["pressure_a"] = state["pressure_b"] = middle
-    elif charge is not None:
-        for name in _PRESSURES:
-            state.setdefault(name, charge)
-    if "current" in state and abs(state["current"]) < 4.0 * noise.get("current", 0.0):
-        state["current"] = 0.0
-    if "piston_position" not in state and measured.run.locked:
-        state["piston_position"] = measured.held.get("piston_position", 0.0)
+    _at_charge(state, roles.pair, noise, _charge_pressure(model))
+    for name in roles.acting:
+        if name in state and abs(state[name]) < 4.0 * noise.get(name, 0.0):
+            state[name] = 0.0
     if measured.run.locked:
-        state["piston_velocity"] = 0.0
+        for name in roles.locked:
+            if name in roles.rate_of:
+                state.setdefault(name, measured.held.get(name, 0.0))
+            elif name in roles.rates:
+                state[name] = 0.0
     if measured.start.is_estimated:
-        state["shaft_angle"] = measured.start.value
+        for angle in roles.turning.values():
+            state[angle] = measured.start.value
     return state
 
 
+def _at_charge(
+    state: dict[str, float],
+    pair: tuple[str, ...],
+    noise: Mapping[str, float],
+    charge: float | None,
+) -> None:
+    """Set both chambers to the charge pressure, or their mean, where noise hides a difference."""
+    if pair and all(name in state for name in pair):
+        sigma = max(noise.get(name, 0.0) for name in pair)
+        charged = charge is not None and all(
+            abs(state[name] - charge) < 4.0 * sigma for name in pair
+        )
+        if charge is not None and charged:
+            state |= dict.fromkeys(pair, charge)
+        elif abs(state[pair[0]] - state[pair[1]]) < 4.0 * sigma:
+            state |= dict.fromkeys(pair, 0.5 * (state[pair[0]] + state[pair[1]]))
+    elif charge is not None:
+        for name in pair:
+            state.setdefault(name, charge)
+
+
 def _charge_pressure(model: Model) -> float | None:
-    for effect in model.effects:
-        if effect.id == "anti_cavitation":
-            parameter = model.plant.layout.effect(effect.id).parameter("charge_pressure")
+    """Return the pressure that a declared effect charges the chambers to, None where none does."""
+    for declared in model.effects:
+        effect = model.plant.layout.effect(declared.id)
+        if effect.action.charges:
+            parameter = effect.parameter(effect.action.charges)
             # a quantity's value and default are numbers; only a choice's are text
-            return float(effect.values.get("charge_pressure", parameter.default))  # type: ignore[arg-type]
+            return float(declared.values.get(parameter.name, parameter.default))  # type: ignore[arg-type]
     return None
 
 
@@ -180,5 +196,5 @@ def _rest_pressure(model: Model) -> float:
     charge = _charge_pressure(model)
     if charge is not None:
         return charge
-    known = "initial_pressure" in model.plant.layout.index
-    return model.value("initial_pressure") if known else 0.0
+    rest = model.plant.rest(model.vector())
+    return next((rest[name] for name in model.plant.roles.pair if name in rest), 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,12 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, pooled_noise
 from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles, said
 from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.replay.first_sample import first_sample
-from eha_bench.plants.model import Model, load_model
+from eha_bench.plants.model import Model, model_from
 
 FloatArray = NDArray[np.float64]
 
@@ -48,6 +49,7 @@ class Prediction:
         errors: channel -> root mean square of measured less predicted, SI, where the log measures
             it; infinite where the simulation diverges.
         epoch_ns: time zero by the log's own clock, ns (a table's that starts at 5 s: 5e9).
+        units: SI units of channels that eha_bench does not know.
     """
 
     run: str
@@ -56,6 +58,11 @@ class Prediction:
     notes: tuple[str, ...] = ()
     errors: Mapping[str, float] = field(default_factory=dict)
     epoch_ns: int = 0
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def unit(self, channel: str) -> str:
+        """Return the SI unit of a channel."""
+        return self.units.get(channel, unit_of(channel))
 
     @property
     def file(self) -> str:
@@ -71,7 +78,7 @@ class Prediction:
             "samples": int(self.time.size),
             "channels": list(self.values),
             "error": {
-                name: {"rms": finite_or_none(value), "unit": unit_of(name)}
+                name: {"rms": finite_or_none(value), "unit": self.unit(name)}
                 for name, value in self.errors.items()
             },
             "notes": list(self.notes),
@@ -83,7 +90,7 @@ class Prediction:
         A column's metadata hold its `unit`, the table's the `epoch_ns` that `time` counts from.
         """
         columns = {"time": self.time, **self.values}
-        units = {"time": "s", **{name: unit_of(name) for name in self.values}}
+        units = {"time": "s", **{name: self.unit(name) for name in self.values}}
         schema = pa.schema(
             [pa.field(name, pa.float64(), metadata={"unit": units[name]}) for name in columns],
             metadata={"epoch_ns": str(self.epoch_ns)},
@@ -107,9 +114,19 @@ def simulate_from(
         measured: the run. model: what is simulated. state: channel -> first reading, SI.
         step: largest integration step, s.
     """
-    at = model.plant.at(model.vector())
+    at = model.plant.at(measured.run.vector(model.plant.layout, model.vector()))
     drive = measured.drive(0, measured.time.size)
     return at.simulate(drive, start_of(at, drive, state), step)
+
+
+def _with_its_own(measured: Measured, model: Model) -> Measured:
+    """Return a run with what it has of its own (`per_run`) as its first part has it."""
+    noise = pooled_noise([measured], measured.outputs)
+    if not model.per_run or not noise:
+        return measured
+    found = first_part(measured, model, noise)
+    told = replace(measured, notes=(*measured.notes, *found.notes()))
+    return told.knowing(found.values)
 
 
 def _at_its_angle(measured: Measured, model: Model) -> Measured:
@@ -123,8 +140,8 @@ def _at_its_angle(measured: Measured, model: Model) -> Measured:
 
 
 def predict(
-    dataset: Dataset | str | Path,
-    model: Model | str | Path | None = None,
+    dataset: Dataset | str | Path | Mapping[str, Any],
+    model: Model | str | Path | Mapping[str, Any] | None = None,
     out: str | Path | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> tuple[Prediction, ...]:
@@ -133,11 +150,13 @@ def predict(
     Channels that nothing among the inputs drives are left out. What the log does not tell of a
     run's start is assumed at rest, and said in its notes. No first sample says at which angle
     the shaft stands: where the model has something on that is periodic in it, and the run shows
-    clearly that it does not begin at zero, that one number is estimated from the run.
+    clearly that it does not begin at zero, that one number is estimated from the run. What the
+    model has under `per_run` is estimated from the first part of each run, and said.
 
     Args:
-        dataset: dataset.yaml, or as loaded.
-        model: model.yaml, or as loaded; the dataset's own where not given.
+        dataset: dataset.yaml, a dict of what it would hold, or as loaded.
+        model: model.yaml, the name of a shipped one, a dict, or as loaded; the dataset's own where
+            not given.
         out: folder that gets one Parquet file a run, and prediction.json.
         progress: called with the run's name and the fraction done.
 
@@ -147,11 +166,11 @@ def predict(
         MissingChannelError: an input is not in a recording.
     """
     if not isinstance(dataset, Dataset):
-        dataset = load_dataset(Path(dataset))
+        dataset = load_dataset(dataset)
     if model is None:
         model = dataset.model
     elif not isinstance(model, Model):
-        model = load_model(Path(model))
+        model = model_from(model)
     determined = dataset.driven(model.plant)
     if out is not None:
         writable(Path(out))
@@ -160,7 +179,10 @@ def predict(
         if progress:
             progress(run.name, number / len(dataset.runs))
         recording = run.read()
-        measured = admit(run, recording, dataset.inputs, determined, strict=False)
+        measured = admit(
+            run, recording, dataset.inputs, determined, strict=False, roles=model.plant.roles
+        )
+        measured = _with_its_own(measured, model)
         prediction = _predicted(_at_its_angle(measured, model), recording, model)
         if out is not None:
             folder = Path(out)
@@ -199,6 +221,7 @@ def _predicted(measured: Measured, recording: Recording, model: Model) -> Predic
         notes,
         _errors(columns, measured, recording),
         recording.epoch_ns,
+        plant.units,
     )
 
 

@@ -13,17 +13,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.channels import unit_of
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.effort import simulated
+from eha_bench.diagnosis.fit.own_parameters import OwnValues
 from eha_bench.diagnosis.replay.first_sample import first_sample, first_state
 from eha_bench.diagnosis.replay.prediction import STEP, simulate_from
 from eha_bench.plants.model import Model
+from eha_bench.plants.plant import Plant
 
 FloatArray = NDArray[np.float64]
 Columns = Mapping[str, FloatArray]
@@ -41,7 +44,7 @@ class Replay:
     """One run as measured and as each model replays it.
 
     Attributes:
-        run: its name. use: train or holdout. locked, bypass_open: its setup.
+        run: its name. use: train, holdout or unseen. locked, bypass_open: its setup.
         time: (n,) s from the first sample.
         inputs: channel -> (n,) what drove the models, SI.
         measured: channel -> (n,) SI, NaN where it may not be believed.
@@ -50,6 +53,7 @@ class Replay:
         predicted: the same from the first sample as it is.
         moved: channel -> root mean square change by one standard deviation of the start, SI, of the
             last model.
+        units: SI units of channels that eha_bench does not know.
     """
 
     run: str
@@ -62,6 +66,11 @@ class Replay:
     simulated: tuple[Columns, ...]
     predicted: tuple[Columns, ...]
     moved: Mapping[str, float]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def unit(self, channel: str) -> str:
+        """Return the SI unit of a channel."""
+        return self.units.get(channel, unit_of(channel))
 
     def errors(self, channel: str) -> tuple[FloatArray, ...]:
         """Return measured less simulated, (n,) for each model.
@@ -84,6 +93,7 @@ def replay(
     models: Sequence[Model],
     noise: Mapping[str, float],
     progress: Callable[[float], None] | None = None,
+    own: Sequence[OwnValues] = (),
 ) -> tuple[Replay, ...]:
     """Replay runs from their inputs and first samples, as `predict` does.
 
@@ -92,11 +102,13 @@ def replay(
         models: of one plant, the last one is what was found.
         noise: channel -> standard deviation of the sensors' noise, SI.
         progress: called with the fraction done.
+        own: of each model, what runs have of their own.
     """
     found = []
+    values = own or [{}] * len(models)
     usable = [item for item in runs if item.outputs]
     with ThreadPoolExecutor(_WORKERS) as pool:
-        for number, item in enumerate(pool.map(lambda m: _one(m, models, noise), usable)):
+        for number, item in enumerate(pool.map(lambda m: _one(m, models, values, noise), usable)):
             found.append(item)
             simulated(len(models) * float(item.time[-1]))
             if progress:
@@ -104,26 +116,33 @@ def replay(
     return tuple(found)
 
 
-def _one(measured: Measured, models: Sequence[Model], noise: Mapping[str, float]) -> Replay:
+def _one(
+    measured: Measured,
+    models: Sequence[Model],
+    given: Sequence[OwnValues],
+    noise: Mapping[str, float],
+) -> Replay:
+    runs = [measured.knowing(item.get(measured.run.name, {})) for item in given]
     own = _with_difference(
         {name: column for name in measured.outputs
-         if (column := measured.column(name)) is not None}
+         if (column := measured.column(name)) is not None},
+        measured.roles.pair,
     )  # fmt: skip
-    starts = [first_state(measured, model) for model in models]
+    starts = [first_state(run, model) for run, model in zip(runs, models, strict=True)]
     begun = [
-        _simulated(measured, model, start, STEP)
-        for model, start in zip(models, starts, strict=True)
+        _simulated(run, model, start, STEP)
+        for run, model, start in zip(runs, models, starts, strict=True)
     ]
     predicted = [
-        values if (first := first_sample(measured, model).state) == start
-        else _simulated(measured, model, first, STEP)
-        for model, start, values in zip(models, starts, begun, strict=True)
+        values if (first := first_sample(run, model).state) == start
+        else _simulated(run, model, first, STEP)
+        for run, model, start, values in zip(runs, models, starts, begun, strict=True)
     ]  # fmt: skip
-    moved = _moved(measured, models[-1], starts[-1], own, noise)
+    moved = _moved(runs[-1], models[-1], starts[-1], own, noise)
     loose = any(value > _LOOSE * noise[name] for name, value in moved.items() if name in noise)
     simulated = [
-        _from_best_start(measured, model, start, values, own, noise) if loose else values
-        for model, start, values in zip(models, starts, begun, strict=True)
+        _from_best_start(run, model, start, values, own, noise) if loose else values
+        for run, model, start, values in zip(runs, models, starts, begun, strict=True)
     ]
     return Replay(
         measured.run.name,
@@ -136,6 +155,7 @@ def _one(measured: Measured, models: Sequence[Model], noise: Mapping[str, float]
         tuple(simulated),
         tuple(predicted),
         moved,
+        models[-1].plant.units,
     )
 
 
@@ -144,11 +164,8 @@ def _spreads(
 ) -> dict[str, float]:
     """Return how far each state at the start may be off, one standard deviation, SI."""
     found = {name: noise[name] for name in sorted(start) if noise.get(name, 0.0) > 0.0}
-    found.pop("current", None)
-    if measured.run.locked:
-        found.pop("piston_velocity", None)
-        found.pop("piston_position", None)
-    return found
+    still = {*measured.roles.acting, *(measured.roles.locked if measured.run.locked else ())}
+    return {name: size for name, size in found.items() if name not in still}
 
 
 def _moved(
@@ -224,16 +241,20 @@ def _simulated(
     measured: Measured, model: Model, start: Mapping[str, float], step: float
 ) -> Columns:
     values = simulate_from(measured, model, start, step)
-    return _columns(values, measured.outputs, model.plant.outputs)
+    return _columns(values, measured.outputs, model.plant)
 
 
-def _columns(values: FloatArray, channels: Sequence[str], outputs: Sequence[str]) -> Columns:
+def _columns(values: FloatArray, channels: Sequence[str], plant: Plant) -> Columns:
+    outputs = plant.outputs
     return _with_difference(
-        {name: np.ascontiguousarray(values[:, outputs.index(name)]) for name in channels}
+        {name: np.ascontiguousarray(values[:, outputs.index(name)]) for name in channels},
+        plant.roles.pair,
     )
 
 
-def _with_difference(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    if "pressure_a" in columns and "pressure_b" in columns:
-        columns["pressure_difference"] = columns["pressure_a"] - columns["pressure_b"]
+def _with_difference(
+    columns: dict[str, FloatArray], pair: tuple[str, ...]
+) -> dict[str, FloatArray]:
+    if pair and all(name in columns for name in pair):
+        columns["pressure_difference"] = columns[pair[0]] - columns[pair[1]]
     return columns

@@ -88,11 +88,11 @@ def without(search: Search, item: Accepted) -> Fit:
     kept = _others(search, item)
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral
-    layout = search.problem.plant.layout
-    keys = [key for key in search.keys if not sticks(key, vector[layout.index[key]])]
+    places = search.problem.places
+    keys = [key for key in search.keys if not sticks(key, vector[places.index[key]])]
     for other in kept:
         keys += [key for key in other.start.keys if key not in keys]
-    free = free_parameters(layout, keys, vector)
+    free = free_parameters(places, keys, vector)
     coarse = search.problem.at_step(COARSE)
     rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
     before, search.accepted = search.accepted, kept

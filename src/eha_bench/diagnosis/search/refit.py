@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.fit.baseline import (
     COARSE,
-    FRICTION_AT_REST,
     SCREENING,
     at_rest,
     friction_at_rest,
+    is_friction_at_rest,
 )
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
@@ -51,16 +51,16 @@ def is_bent(left: Excess) -> bool:
 
 def free_of(search: Search, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
     """Return what a fit with some more candidates may move."""
-    layout = search.problem.plant.layout
-    keys = [key for key in search.keys if not sticks(key, vector[layout.index[key]])]
+    places = search.problem.places
+    keys = [key for key in search.keys if not sticks(key, vector[places.index[key]])]
     for start in [*(item.start for item in search.accepted), *extra]:
         keys += [key for key in start.keys if key not in keys]
-    return free_parameters(layout, keys, vector)
+    return free_parameters(places, keys, vector)
 
 
 def sticks(key: str, value: float) -> bool:
     """Whether friction at rest has come back to sticking: free there, it spoils a Jacobian."""
-    return key in FRICTION_AT_REST and value == 0.0
+    return is_friction_at_rest(key) and value == 0.0
 
 
 def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
@@ -103,15 +103,15 @@ def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> F
     stay caught there; short windows have hardly any other minimum.
     """
     problem = search.problem
-    layout = problem.plant.layout
+    index = problem.places.index
     again = vector.copy()
     for key in search.keys:
-        again[layout.index[key]] = search.declared_vector[layout.index[key]]
+        again[index[key]] = search.declared_vector[index[key]]
     coarse = problem.at_step(COARSE)
     short = medium_problem(coarse)
     short.prepare(again)
     short.scale_to(short.residual(again))
-    free = [item for item in free_of(search, again, extra) if item.key not in FRICTION_AT_REST]
+    free = [item for item in free_of(search, again, extra) if not is_friction_at_rest(item.key)]
     near = levenberg_marquardt(short, again, free, iterations=8, refresh=1)
     other = levenberg_marquardt(coarse, near.vector, free, iterations=4, refresh=0)
     return friction_at_rest(coarse, other)
@@ -164,10 +164,10 @@ class Near:
         return kept
 
     def _begun_again(self) -> Fit:
-        layout = self.search.problem.plant.layout
+        index = self.search.problem.places.index
         vector = self.search.fit.vector.copy()
         for key in self.search.keys:
-            vector[layout.index[key]] = self.search.declared_vector[layout.index[key]]
+            vector[index[key]] = self.search.declared_vector[index[key]]
         self._weigh(vector)
         free = self._free(vector, ())
         fit = levenberg_marquardt(self.problem, vector, free, iterations=6, refresh=1)
@@ -206,7 +206,7 @@ class Near:
 
     def _free(self, vector: FloatArray, extra: Sequence[Start]) -> tuple[Free, ...]:
         free = free_of(self.search, vector, extra)
-        return tuple(item for item in free if item.key not in FRICTION_AT_REST)
+        return tuple(item for item in free if not is_friction_at_rest(item.key))
 
     @property
     def floor(self) -> float:

@@ -122,7 +122,7 @@ def begin(baseline: Baseline) -> Search:
         baseline.fit,
         baseline.fit,
         groups_of(baseline.problem),
-        model.vector(),
+        baseline.problem.places.lengthened(model.vector()),
         found,
         found,
     )

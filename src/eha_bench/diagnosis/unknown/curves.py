@@ -13,7 +13,7 @@ from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.short_windows import WINDOW
 from eha_bench.diagnosis.unknown.free_input import KNOTS
 from eha_bench.diagnosis.unknown.places import Place, Template, variables_of
-from eha_bench.plants.effects._curve import KNOTS as CURVE_KNOTS
+from eha_bench.plants.effects.learned import KNOTS as CURVE_KNOTS
 
 FloatArray = NDArray[np.float64]
 

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from eha_bench.diagnosis.fit.candidates import LEARNED, Start
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.problem import Problem, cost_of
 from eha_bench.diagnosis.unknown.curves import Located
 from eha_bench.diagnosis.unknown.places import curve_on
+from eha_bench.plants.effect import AT
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ def learn(
         replace(item, scale=scale)
         for item in free_parameters(layout, [f"{LEARNED}.values"], vector)
     )
-    free = (*free_parameters(layout, keys, vector), *curve)
+    free = (*free_parameters(problem.places, keys, vector), *curve)
     if located.period:
         at = layout.index[f"{LEARNED}.period"]
         free = (
@@ -54,7 +55,8 @@ def learn(
     done = levenberg_marquardt(long, near.vector, free, iterations=10, refresh=1)
     settings = tuple(
         (layout.index[f"{LEARNED}.{name}"], float(done.vector[layout.index[f"{LEARNED}.{name}"]]))
-        for name in ("equation", "form", "variable", "place", "period", "low", "high")
+        for name in ("form", "variable", AT, "period", "low", "high")
+        if f"{LEARNED}.{name}" in layout.index
     )
     start = Start(
         LEARNED,
@@ -88,29 +90,43 @@ def _settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
     return fit
 
 
-def times_of(problem: Problem, fit: Fit) -> tuple[tuple[float, float], ...]:
+def times_of(problem: Problem, fit: Fit, declared: FloatArray) -> tuple[tuple[float, float], ...]:
     """Return when a learned curve of the time is on: (start, stop) in s from a run's start.
 
-    On is what lies beyond half way from the curve's median to its farthest value.
+    On is one side of half way between its levels. A constant beside the curve may have been taken
+    up by what was calibrated, so off is the level at which the declared model is nearer the
+    recordings.
+
+    Args:
+        problem: the runs' windows. fit: with the curve. declared: vector before any calibration.
     """
     layout = problem.plant.layout
     effect = layout.effect(LEARNED)
     place = {p.name: layout.index[f"{LEARNED}.{p.name}"] for p in effect.parameters}
     size = effect.parameter("values").size
-    values = fit.vector[place["values"] : place["values"] + size]
+    knots = slice(place["values"], place["values"] + size)
+    values = fit.vector[knots]
     period = float(fit.vector[place["period"]])
     low, high = float(fit.vector[place["low"]]), float(fit.vector[place["high"]])
     longest = max(float(window.measured.time[-1]) for window in problem.windows)
     time = np.linspace(0.0, longest, 4000)
     if period > 0.0:
-        knots = np.arange(size + 1) * period / size
-        curve = np.interp(time % period, knots, np.append(values, values[0]))
+        at = np.arange(size + 1) * period / size
+        curve = np.interp(time % period, at, np.append(values, values[0]))
     else:
         curve = np.interp(time, np.linspace(low, high, size), values)
-    # the side on which it spends less time is the one on which it is on
     upper, lower = np.quantile(curve, 0.9), np.quantile(curve, 0.1)
+
+    def cost_with_off_at(level: float) -> float:
+        vector = fit.vector.copy()
+        for item in fit.free:
+            if not item.of_effect and item.at < declared.size:
+                vector[item.at] = declared[item.at]
+        vector[knots] = values - level
+        return cost_of(problem, vector)
+
     above = curve > 0.5 * (upper + lower)
-    on = above if abs(upper) >= abs(lower) else ~above
+    on = above if cost_with_off_at(lower) <= cost_with_off_at(upper) else ~above
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
     pairs = zip(edges[::2], edges[1::2] - 1, strict=True)
     return tuple((round(float(time[a]), 3), round(float(time[b]), 3)) for a, b in pairs)[:100]

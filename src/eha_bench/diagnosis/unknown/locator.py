@@ -27,13 +27,13 @@ from eha_bench.diagnosis.fit.short_windows import aligned_problem
 from eha_bench.diagnosis.unknown.curves import Curves, Located
 from eha_bench.diagnosis.unknown.free_input import KNOTS, FreeInput, Support
 from eha_bench.diagnosis.unknown.places import (
-    PLACES,
     Place,
     Template,
     curve_on,
+    places_of,
     usual_size,
 )
-from eha_bench.plants.effects._curve import KNOTS as CURVE_KNOTS
+from eha_bench.plants.effects.learned import KNOTS as CURVE_KNOTS
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -58,8 +58,8 @@ _FURTHEST = 0.3
 _TELLING = 0.1
 """Share of the excess from which what a curve follows means anything."""
 
-_CHAMBERS = Place("flow", "additive", "chambers", ())
-"""Both chambers, each with an input of its own: to be weighed, not to be described."""
+_VOLUMES = Place("flow", "additive", "volumes", ())
+"""All volumes, each with an input of its own: to be weighed, not to be described."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,18 +115,20 @@ class Locator:
     def offered(self, progress: Progress) -> list[Offered]:
         """Return every place that can act at all, the one with most support first."""
         found: list[Offered] = []
-        for number, place in enumerate(PLACES):
-            progress("locate", number / len(PLACES))
+        places = places_of(self.plant)
+        for number, place in enumerate(places):
+            progress("locate", number / len(places))
             if not all(name in self.short.noise for name in place.sensors):
                 continue
-            size = usual_size(place, self.plant, self.vector, self.short.noise, self.curves.span)
+            size = usual_size(place, self.plant, self.short.noise, self.curves.span)
             influence = self._influence(place, size)
             if float(np.abs(influence).max()) > 1e-6:
                 found.append(self._weighed(place, size, influence))
-        chambers = [item for item in found if item.place.at in ("chamber_a", "chamber_b")]
-        if len(chambers) == 2:
-            both = np.hstack([item.influence for item in chambers])
-            found.append(self._weighed(_CHAMBERS, 1.0, both))
+        own = set(self.plant.roles.volumes)
+        volumes = [item for item in found if item.place.at in own]
+        if len(volumes) > 1:
+            together = np.hstack([item.influence for item in volumes])
+            found.append(self._weighed(_VOLUMES, 1.0, together))
         return sorted(self._with_curves(found), key=lambda item: -item.support)
 
     def _influence(self, place: Place, size: float) -> FloatArray:
@@ -154,6 +156,9 @@ class Locator:
         names = self.plant.outputs
         others = ~np.isin(self.channels, [names.index(name) for name in place.sensors])
         count = float(np.count_nonzero(others))
+        if not count:
+            # no other channel bears a sensor's fault out
+            return 1.0
         floor = SOFT_MEAN * count
         soft, _ = soften(self.curves.before.residual, self.short.soft)
         before = float(soft[others] @ soft[others]) - floor

@@ -1,4 +1,9 @@
-"""Where a curve or a free input may act, and the vector of parameters with one on."""
+"""Where a curve or a free input may act in a plant, and the vector of parameters with one on.
+
+The places are those of the plant's own effect `learned`: whatever moves, every motor, drive, pump,
+volume, pair of chambers and sensor. What something may follow at a place is what that part of a
+machine can know: mechanics and oil do not know the time, nor what was asked for.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +15,10 @@ from numpy.typing import NDArray
 
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.candidates import LEARNED
+from eha_bench.plants.effect import AT, Equation
 from eha_bench.plants.plant import Plant
 
 FloatArray = NDArray[np.float64]
-
-MEASUREMENT = "measurement"
-_SENSORS = (
-    "current",
-    "motor_speed",
-    "pressure_a",
-    "pressure_b",
-    "piston_position",
-    "piston_velocity",
-)
 
 
 @dataclass(frozen=True)
@@ -30,21 +26,16 @@ class Place:
     """One place where something may act, and the variables that it may follow there.
 
     Attributes:
-        equation, form, at: as the effect `learned` has them.
+        equation: the balance. form, at: as the effect `learned` has them.
         variables: names of what a curve there may depend on.
+        sensors: channels that it changes without changing what goes on; none for a balance.
     """
 
     equation: str
     form: str
     at: str
     variables: tuple[str, ...]
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """Channels that it changes without changing what goes on; none for a balance."""
-        if self.equation != MEASUREMENT:
-            return ()
-        return ("pressure_a", "pressure_b") if self.at == "pressures" else (self.at,)
+    sensors: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -57,29 +48,15 @@ class Template:
     variable: str
 
 
-PLACES = (
-    # nobody but the drive knows the time and the command; a torque that follows speed or pressure
-    # is the machine's
-    Place("actuation", "gain", "motor", ("time", "current")),
-    Place("actuation", "additive", "motor", ("time", "current")),
-    Place("actuation", "additive", "drive", ("time", "current_command")),
-    Place("torque", "additive", "motor", ("motor_speed", "pressure_difference", "pressure_sum")),
-    Place("torque", "friction", "motor", ("motor_speed", "pressure_difference", "pressure_sum")),
-    Place("flow", "additive", "a_to_b", ("time", "pressure_difference", "motor_speed")),
-    Place("flow", "additive", "chamber_a", ("time", "pressure_a")),
-    Place("flow", "additive", "chamber_b", ("time", "pressure_b")),
-    Place("flow", "gain", "a_to_b", ("time", "motor_speed", "pressure_difference")),
-    Place("force", "additive", "motor", ("time", "piston_position", "piston_velocity")),
-    Place("force", "friction", "motor", ("time", "piston_position", "pressure_sum")),
-    *(
-        Place(MEASUREMENT, form, at, ("time", at))
-        for at in _SENSORS
-        for form in ("additive", "gain")
-    ),
-    # sensors of one kind share supply, amplifier and oil
-    Place(MEASUREMENT, "gain", "pressures", ("time", "pressure_sum")),
-    Place(MEASUREMENT, "additive", "pressures", ("time", "pressure_sum")),
-)  # fmt: skip
+def places_of(plant: Plant) -> tuple[Place, ...]:
+    """Return every place where something may act in a plant, form by form."""
+    if LEARNED not in {effect.id for effect in plant.layout.effects}:
+        return ()
+    return tuple(
+        Place(spot.equation.value, form, spot.name, variables, spot.sensors)
+        for spot in plant.layout.effect(LEARNED).spots
+        for form, variables in spot.follows.items()
+    )
 
 
 def variables_of(measured: Measured) -> dict[str, FloatArray]:
@@ -91,11 +68,12 @@ def variables_of(measured: Measured) -> dict[str, FloatArray]:
             column = measured.column(name)
         if column is not None:
             found[name] = column
-    if "pressure_a" in found and "pressure_b" in found:
-        found["pressure_difference"] = found["pressure_a"] - found["pressure_b"]
-        found["pressure_sum"] = found["pressure_a"] + found["pressure_b"]
+    pair = measured.roles.pair
+    if pair and all(name in found for name in pair):
+        found["pressure_difference"] = found[pair[0]] - found[pair[1]]
+        found["pressure_sum"] = found[pair[0]] + found[pair[1]]
     if measured.shaft_angle is not None:
-        found["shaft_angle"] = measured.shaft_angle
+        found[next(iter(measured.roles.turning.values()))] = measured.shaft_angle
     return found
 
 
@@ -117,8 +95,10 @@ def curve_on(
         out[layout.index[f"{LEARNED}.{name}"]] = number
 
     put("scale", 1.0)
-    for name in ("equation", "form", "variable", "place"):
-        put(name, effect.parameter(name).encode(getattr(template, name)))
+    put("form", effect.parameter("form").encode(template.form))
+    put("variable", effect.parameter("variable").encode(template.variable))
+    if len(effect.places) > 1:
+        put(AT, effect.parameter(AT).encode(template.place))
     put("period", period)
     put("low", low)
     put("high", high)
@@ -130,33 +110,23 @@ def curve_on(
 def usual_size(
     place: Place,
     plant: Plant,
-    vector: FloatArray,
     noise: Mapping[str, float],
     span: Mapping[str, tuple[float, float]],
 ) -> float:
     """Return a small curve at a place, SI: a few percent of what is usual in that balance.
 
     Args:
-        place: where. plant, vector: the model. noise: of the sensors, SI.
+        place: where. plant: the model's. noise: of the sensors, SI.
         span: variable -> lowest and highest value, SI.
     """
     if place.form == "gain":
         return 0.02
-    index = plant.layout.index
-
-    def value(name: str, default: float) -> float:
-        return float(vector[index[name]]) if name in index else default
-
-    def largest(*names: str) -> float:
-        low, high = next((span[name] for name in names if name in span), (0.0, 1.0))
-        return max(abs(low), abs(high))
-
-    if place.equation == MEASUREMENT:
+    if place.sensors:
         return 2.0 * noise[place.sensors[0]]
-    if place.equation == "actuation":
-        return 0.01 * largest("current_command", "voltage")
-    if place.equation == "torque":
-        return 0.01 * value("torque_constant", 1.0) * largest("current", "current_command")
-    if place.equation == "flow":
-        return 0.01 * value("pump_displacement", 1e-7) * largest("motor_speed")
-    return 0.1 * max(value("rod_coulomb", 10.0), 1.0)
+    spot = next(s for s in plant.layout.effect(LEARNED).spots if s.name == place.at)
+    roles = plant.roles
+    if place.equation == Equation.ACTUATION.value:
+        asked = [*roles.acting.values(), *roles.commands]
+        largest = [max(abs(end) for end in span[name]) for name in asked if name in span]
+        return 0.01 * max(largest, default=0.0) or 0.01
+    return spot.usual.get("size", 1.0)

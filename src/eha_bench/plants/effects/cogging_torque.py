@@ -17,22 +17,24 @@ from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.parameter import Parameter
 
 
-def cogging(torque: float, theta: float, amplitude: float, count: float, phase: float) -> float:
-    """Return the shaft's torque with the pull of the magnets, N*m."""
-    return torque + amplitude * math.sin(count * theta + phase)
+def cogging(
+    torque: float, angle: float, ratio: float, amplitude: float, count: float, phase: float
+) -> float:
+    """Return the shaft's torque with the pull of the magnets, N*m, felt through a gear's ratio."""
+    return torque + ratio * (amplitude * math.sin(count * angle + phase))
 
 
 EFFECT = Effect(
     id="cogging_torque",
     summary="The motor's magnets pull the rotor towards preferred angles.",
     parameters=(
-        Parameter("amplitude", "N*m", 0.05, 0.0, 10.0, "c"),
+        Parameter("amplitude", "{effort}", 0.3, 0.0, 10.0, "c"),
         Parameter("count", "", 24.0, 1.0, 400.0, "N", "periods a revolution"),
         Parameter("phase", "rad", 0.0, -2.0 * math.pi, 2.0 * math.pi, "phi"),
     ),
-    actions={"eha_knee": Action(Equation.TORQUE, {"shaft_torque": cogging})},
+    actions={"turning_motor": Action({"net": cogging}, Equation.TORQUE)},
     source="Zhu, Howe, IEEE Trans. Energy Conversion 15 (2000) 407, doi:10.1109/60.900501",
-    separate="turn slowly with the bypass open and see whether the torque repeats with the angle",
+    separate="turn slowly without load and see whether the torque repeats with the angle",
     starts=tuple(
         {"count": float(count), "phase": phase}
         for count in (6, 7, 8, 9, 10, 11, 12, 14, 18, 20, 22, 24, 28, 30, 36, 42, 48, 60, 72, 84)

@@ -13,9 +13,13 @@ Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect, Equation
-from eha_bench.plants.effects._types import Vector
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
+
+Vector = NDArray[np.float64]
 
 
 def delayed(
@@ -54,12 +58,8 @@ EFFECT = Effect(
     id="command_delay",
     summary="The command takes effect after a constant delay.",
     parameters=(Parameter("delay", "s", 2e-3, 0.0, 0.5, "T"),),
-    actions={
-        "eha_knee": Action(Equation.ACTUATION, {"command": delayed}),
-        "linear_drive": Action(Equation.ACTUATION, {"command": delayed}),
-    },
+    actions={"drive": Action({"command": delayed}, start={"before": at_first})},
     states=("before",),
-    start={"before": at_first},
     source="Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., 1997",
     separate="log the motor current during steps: a delay shifts it, a lag bends it",
     starts=({"delay": 0.5e-3}, {"delay": 5e-3}),

@@ -10,7 +10,7 @@ zones of actuators); Leonhard, Control of Electrical Drives, 2001 (dead time of 
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
 _DRIVE, _MOTOR = 0.0, 1.0
@@ -37,14 +37,12 @@ EFFECT = Effect(
     id="current_deadband",
     summary="Small currents make no torque.",
     parameters=(
-        Parameter("deadband", "A", 0.5, 0.0, 100.0, "d"),
+        Parameter("deadband", "{command}", 0.0109, 0.0, 100.0, "d"),
         choice("place", ("drive", "motor"), "whether the current sensor sees it"),
     ),
-    actions={
-        "eha_knee": Action(Equation.ACTUATION, {"drive_command": drive, "motor_torque": motor})
-    },
+    actions={"motor_drive": Action({"demand": drive, "torque": motor})},
     source="Tao, Kokotovic, IEEE Trans. Automatic Control 39 (1994) 59, doi:10.1109/9.273339",
-    separate="slow current ramps through zero with the bypass open: friction sticks, a dead zone "
-    "takes the same current from every torque",
+    separate="slow current ramps through zero without load: friction sticks, a dead zone takes the "
+    "same current from every torque",
     starts=({"place": _MOTOR},),
 )

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import math
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
-def follow(lagging: float, current: float, h: float, time_constant: float) -> float:
+def follow(lagging: float, asked: float, h: float, time_constant: float) -> float:
     """Return the lagging current after a time h under a constant demand, A (exact)."""
-    return current + (lagging - current) * math.exp(-h / time_constant)
+    return asked + (lagging - asked) * math.exp(-h / time_constant)
 
 
 def flowing(current: float, lagging: float) -> float:
@@ -37,12 +37,11 @@ EFFECT = Effect(
     summary="The current follows its command with a first-order lag.",
     parameters=(Parameter("time_constant", "s", 2e-3, 0.0, 1.0, "tau_i"),),
     actions={
-        "eha_knee": Action(Equation.ACTUATION, {"drive_current": flowing}),
-        "linear_drive": Action(Equation.ACTUATION, {"drive_current": flowing}),
+        "motor_drive": Action(
+            {"drive": flowing}, advance={"lagging": follow}, start={"lagging": at_first}
+        )
     },
     states=("lagging",),
-    advance={"lagging": follow},
-    start={"lagging": at_first},
     source="Leonhard, Control of Electrical Drives, 3rd ed., Springer 2001",
     separate=(
         "log the motor current at 1 kHz or more during steps: a lag bends the current, a delay "

@@ -22,7 +22,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("offset", "A", 0.2, -10.0, 10.0, source="1 % of a sensor's range of 20 A"),
     ),
-    actions={"pump_hold": Action(Equation.MEASUREMENT, {"measured_current": reading})},
+    actions={"holding": Action({"measured_current": reading}, Equation.MEASUREMENT)},
     source="IEC 61298-2:2008, zero offset of measuring devices",
     separate="read the current with the motor off: it must be nothing",
 )

@@ -16,7 +16,7 @@ Murrenhoff, J. Fluids Eng. 134 (2012) 021201, doi:10.1115/1.4005672.
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
@@ -56,7 +56,8 @@ EFFECT = Effect(
             "added to the chamber pressures where they are gauge", searched=False,
         ),
     ),
-    actions={"eha_knee": Action(Equation.FLOW, {"bulk_modulus": softened})},
+    actions={"chamber": Action({"bulk": softened})},
+    together=True,
     source="Kim, Murrenhoff, J. Fluids Eng. 134 (2012) 021201, doi:10.1115/1.4005672",
     separate=(
         "steps with the piston locked from low and from high pressure: air softens only the low "

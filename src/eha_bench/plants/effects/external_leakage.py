@@ -1,6 +1,8 @@
-"""Oil leaks from the chambers to the case drain.
+"""Oil leaks from a chamber to the case drain, or to where the machine keeps its low pressure.
 
-    q_a -= C (p_a - p_d),   q_b -= C (p_b - p_d)
+    q -= C (p - p_d)
+
+with p_d a constant (`drain: open`), or the pressure of the tank or reservoir (`drain: reservoir`).
 
 Source: Merritt, Hydraulic Control Systems, Wiley 1967 (external leakage of pumps);
 Jelali, Kroll, Hydraulic Servo-systems, Springer 2003.
@@ -8,34 +10,28 @@ Jelali, Kroll, Hydraulic Servo-systems, Springer 2003.
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
-_BOTH, _A, _B = 0.0, 1.0, 2.0
+_OPEN = 0.0
 
 
-def from_a(
-    flow: float, p_a: float, leakage_coefficient: float, chamber: float, drain_pressure: float
+def leak(
+    flow: float,
+    pressure: float,
+    low_pressure: float,
+    leakage_coefficient: float,
+    drain_pressure: float,
+    drain: float,
 ) -> float:
-    """Return the flow into chamber A less what drains, m^3/s."""
-    return flow if chamber == _B else flow - leakage_coefficient * (p_a - drain_pressure)
+    """Return the flow into a chamber less what drains, m^3/s."""
+    into = drain_pressure if drain == _OPEN else low_pressure
+    return flow - leakage_coefficient * (pressure - into)
 
 
-def from_b(
-    flow: float, p_b: float, leakage_coefficient: float, chamber: float, drain_pressure: float
-) -> float:
-    """Return the flow into chamber B less what drains, m^3/s."""
-    return flow if chamber == _A else flow - leakage_coefficient * (p_b - drain_pressure)
-
-
-def slope_a(value: float, leakage_coefficient: float, chamber: float) -> float:
-    """Return the conductance from chamber A to the drain, m^3/(s*Pa)."""
-    return value if chamber == _B else value + leakage_coefficient
-
-
-def slope_b(value: float, leakage_coefficient: float, chamber: float) -> float:
-    """Return the conductance from chamber B to the drain, m^3/(s*Pa)."""
-    return value if chamber == _A else value + leakage_coefficient
+def slope(value: float, leakage_coefficient: float) -> float:
+    """Return the conductance from a chamber to the drain, m^3/(s*Pa)."""
+    return value + leakage_coefficient
 
 
 EFFECT = Effect(
@@ -43,26 +39,17 @@ EFFECT = Effect(
     summary="Oil leaks from the chambers to the case drain.",
     parameters=(
         Parameter("leakage_coefficient", "m^3/(s*Pa)", 3e-14, 0.0, 1e-8, "C"),
-        choice("chamber", ("both", "a", "b"), "which chamber drains"),
+        choice("drain", ("open", "reservoir"), "where it drains to"),
         Parameter(
             "drain_pressure", "Pa", 0.0, 0.0, 1e7, "p_d", "the drain is open", searched=False
         ),
     ),
-    actions={
-        "eha_knee": Action(
-            Equation.FLOW,
-            {
-                "chamber_flow_a": from_a,
-                "chamber_flow_b": from_b,
-                "conductance_a": slope_a,
-                "conductance_b": slope_b,
-            },
-        )
-    },
+    actions={"chamber": Action({"inflow": leak, "ground": slope})},
+    together=True,
     source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate=(
-        "raise both pressures together (bypass open, charged) and watch their sum fall; air in the "
-        "oil leaves the sum alone"
+        "raise both pressures together and watch their sum fall; air in the oil leaves the sum "
+        "alone"
     ),
-    starts=({"chamber": _A}, {"chamber": _B}),
+    starts=({"leakage_coefficient": 1e-12},),
 )

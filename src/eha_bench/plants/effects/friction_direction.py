@@ -13,7 +13,7 @@ doi:10.1016/0005-1098(94)90209-7 (friction opposes motion; at rest it takes what
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
@@ -26,7 +26,7 @@ EFFECT = Effect(
     id="friction_direction",
     summary="At rest friction helps to hold the load instead of burdening the motor.",
     parameters=(Parameter("reversal", "", 1.0, 0.0, 1.0, "r", "1: helps with all of T_cf"),),
-    actions={"pump_hold": Action(Equation.TORQUE, {"holding_friction": holding})},
+    actions={"holding": Action({"holding_friction": holding})},
     source=(
         "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083, "
         "doi:10.1016/0005-1098(94)90209-7"

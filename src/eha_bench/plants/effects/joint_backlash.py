@@ -57,9 +57,8 @@ class Load(NamedTuple):
 
     load_x: float
     load_v: float
-    load_mass: float
-    external_force: float
-    measured_force: float
+    whole_mass: float
+    pulled: float
 
 
 @njit()
@@ -84,35 +83,41 @@ def reading(value: float, read: float, side: float) -> float:
     return value if side == _LOAD else read
 
 
-def reading_velocity(value: float, x: float, read: float, gap: float, side: float) -> float:
+def reading_velocity(value: float, position: float, read: float, gap: float, side: float) -> float:
     """Return what the velocity sensor reads, m/s: 0 where it is beyond a gap being crossed."""
-    if side != _JOINT or (x - read) * math.copysign(1.0, value) >= 0.5 * gap * (1.0 - 1e-9):
+    if side != _JOINT or (position - read) * math.copysign(1.0, value) >= 0.5 * gap * (1.0 - 1e-9):
         return value
     return 0.0
 
 
-def behind(position: float, v: float, gap: float, side: float) -> float:
+def behind(position: float, speed: float, gap: float, side: float) -> float:
     """Return the rod's position behind a first reading, m."""
-    return position if side == _LOAD else position + 0.5 * gap * _share(v)
+    return position if side == _LOAD else position + 0.5 * gap * _share(speed)
 
 
-def drag(read: float, x: float, gap: float) -> float:
+def drag(read: float, position: float, gap: float) -> float:
     """Return the position beyond the play after the rod has moved to x, m (play operator)."""
-    return min(max(read, x - 0.5 * gap), x + 0.5 * gap)
+    return min(max(read, position - 0.5 * gap), position + 0.5 * gap)
 
 
-def read_at_first(x: float, v: float, gap: float) -> float:
+def read_at_first(position: float, speed: float, gap: float) -> float:
     """Return the position beyond the play at the first sample, m."""
-    return x - 0.5 * gap * _share(v)
+    return position - 0.5 * gap * _share(speed)
 
 
 def engaged_load(
-    load: float, x: float, v: float, load_x: float, load_v: float, side: float, joint: Joint
+    load: float,
+    position: float,
+    speed: float,
+    load_x: float,
+    load_v: float,
+    side: float,
+    joint: Joint,
 ) -> float:
-    """Return the load's force on the rod (positive against extension), N."""
+    """Return the load's force on the rod, N: where it is beyond the play, that of the contact."""
     if side != _LOAD:
         return load
-    return _contact(x - load_x, v - load_v, joint)
+    return -_contact(position - load_x, speed - load_v, joint)
 
 
 def lone_mass(mass: float, side: float, rod_mass: float) -> float:
@@ -123,20 +128,21 @@ def lone_mass(mass: float, side: float, rod_mass: float) -> float:
 @njit()
 def _pulled(d: float, closing: float, beyond: Load, joint: Joint) -> float:
     """Return the load's acceleration with the rod `d` from it, closing at a rate, m/s^2."""
-    force = beyond.external_force + beyond.measured_force
-    return (_contact(d, closing, joint) - force) / beyond.load_mass
+    return (_contact(d, closing, joint) + beyond.pulled) / beyond.whole_mass
 
 
-def move_by(beyond: Load, joint: Joint, seen: float, x: float, v: float, h: float) -> float:
+def move_by(
+    beyond: Load, joint: Joint, seen: float, position: float, speed: float, h: float
+) -> float:
     """Return the load's way in a time h, m.
 
     A step of the rod lies between two halves of one of the load. In the first the contact pushes
     and then the load moves, in the second it moves and then it is pushed (velocity Verlet): pushed
     with the rod half a step behind, or ahead, the contact would be a damper of a kN*s/m.
     """
-    if x != seen:
+    if position != seen:
         return h * beyond.load_v
-    pulled = _pulled(x - beyond.load_x, v - beyond.load_v, beyond, joint)
+    pulled = _pulled(position - beyond.load_x, speed - beyond.load_v, beyond, joint)
     return h * (beyond.load_v + h * pulled)
 
 
@@ -146,16 +152,22 @@ def move_load(load_x: float, way: float) -> float:
 
 
 def push_load(
-    beyond: Load, joint: Joint, way: float, seen: float, x: float, v: float, h: float
+    beyond: Load,
+    joint: Joint,
+    way: float,
+    seen: float,
+    position: float,
+    speed: float,
+    h: float,
 ) -> float:
     """Return the load's velocity after a time h, m/s, pushed where the rod was looked at."""
-    there = beyond.load_x - way if x == seen else beyond.load_x
-    return beyond.load_v + h * _pulled(x - there, v - beyond.load_v, beyond, joint)
+    there = beyond.load_x - way if position == seen else beyond.load_x
+    return beyond.load_v + h * _pulled(position - there, speed - beyond.load_v, beyond, joint)
 
 
-def look(x: float) -> float:
+def look(position: float) -> float:
     """Return where the rod was when the load last moved, m."""
-    return x
+    return position
 
 
 def stay() -> float:
@@ -164,39 +176,35 @@ def stay() -> float:
 
 
 def load_at_first(
-    x: float,
-    v: float,
-    p_a: float,
-    p_b: float,
-    piston_area_a: float,
-    piston_area_b: float,
-    rod_viscous: float,
-    rod_coulomb: float,
-    load_mass: float,
-    external_force: float,
-    measured_force: float,
+    position: float,
+    speed: float,
+    pushed: float,
+    viscous_force: float,
+    coulomb: float,
+    whole_mass: float,
+    pulled: float,
     gap: float,
     joint_stiffness: float,
     rod_mass: float,
     rest: float,
 ) -> float:
     """Return the load's position at the first sample, m: at the end of the gap that pushes it."""
-    load = external_force + measured_force
+    load = -pulled
     force = load
-    if abs(v) >= _AT_REST:
-        push = piston_area_a * p_a - piston_area_b * p_b - rod_viscous * v
-        push -= math.copysign(rod_coulomb, v)
-        force += load_mass * (push - load) / (rod_mass + load_mass)
-    side = _share(v) if force == 0.0 else math.copysign(1.0, force)
+    if abs(speed) >= _AT_REST:
+        push = pushed - viscous_force
+        push -= math.copysign(coulomb, speed)
+        force += whole_mass * (push - load) / (rod_mass + whole_mass)
+    side = _share(speed) if force == 0.0 else math.copysign(1.0, force)
     # a speed that was measured is never nothing: so only a run begins
-    share = rest if v == 0.0 else 1.0
+    share = rest if speed == 0.0 else 1.0
     squeezed = force / joint_stiffness if share == 1.0 else 0.0
-    return x - share * 0.5 * gap * side - squeezed
+    return position - share * 0.5 * gap * side - squeezed
 
 
-def speed_at_first(v: float) -> float:
+def speed_at_first(speed: float) -> float:
     """Return the load's velocity at the first sample, m/s."""
-    return v
+    return speed
 
 
 def resolve(h: float, locked: bool, side: float, joint_stiffness: float, rod_mass: float) -> float:
@@ -210,7 +218,7 @@ EFFECT = Effect(
     id="joint_backlash",
     summary="Play in the joint between the rod and what it moves.",
     parameters=(
-        Parameter("gap", "m", 3e-4, 0.0, 0.02, "g"),
+        Parameter("gap", "{play}", 3e-4, 0.0, 0.5, "g"),
         choice("side", ("position_sensor", "joint", "load"), "what is beyond the play"),
         Parameter(
             "joint_stiffness", "N/m", 2e7, 1e5, 1e8, "k",
@@ -231,28 +239,40 @@ EFFECT = Effect(
         ),
     ),
     actions={
-        "eha_knee": Action(
-            Equation.MEASUREMENT,
+        "sliding_joint": Action(
             {
-                "measured_position": reading,
-                "measured_velocity": reading_velocity,
+                "read_position": reading,
+                "read_speed": reading_velocity,
                 "initial_position": behind,
-                "external_load": engaged_load,
-                "moving_mass": lone_mass,
-                "longest_step": resolve,
+                "load": engaged_load,
+                "inertia": lone_mass,
+                "longest": resolve,
             },
+            Equation.MEASUREMENT,
             chosen_by="side",
             equations={"load": Equation.FORCE},
-        )
+            advance={
+                "read": drag, "way": move_by, "load_x": move_load, "load_v": push_load,
+                "seen": look,
+            },
+            start={
+                "read": read_at_first, "way": stay, "load_x": load_at_first,
+                "load_v": speed_at_first, "seen": look,
+            },
+        ),
+        "turning_joint": Action(
+            {
+                "read_position": reading,
+                "read_speed": reading_velocity,
+                "initial_position": behind,
+            },
+            Equation.MEASUREMENT,
+            choices={"side": ("position_sensor", "joint")},
+            advance={"read": drag},
+            start={"read": read_at_first},
+        ),
     },
     states=("read", "way", "load_x", "load_v", "seen"),
-    advance={
-        "read": drag, "way": move_by, "load_x": move_load, "load_v": push_load, "seen": look,
-    },
-    start={
-        "read": read_at_first, "way": stay, "load_x": load_at_first, "load_v": speed_at_first,
-        "seen": look,
-    },
     source="Nordin, Gutman, Automatica 38 (2002) 1633, doi:10.1016/S0005-1098(02)00047-X",
     separate=(
         "reverse slowly and compare rod and joint: with play the joint waits, "

@@ -1,18 +1,15 @@
 """A curve learned from data: what is missing where no known effect explains it.
 
 A piecewise linear curve f(u) of one variable u, through `values` at evenly spaced knots from `low`
-to `high`, constant outside; with a `period` the knots go once round it instead. It acts in one
-balance (`equation`), as `form` says:
+to `high`, constant outside; with a `period` the knots go once round it instead. `at` says where it
+acts: on what moves (a node), in a motor or its drive, in a volume, from one chamber of a cylinder
+to the other, in a pump, or in a sensor; `form` says how:
 
-* `additive`: f is added: N*m to the shaft's torque, m^3/s to a flow, N to the rod's force, A (or V)
-  to the drive, or its own unit to what a sensor reads.
-* `gain`: multiplied by 1 + f: the motor's torque or the drive's current (actuation), the pump's or
-  rod's dry friction (torque, force), the pump's flow (flow), what a sensor reads (measurement).
-* `friction`: f is added to the dry friction of pump (torque) or rod (force), which stays >= 0.
-
-`place` says where in the balance: into chamber_a, chamber_b or from a to b (`a_to_b`); in the
-`drive`, where the current sensor (or the logged voltage) sees it, or in the `motor`, where nothing
-does; or which sensor, or `pressures` for both of those alike (they share supply and amplifier).
+* `additive`: f is added: N*m to a shaft, N to a rod, m^3/s to a flow, A to a motor, or its own unit
+  to a drive's command and to what a sensor reads.
+* `gain`: multiplied by 1 + f: a motor's torque, a drive's command, dry friction, a pump's flow,
+  what a sensor reads.
+* `friction`: f is added to the dry friction of what moves, which stays >= 0.
 
 Source: de Boor, A Practical Guide to Splines, Springer 2001 (broken lines).
 """
@@ -20,100 +17,127 @@ Source: de Boor, A Practical Guide to Splines, Springer 2001 (broken lines).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from eha_bench.plants.effect import Action, Effect, Equation
-from eha_bench.plants.effects import _learned_drive, _learned_knee
-from eha_bench.plants.effects._curve import KNOTS
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.plants.compiled import njit
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
-EQUATIONS = ("torque", "flow", "force", "actuation", "measurement")
+Vector = NDArray[np.float64]
+
+KNOTS = 24
+"""Knots of a learned curve."""
+
 FORMS = ("additive", "gain", "friction")
-VARIABLES = (
-    "time", "motor_speed", "pressure_difference", "pressure_a", "pressure_b", "pressure_sum",
-    "piston_position", "piston_velocity", "current", "current_command", "shaft_angle", "force",
-    "oil_temperature", "voltage",
-)  # fmt: skip
-PLACES = (
-    "motor", "drive", "a_to_b", "chamber_a", "chamber_b", "current", "motor_speed", "pressure_a",
-    "pressure_b", "piston_position", "piston_velocity", "pressures",
-)  # fmt: skip
+_ADDITIVE, _GAIN, _FRICTION = range(3)
+
+
+class Curve(NamedTuple):
+    """What the curve follows, and its own parameters."""
+
+    u: float
+    form: float
+    period: float
+    low: float
+    high: float
+    scale: float
+
+
+@njit()
+def curve(u: float, period: float, low: float, high: float, values: Vector) -> float:
+    """Return the curve at u: evenly spaced knots, once round a period where there is one."""
+    n = values.size
+    if math.isnan(u):
+        return 0.0
+    if period > 0.0:
+        at = (u / period - math.floor(u / period)) * n
+        left = int(at) % n
+        right = (left + 1) % n
+        share = at - math.floor(at)
+    else:
+        at = min(1.0, max(0.0, (u - low) / (high - low))) * (n - 1) if high > low else 0.0
+        left = min(int(at), n - 2)
+        right = left + 1
+        share = at - left
+    return float(values[left] + share * (values[right] - values[left]))
+
+
+@njit()
+def _scaled(own: Curve, values: Vector) -> float:
+    return own.scale * curve(own.u, own.period, own.low, own.high, values)
+
+
+def added(value: float, own: Curve, values: Vector) -> float:
+    """Return a balance with the curve added."""
+    return value + _scaled(own, values) if own.form == _ADDITIVE else value
+
+
+def taken(value: float, own: Curve, values: Vector) -> float:
+    """Return a balance with the curve taken away."""
+    return value - _scaled(own, values) if own.form == _ADDITIVE else value
+
+
+def changed(value: float, own: Curve, values: Vector) -> float:
+    """Return a command or a reading with the curve added, or as a gain."""
+    f = _scaled(own, values)
+    return value * (1.0 + f) if own.form == _GAIN else value + f
+
+
+def torque(value: float, torque_constant: float, own: Curve, values: Vector) -> float:
+    """Return a motor's torque with the curve as a current, or as a gain, N*m."""
+    f = _scaled(own, values)
+    return value * (1.0 + f) if own.form == _GAIN else value + torque_constant * f
+
+
+def level(value: float, own: Curve, values: Vector) -> float:
+    """Return dry friction with the curve, N (or N*m)."""
+    if own.form == _ADDITIVE:
+        return value
+    f = _scaled(own, values)
+    return max(0.0, value * (1.0 + f) if own.form == _GAIN else value + f)
+
+
+def delivered(value: float, own: Curve, values: Vector) -> float:
+    """Return a pump's flow with the curve as a gain, m^3/s."""
+    return value * (1.0 + _scaled(own, values)) if own.form == _GAIN else value
+
 
 EFFECT = Effect(
     id="learned",
     summary="A curve learned from data, in the balance and of the variable that data point to.",
     parameters=(
         Parameter("scale", "", 1.0, -10.0, 10.0, source="1: the curve as it was learned"),
-        choice("equation", EQUATIONS),
         choice("form", FORMS),
-        choice("variable", VARIABLES),
-        choice("place", PLACES),
+        choice("variable", ("time",), "what it follows"),
         Parameter(
             "period", "", 0.0, 0.0, 1e6, source="0: none; in the variable's unit", searched=False
         ),
         Parameter(
-            "low",
-            "",
-            0.0,
-            -math.inf,
-            math.inf,
-            source="first knot, as the variable",
+            "low", "", 0.0, -math.inf, math.inf, source="first knot, as the variable",
             searched=False,
         ),
         Parameter(
-            "high",
-            "",
-            1.0,
-            -math.inf,
-            math.inf,
-            source="last knot, as the variable",
+            "high", "", 1.0, -math.inf, math.inf, source="last knot, as the variable",
             searched=False,
         ),
         Parameter("values", "", 0.0, -math.inf, math.inf, size=KNOTS, source="SI"),
     ),
     actions={
-        "eha_knee": Action(
-            Equation.TORQUE,
+        "anything": Action(
             {
-                "drive_command": _learned_knee.drive,
-                "motor_torque": _learned_knee.motor,
-                "shaft_torque": _learned_knee.shaft,
-                "pump_dry": _learned_knee.pump_level,
-                "pump_flow": _learned_knee.delivery,
-                "chamber_flow_a": _learned_knee.into_a,
-                "chamber_flow_b": _learned_knee.into_b,
-                "rod_force": _learned_knee.rod,
-                "rod_dry": _learned_knee.rod_level,
-                "measured_current": _learned_knee.read_current,
-                "measured_speed": _learned_knee.read_motor_speed,
-                "measured_pressure_a": _learned_knee.read_pressure_a,
-                "measured_pressure_b": _learned_knee.read_pressure_b,
-                "measured_position": _learned_knee.read_piston_position,
-                "measured_velocity": _learned_knee.read_piston_velocity,
-            },
-            chosen_by="equation",
-            equations={word: Equation(word) for word in EQUATIONS},
-            choices={"variable": VARIABLES[:-1]},
-        ),
-        "linear_drive": Action(
-            Equation.FORCE,
-            {
-                "asked_voltage": _learned_drive.asked,
-                "motor_force": _learned_drive.motor,
-                "rod_force": _learned_drive.carriage,
-                "rod_dry": _learned_drive.level,
-                "measured_position": _learned_drive.read_position,
-                "measured_velocity": _learned_drive.read_velocity,
-            },
-            chosen_by="equation",
-            equations={word: Equation(word) for word in EQUATIONS},
-            choices={
-                "equation": ("force", "actuation", "measurement"),
-                "variable": ("time", "piston_position", "piston_velocity", "voltage"),
-                "place": ("motor", "drive", "piston_position", "piston_velocity"),
-            },
-        ),
+                "added": added,
+                "taken": taken,
+                "changed": changed,
+                "torque": torque,
+                "level": level,
+                "delivered": delivered,
+            }
+        )
     },
     source="de Boor, A Practical Guide to Splines, Springer 2001",
     separate="run the same command at other speeds, pressures and times: what does it follow?",
     order=3,
-)
+)  # fmt: skip

@@ -10,25 +10,20 @@ proportional to pressure); Schloesser, Hydraulic Power Transmission 1961.
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
-def loaded(
-    level: float, p_a: float, p_b: float, pump_displacement: float, friction_coefficient: float
-) -> float:
+def loaded(level: float, pump_load: float, friction_coefficient: float) -> float:
     """Return the dry friction of the loaded pump, N*m."""
-    return level + friction_coefficient * pump_displacement * abs(p_a - p_b)
+    return level + friction_coefficient * pump_load
 
 
 EFFECT = Effect(
     id="pressure_dependent_friction",
     summary="The pump's friction grows with the pressure difference.",
     parameters=(Parameter("friction_coefficient", "", 0.03, 0.0, 1.0, "mu_p"),),
-    actions={
-        "eha_knee": Action(Equation.TORQUE, {"pump_dry": loaded}),
-        "pump_hold": Action(Equation.TORQUE, {"pump_dry": loaded}),
-    },
+    actions={"pump_friction": Action({"dry": loaded}), "holding": Action({"pump_dry": loaded})},
     source="Ivantysyn, Ivantysynova, Hydrostatic Pumps and Motors, Akademia Books 2001",
     separate="hold several pressures, coming from above and from below: half the gap in current",
 )

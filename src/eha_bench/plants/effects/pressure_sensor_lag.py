@@ -1,9 +1,9 @@
-"""Both pressure sensors follow the chamber pressures with a first-order lag.
+"""Pressure sensors follow the pressures with a first-order lag.
 
     tau dp_read/dt = p - p_read
 
 A sensor at the end of a thin line, or the low-pass filter of its amplifier. At the first sample
-the reading is taken to have settled.
+the reading is taken to have settled. All pressure sensors are alike.
 
 Source: Doebelin, Measurement Systems, 5th ed., McGraw-Hill 2003 (first-order instruments).
 """
@@ -12,38 +12,23 @@ from __future__ import annotations
 
 import math
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
-def follow_a(read_a: float, p_a: float, h: float, time_constant: float) -> float:
-    """Return the reading of chamber A after a time h, Pa."""
-    return p_a + (read_a - p_a) * math.exp(-h / time_constant)
+def follow(read: float, pressure: float, h: float, time_constant: float) -> float:
+    """Return the reading after a time h, Pa."""
+    return pressure + (read - pressure) * math.exp(-h / time_constant)
 
 
-def follow_b(read_b: float, p_b: float, h: float, time_constant: float) -> float:
-    """Return the reading of chamber B after a time h, Pa."""
-    return p_b + (read_b - p_b) * math.exp(-h / time_constant)
+def reading(value: float, read: float) -> float:
+    """Return what the sensor reads, Pa."""
+    return read
 
 
-def reading_a(value: float, read_a: float) -> float:
-    """Return what the sensor of chamber A reads, Pa."""
-    return read_a
-
-
-def reading_b(value: float, read_b: float) -> float:
-    """Return what the sensor of chamber B reads, Pa."""
-    return read_b
-
-
-def settled_a(p_a: float) -> float:
-    """Return the reading of chamber A at the first sample, Pa."""
-    return p_a
-
-
-def settled_b(p_b: float) -> float:
-    """Return the reading of chamber B at the first sample, Pa."""
-    return p_b
+def settled(pressure: float) -> float:
+    """Return the reading at the first sample, Pa."""
+    return pressure
 
 
 EFFECT = Effect(
@@ -51,14 +36,12 @@ EFFECT = Effect(
     summary="The pressure sensors follow with a first-order lag.",
     parameters=(Parameter("time_constant", "s", 3e-3, 0.0, 1.0, "tau_p"),),
     actions={
-        "eha_knee": Action(
-            Equation.MEASUREMENT,
-            {"measured_pressure_a": reading_a, "measured_pressure_b": reading_b},
+        "pressure_sensor": Action(
+            {"reading": reading}, advance={"read": follow}, start={"read": settled}
         )
     },
-    states=("read_a", "read_b"),
-    advance={"read_a": follow_a, "read_b": follow_b},
-    start={"read_a": settled_a, "read_b": settled_b},
+    states=("read",),
+    only_together=True,
     source="Doebelin, Measurement Systems, 5th ed., McGraw-Hill 2003",
     separate=(
         "steps with the piston locked and motor speed logged: with a lag of the sensor the speed "

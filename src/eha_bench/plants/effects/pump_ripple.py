@@ -22,20 +22,20 @@ _FLOW, _BOTH, _TORQUE = 0.0, 1.0, 2.0
 
 
 def delivery(
-    flow: float, theta: float, ripple: float, count: float, phase: float, acts_on: float
+    flow: float, angle: float, ripple: float, count: float, phase: float, acts_on: float
 ) -> float:
     """Return the flow of the pump with its pulses, m^3/s."""
     if acts_on == _TORQUE:
         return flow
-    return flow * (1.0 + ripple * math.cos(count * theta + phase))
+    return flow * (1.0 + ripple * math.cos(count * angle + phase))
 
 
 def reaction(
     torque: float,
-    theta: float,
-    p_a: float,
-    p_b: float,
-    pump_displacement: float,
+    angle: float,
+    difference: float,
+    displacement: float,
+    ratio: float,
     ripple: float,
     count: float,
     phase: float,
@@ -44,8 +44,8 @@ def reaction(
     """Return the shaft's torque with the pulses of the pressure on the pistons, N*m."""
     if acts_on == _FLOW:
         return torque
-    pulse = ripple * math.cos(count * theta + phase)
-    return torque - pump_displacement * (p_a - p_b) * pulse
+    pulse = ripple * math.cos(count * angle + phase)
+    return torque - ratio * (displacement * difference * pulse)
 
 
 EFFECT = Effect(
@@ -58,9 +58,8 @@ EFFECT = Effect(
         choice("acts_on", ("flow", "flow_and_torque", "torque"), "what pulsates"),
     ),
     actions={
-        "eha_knee": Action(
-            Equation.FLOW,
-            {"pump_flow": delivery, "shaft_torque": reaction},
+        "pump": Action(
+            {"delivery": delivery, "net": reaction},
             chosen_by="acts_on",
             equations={"torque": Equation.TORQUE},
         )

@@ -2,21 +2,23 @@
 
     q = G max(0, p - p_r)
 
-either from each chamber to the reservoir (p = p_a, p_b), or from one chamber to the other
-(p = |p_a - p_b|). The valve's own motion is fast beside the chambers' and is left out.
+either from each chamber to the reservoir (p of the chamber), or from one chamber to the other
+(p = |p_a - p_b|). The valve's own motion is fast beside the chambers' and is left out. A relief
+valve opens far above what a machine works at, and then lets a pump's whole flow out within some
+bar: a conductance like a leak's, or a setting of a few bar, is no relief valve.
 
-Source: Merritt, Hydraulic Control Systems, Wiley 1967; the paper, Section 2.
+Source: Merritt, Hydraulic Control Systems, Wiley 1967; Yang et al. 2023, Section 2.
 """
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
 _TANK, _PORTS = 0.0, 1.0
 
 
-def from_a(
+def into_a(
     flow: float, p_a: float, p_b: float, valve_conductance: float, setting: float, route: float
 ) -> float:
     """Return the flow into chamber A less what the valves let out, plus what they let in."""
@@ -26,7 +28,7 @@ def from_a(
     return flow - valve_conductance * over
 
 
-def from_b(
+def into_b(
     flow: float, p_a: float, p_b: float, valve_conductance: float, setting: float, route: float
 ) -> float:
     """Return the flow into chamber B less what the valves let out, plus what they let in."""
@@ -62,19 +64,18 @@ EFFECT = Effect(
     summary="A pressure-limiting valve lets oil out above its setting.",
     parameters=(
         Parameter("valve_conductance", "m^3/(s*Pa)", 1e-12, 0.0, 1e-7, "G"),
-        Parameter("setting", "Pa", 20e6, 0.0, 1e8, "p_r"),
+        Parameter("setting", "Pa", 20e6, 2e6, 1e8, "p_r"),
         choice("route", ("tank", "ports"), "where the oil goes"),
     ),
     actions={
-        "eha_knee": Action(
-            Equation.FLOW,
+        "chambers": Action(
             {
-                "chamber_flow_a": from_a,
-                "chamber_flow_b": from_b,
-                "conductance_a": slope_a,
-                "conductance_b": slope_b,
-                "conductance_ab": slope_ab,
-            },
+                "into_a": into_a,
+                "into_b": into_b,
+                "ground_a": slope_a,
+                "ground_b": slope_b,
+                "link": slope_ab,
+            }
         )
     },
     source="Merritt, Hydraulic Control Systems, Wiley 1967",

@@ -10,7 +10,7 @@ Hydraulic Cylinders, IEEE Int. Conf. Robotics and Automation 1999; Nikas, Proc. 
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
 _SUM, _DIFFERENCE, _HIGHER = 0.0, 1.0, 2.0
@@ -20,7 +20,7 @@ def pressed(
     level: float,
     p_a: float,
     p_b: float,
-    piston_area_a: float,
+    area_a: float,
     friction_coefficient: float,
     pressure: float,
 ) -> float:
@@ -31,7 +31,7 @@ def pressed(
         load = abs(p_a - p_b)
     else:
         load = max(0.0, p_a, p_b)
-    return level + friction_coefficient * piston_area_a * load
+    return level + friction_coefficient * area_a * load
 
 
 EFFECT = Effect(
@@ -41,7 +41,7 @@ EFFECT = Effect(
         Parameter("friction_coefficient", "", 0.02, 0.0, 1.0, "mu"),
         choice("pressure", ("sum", "difference", "higher"), "which pressure presses"),
     ),
-    actions={"eha_knee": Action(Equation.FORCE, {"rod_dry": pressed})},
+    actions={"rod": Action({"dry": pressed})},
     source=(
         "Bonchis, Corke, Rye, IEEE Int. Conf. Robotics and Automation 1999 (pressure-based "
         "friction of cylinders)"

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
@@ -28,13 +28,13 @@ EFFECT = Effect(
     summary="At high current the motor's torque levels off.",
     parameters=(
         Parameter(
-            "saturation", "1/A", 0.015, 0.0, 10.0, "s",
+            "saturation", "{per_current}", 0.69, 0.0, 1e3, "s",
             "inverse of the current at which the unsaturated torque would be the final one",
         ),
         Parameter("sharpness", "", 2.0, 1.0, 20.0, "n"),
     ),
-    actions={"eha_knee": Action(Equation.ACTUATION, {"motor_torque": saturated})},
+    actions={"motor": Action({"torque": saturated})},
     source="Fitzgerald, Kingsley, Umans, Electric Machinery, 6th ed., 2003",
-    separate="hold high pressures with the piston locked: torque per ampere falls with the current",
-    starts=({"saturation": 0.01, "sharpness": 1.0}, {"saturation": 0.02, "sharpness": 4.0}),
+    separate="hold high loads: torque per ampere falls with the current",
+    starts=({"saturation": 0.46, "sharpness": 1.0}, {"saturation": 0.92, "sharpness": 4.0}),
 )  # fmt: skip

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from eha_bench.plants.compiled import njit
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
@@ -58,12 +58,7 @@ EFFECT = Effect(
             "small beside every pressure that matters", searched=False,
         ),
     ),
-    actions={
-        "eha_knee": Action(
-            Equation.FLOW,
-            {"chamber_flow_a": into_a, "chamber_flow_b": into_b, "conductance_ab": slope},
-        )
-    },
+    actions={"chambers": Action({"into_a": into_a, "into_b": into_b, "link": slope})},
     source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="decay of several pressures with the piston locked: laminar decays by the same factor",
 )  # fmt: skip

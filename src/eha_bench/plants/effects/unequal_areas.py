@@ -11,7 +11,7 @@ Kroll, Hydraulic Servo-systems, Springer 2003.
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
 _SCALED = 1.0
@@ -34,7 +34,7 @@ EFFECT = Effect(
         Parameter("area_difference", "", 0.05, -0.95, 0.95, "delta"),
         choice("chamber", ("kept", "scaled"), "whether the volume of chamber B goes along"),
     ),
-    actions={"eha_knee": Action(Equation.FLOW, {"area_b": smaller, "volume_b": smaller_volume})},
+    actions={"cylinder": Action(adjusts={"area_b": smaller, "volume_b": smaller_volume})},
     source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="move the rod by known strokes and compare the oil that both chambers take",
     starts=(

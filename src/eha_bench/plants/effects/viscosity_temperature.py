@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from eha_bench.plants.effect import Action, Effect, Equation
+from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
@@ -31,17 +31,15 @@ def thinner(
 
 
 def leakier(
-    coefficient: float,
+    value: float,
     oil_temperature: float,
     temperature_coefficient: float,
     reference_temperature: float,
 ) -> float:
-    """Return the laminar leakage at the oil's temperature, m^3/(s*Pa)."""
+    """Return a laminar flow, or its conductance, at the oil's temperature."""
     if math.isnan(oil_temperature):
-        return coefficient
-    return coefficient * math.exp(
-        temperature_coefficient * (oil_temperature - reference_temperature)
-    )
+        return value
+    return value * math.exp(temperature_coefficient * (oil_temperature - reference_temperature))
 
 
 EFFECT = Effect(
@@ -55,9 +53,8 @@ EFFECT = Effect(
         ),
     ),
     actions={
-        "eha_knee": Action(
-            Equation.TORQUE,
-            {"pump_viscous": thinner, "rod_viscous": thinner, "leakage": leakier},
+        "oil": Action(
+            {"turning": thinner, "sliding": thinner, "leakage": leakier, "leakage_slope": leakier}
         )
     },
     source="Merritt, Hydraulic Control Systems, Wiley 1967",

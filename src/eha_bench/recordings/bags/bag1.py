@@ -6,13 +6,18 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.bags.bag1_records import (
+    BAG_HEADER,
     CHUNK,
     CHUNK_INFO,
     CONNECTION,
     MESSAGE,
     Record,
+    Stretch,
+    chunk_counts,
     chunk_times,
     connection,
     messages,
@@ -21,10 +26,11 @@ from eha_bench.recordings.bags.bag1_records import (
     walk,
 )
 from eha_bench.recordings.bags.bag_file import BagFile
-from eha_bench.recordings.bags.blobs import Batch
+from eha_bench.recordings.bags.blobs import Batch, Connection
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
 from eha_bench.recordings.encodings.payloads import Bytes
 from eha_bench.recordings.file_bytes import map_file
+from eha_bench.recordings.naming import shown
 
 _MAGIC = b"#ROSBAG V2.0\n"
 
@@ -44,6 +50,7 @@ class Bag1Source(BagFile):
             )
         self._chunks: list[tuple[Record, bool]] = []
         self._times: dict[int, tuple[int, int]] = {}
+        self._counts: dict[int, dict[int, int]] = {}
         self._loose = False
         self._scan()
 
@@ -56,11 +63,48 @@ class Bag1Source(BagFile):
         """Yield all messages chunk by chunk, in order of time if chunks do not overlap."""
         del topics  # those of all are in every chunk
         if self._loose:
-            yield messages(self._buffer, len(_MAGIC))
+            yield messages(self._buffer, len(_MAGIC)).batch
         for record, torn in self._in_order():
             content = self._open(record, torn)
-            if content is not None:
-                yield messages(content)
+            if content is None:
+                continue
+            found = messages(content)
+            self._compare(record, content.size, found, torn=torn)
+            yield found.batch
+
+    def _compare(self, record: Record, size: int, found: Stretch, *, torn: bool) -> None:
+        """Note where a chunk does not hold what the bag says that it does."""
+        for one in found.connections:
+            self._declare(one)
+        if torn:
+            return
+        name = f"the chunk at byte {record.start}"
+        if found.stop < size:
+            self._damaged = True
+            self._notes.append(f"{name} holds {size - found.stop} bytes that are no records")
+        said = self._counts.get(record.position)
+        if said is None:
+            return
+        numbers, counts = np.unique(found.batch.connections, return_counts=True)
+        there = dict(zip(numbers.tolist(), counts.tolist(), strict=True))
+        if there != {number: count for number, count in said.items() if count}:
+            self._damaged = True
+            self._notes.append(
+                f"{name} does not hold what the bag says: {sum(there.values())} messages, not "
+                f"{sum(said.values())}"
+                if sum(there.values()) != sum(said.values())
+                else f"{name} does not hold what the bag says: its messages are of other topics"
+            )
+
+    def _declare(self, found: Connection) -> None:
+        known = self._connections.setdefault(found.id, found)
+        if (known.topic, known.encoded) != (found.topic, found.encoded):
+            self._damaged = True
+            self._conflicts.add(known.topic)
+            self._notes.append(
+                f"connection {found.id} is declared twice, as '{shown([known.topic])}' and "
+                f"'{shown([found.topic])}': its messages are not read"
+            )
 
     def _in_order(self) -> list[tuple[Record, bool]]:
         times = [self._times.get(record.position) for record, _ in self._chunks]
@@ -91,6 +135,7 @@ class Bag1Source(BagFile):
         for record in walk(data, end):
             self._take(record, data)
             end = record.stop
+        self._check_counts(data)
         size = len(data)
         torn = torn_chunk(data, end) if end < size else None
         if torn is not None:
@@ -111,16 +156,35 @@ class Bag1Source(BagFile):
                 if inner.op == CONNECTION:
                     self._take(inner, content.data)
 
+    def _check_counts(self, data: memoryview) -> None:
+        """Note where the bag's header tells of other chunks and connections than there are."""
+        head = next(walk(data, len(_MAGIC)), None)
+        if (
+            head is None
+            or head.op != BAG_HEADER
+            or not head.fields.get("index_pos", b"").strip(b"\0")
+        ):
+            return  # a bag that was not closed tells nothing
+        for what, field, there in (
+            ("chunks", "chunk_count", len(self._chunks)),
+            ("connections", "conn_count", len(self._connections)),
+        ):
+            said = head.fields.get(field, b"")
+            if len(said) == 4 and u32(said) != there:
+                self._damaged = True
+                self._notes.append(f"its header tells of {u32(said)} {what}, it holds {there}")
+
     def _take(self, record: Record, data: memoryview) -> None:
         if record.op == CHUNK:
             self._chunks.append((record, False))
         elif record.op == CONNECTION:
             found = connection(record, data)
             if found is not None:
-                self._connections.setdefault(found.id, found)
+                self._declare(found)
         elif record.op == CHUNK_INFO:
             times = chunk_times(record)
             if times is not None:
                 self._times[times[0]] = times[1]
+                self._counts[times[0]] = chunk_counts(record, data)
         elif record.op == MESSAGE:
             self._loose = True

@@ -12,10 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from eha_bench.recordings.bags.blobs import Batch, Connection
+from eha_bench.recordings.budget import budget
 from eha_bench.recordings.encodings.decoder import Encoded
 from eha_bench.recordings.encodings.payloads import Bytes
 
-MESSAGE, CHUNK, CHUNK_INFO, CONNECTION = 2, 5, 6, 7
+MESSAGE, BAG_HEADER, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 5, 6, 7
+_TICK = 4096
+_AS_OBJECTS = 160
+"""Bytes that a message's four numbers take before they are an array."""
 _LENGTH = struct.Struct("<I")
 _TIME = struct.Struct("<II")
 
@@ -63,8 +67,29 @@ def walk(data: memoryview, position: int) -> Iterator[Record]:
         position = stop
 
 
-def messages(buffer: Bytes, position: int = 0) -> Batch:
-    """Return all messages among the records from `position` on, up to one that does not fit."""
+@dataclass(frozen=True)
+class Stretch:
+    """What was found among the records of a chunk, or of the file itself.
+
+    Attributes:
+        batch: the messages.
+        connections: what was declared among them.
+        stop: where the last whole record ends.
+    """
+
+    batch: Batch
+    connections: tuple[Connection, ...]
+    stop: int
+
+
+def messages(buffer: Bytes, position: int = 0) -> Stretch:
+    """Return all messages among the records from `position` on, up to one that does not fit.
+
+    Raises:
+        OverBudget: there are too many of them.
+    """
+    allowed = budget()
+    declared: list[Connection] = []
     data = buffer.data
     connections: list[int] = []
     stamps: list[int] = []
@@ -78,6 +103,9 @@ def messages(buffer: Bytes, position: int = 0) -> Batch:
             if record is None:
                 break
             shape = _shape(data, position) if record.op == MESSAGE else shape
+            if record.op == CONNECTION:
+                found = connection(record, data)
+                declared += [found] if found is not None else []
             if record.op != MESSAGE or shape is None:
                 position = record.stop
                 continue
@@ -93,13 +121,17 @@ def messages(buffer: Bytes, position: int = 0) -> Batch:
         starts.append(middle + 4)
         sizes.append(length)
         position = middle + 4 + length
-    return Batch(
+        if not len(sizes) % _TICK:
+            allowed.tick()
+            allowed.hold(_AS_OBJECTS * len(sizes), "its messages")
+    batch = Batch(
         buffer,
         np.array(connections, dtype=np.int64),
         np.array(stamps, dtype=np.int64),
         np.array(starts, dtype=np.int64),
         np.array(sizes, dtype=np.int64),
     )
+    return Stretch(batch, tuple(declared), position)
 
 
 def _has_shape(data: memoryview, position: int, shape: _Shape) -> bool:
@@ -166,6 +198,14 @@ def connection(record: Record, data: memoryview) -> Connection | None:
     )
     topic = record.fields["topic"].decode("utf-8", "replace")
     return Connection(u32(number), topic, encoded)
+
+
+def chunk_counts(record: Record, data: memoryview) -> dict[int, int]:
+    """Return how many messages of each connection a chunk info record tells of."""
+    pairs = np.frombuffer(
+        data[record.start : record.stop - (record.stop - record.start) % 8], "<u4"
+    )
+    return dict(zip(pairs[::2].tolist(), pairs[1::2].tolist(), strict=True))
 
 
 def chunk_times(record: Record) -> tuple[int, tuple[int, int]] | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.bags.blobs import Batch, Connection, collect
 from eha_bench.recordings.channel_map import Clock
+from eha_bench.recordings.encodings.decoder import UnreadableTopic
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Track
 
@@ -21,6 +22,7 @@ class BagFile(Source):
         self._notes: list[str] = []
         self._damaged = False
         self._connections: dict[int, Connection] = {}
+        self._conflicts: set[str] = set()
 
     @property
     def path(self) -> str:
@@ -59,7 +61,19 @@ class BagFile(Source):
                     where=Place(file=self.path, topic=topic),
                     hint="use clock: log or header",
                 )
-        return collect(self, wanted, self._connections, self._batches(set(wanted)))
+        tracks = collect(self, wanted, self._connections, self._batches(set(wanted)))
+        for topic, what in wanted.items():
+            if what.fields and topic in self._conflicts:
+                raise self.refuse(topic, UnreadableTopic("its connection is declared twice"))
+        return tracks
+
+    def example(self, topic: str) -> bytes:
+        """Return the first message of a topic; empty if there is none."""
+        ids = [one.id for one in self._connections.values() if one.topic == topic]
+        for batch in self._batches({topic}):
+            for part in batch.parts(ids):
+                return bytes(part.payloads.payload(0))
+        return b""
 
     @abstractmethod
     def _batches(self, topics: set[str]) -> Iterator[Batch]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.yaml_file import load
-from eha_bench.recordings.decompress import LARGEST
+from eha_bench.recordings.budget import budget
 from eha_bench.recordings.formats import open_file
 from eha_bench.recordings.naming import shown
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
@@ -95,6 +95,10 @@ class Rosbag2Source(Source):
                     collected[topic].append(track)
         return {topic: _joined(topic, tracks) for topic, tracks in collected.items()}
 
+    def example(self, topic: str) -> bytes:
+        """Return the first message of a topic; empty if there is none."""
+        return next((found for part in self._parts if (found := part.example(topic))), b"")
+
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
         """Metadata of all files."""
         found: dict[str, dict[str, str]] = {}
@@ -106,6 +110,10 @@ class Rosbag2Source(Source):
     def attachments(self) -> Mapping[str, bytes]:
         """Attachments of all files."""
         return {name: data for part in self._parts for name, data in part.attachments().items()}
+
+    def damaged_attachments(self) -> tuple[str, ...]:
+        """Damaged attachments of all files."""
+        return tuple(name for part in self._parts for name in part.damaged_attachments())
 
     def _describe(self) -> dict[str, Any]:
         file = self._path / "metadata.yaml"
@@ -137,7 +145,7 @@ class Rosbag2Source(Source):
                     f"metadata.yaml names {shown([written])}; {shown([name])} was read"
                 )
             file = self._folder / name
-            if not file.is_file():
+            if not file.is_file():  # no pipe either
                 raise RecordingError(
                     f"a part of the recording is missing: {shown([name])}",
                     where=Place(file=str(self._path)),
@@ -177,14 +185,13 @@ class Rosbag2Source(Source):
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         target = Path(folder) / file.stem
         written = 0
+        allowed = budget()
         try:
             with file.open("rb") as source, target.open("wb") as sink:
                 for part in zstandard.ZstdDecompressor().read_to_iter(source):
                     written += len(part)
-                    if written > 8 * LARGEST:
-                        raise RecordingError(
-                            "it decompresses to more than is accepted", where=Place(file=str(file))
-                        )
+                    allowed.hold(written, "what it decompresses to")
+                    allowed.tick()
                     sink.write(part)
         except zstandard.ZstdError:
             self._torn = True

@@ -74,6 +74,8 @@ _FIELD = re.compile(
 _SEPARATOR = re.compile(r"^={20,}\s*$", re.MULTILINE)
 _PREPROCESSOR = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
 _ENUMERATION = re.compile(r"\benum\s+(\w+)")
+_COMPUTED = re.compile(r"<<|>>\s*[\d(]|\bconst\b[^;=]*=[^;\"']*[*/%(~^&|]|\d{20}")
+_LONGEST_IDL = 1 << 18
 _TIME: Fields = (("sec", Primitive("i4")), ("nanosec", Primitive("u4")))
 _ROS1_TIME: Fields = (("secs", Primitive("u4")), ("nsecs", Primitive("u4")))
 _ROS1_DURATION: Fields = (("secs", Primitive("i4")), ("nsecs", Primitive("i4")))
@@ -154,6 +156,11 @@ def parse_idl(text: str) -> Definitions:
     """
     from rosbags.typesys import get_types_from_idl
 
+    if len(text) > _LONGEST_IDL:
+        raise DefinitionError(f"its IDL has {len(text)} characters, more than {_LONGEST_IDL}")
+    if _COMPUTED.search(text):
+        # the parser works such constants out, however large they are
+        raise DefinitionError("its IDL computes a constant, which is not read")
     types: dict[str, Any] = {}
     enumerations: set[str] = set()
     try:

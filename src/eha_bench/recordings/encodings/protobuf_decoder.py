@@ -24,7 +24,7 @@ class ProtobufDecoder(Decoder):
     def __init__(self, encoded: Encoded, paths: tuple[FieldPath, ...]) -> None:
         self._paths = paths
         self._found: set[int] = set()
-        self._class = _message_class(encoded)
+        self._class = message_class(encoded)
         self._objects = _Protobuf()
         for path in paths:
             _check(self._class, path)
@@ -61,7 +61,12 @@ class ProtobufDecoder(Decoder):
                 columns[index][row] = number(value)
 
 
-def _message_class(encoded: Encoded) -> type[Message]:
+def message_class(encoded: Encoded) -> type[Message]:
+    """Return the class of a topic's messages.
+
+    Raises:
+        UnreadableTopic: its descriptor cannot be read.
+    """
     try:
         pool = DescriptorPool()
         files = {file.name: file for file in FileDescriptorSet.FromString(encoded.schema).file}
@@ -115,7 +120,7 @@ def _check(kind: type[Message], path: FieldPath) -> None:
                     f"{message.full_name} has no field '{step.name}'; "
                     f"{among(step.name, known, 'fields')}"
                 )
-            many = _repeated(field)
+            many = is_repeated(field)
             message = field.message_type
             continue
         if not many:
@@ -137,7 +142,7 @@ def _check(kind: type[Message], path: FieldPath) -> None:
         raise UnreadableTopic(f"'{path}' is not a number but text")
 
 
-def _repeated(field: Any) -> bool:
+def is_repeated(field: Any) -> bool:
     """Whether a field is repeated; older versions of the library say it in another way."""
     told = getattr(field, "is_repeated", None)
     return bool(field.label == field.LABEL_REPEATED if told is None else told)

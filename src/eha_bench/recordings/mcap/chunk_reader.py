@@ -6,29 +6,53 @@ from collections.abc import Collection, Iterator
 from functools import partial
 from itertools import pairwise
 
+from mcap.opcode import Opcode
+
+from eha_bench.recordings.budget import budget
 from eha_bench.recordings.decompress import DamagedChunk, Room, decompress, decompress_torn
 from eha_bench.recordings.file_bytes import forget
 from eha_bench.recordings.mcap.demux import Split, Splitter
-from eha_bench.recordings.mcap.file import Chunk, McapFile, Stretch, message_index
+from eha_bench.recordings.mcap.file import (
+    Chunk,
+    McapFile,
+    Stretch,
+    add_channel,
+    add_schema,
+    message_index,
+)
 from eha_bench.recordings.source import Span
 
 Part = Chunk | Stretch
 
 
 class ChunkReader:
-    """Yields the records of a file's chunks; what is damaged is left out and noted."""
+    """Yields the records of a file's chunks; what is damaged is left out and noted.
+
+    Attributes:
+        notes: what was found, one sentence each.
+        lost: chunks that are damaged.
+        unlike: chunks that do not hold what their index says, or more than records.
+        counted: messages by channel of the parts that were opened, by their offset.
+    """
 
     def __init__(self, file: McapFile) -> None:
         self._file = file
+        self._budget = budget()
         self.notes: list[str] = []
         self.lost = 0
+        self.unlike = 0
+        self.counted: dict[int, dict[int, int]] = {}
 
     def splits(self, ids: Collection[int] | None, span: Span | None = None) -> Iterator[Split]:
         """Yield the records of every part that may hold one of the channels within the span."""
         splitter = Splitter()
         for part in self.needed(ids, span):
             if not isinstance(part, Chunk):
-                yield splitter.split(self._file.buffer, part.start, part.stop)
+                found = splitter.split(
+                    self._file.buffer, part.start, part.stop, allowed=self._budget
+                )
+                self.counted[part.start] = _counts(found)
+                yield found
                 continue
             try:
                 yield self.open(part, splitter)
@@ -44,19 +68,40 @@ class ChunkReader:
         """
         data = self._file.buffer.data[chunk.data_start : chunk.data_start + chunk.data_size]
         if chunk.torn:
-            buffer = decompress_torn(data, chunk.compression)
+            buffer = decompress_torn(data, chunk.compression, self._budget)
         else:
-            buffer = decompress(data, chunk.compression, chunk.uncompressed_size, chunk.crc, room)
+            size = chunk.uncompressed_size
+            buffer = decompress(data, chunk.compression, size, chunk.crc, room, self._budget)
             forget(self._file.buffer, chunk.offset, chunk.data_start + chunk.data_size)
         index = partial(message_index, self._file, chunk) if chunk.channels else None
-        found = splitter.split(buffer, 0, buffer.size, index)
+        found = splitter.split(buffer, 0, buffer.size, index, self._budget)
         found.chunk = chunk
-        if found.end < buffer.size and not chunk.torn:
+        self._declare(found)
+        counts = self.counted[chunk.offset] = _counts(found)
+        if chunk.torn:
+            return found
+        if found.end < buffer.size:
+            self.unlike += 1
             self.notes.append(
                 f"the chunk at byte {chunk.offset} holds {buffer.size - found.end} bytes "
                 "that are no records"
             )
+        elif chunk.channels is not None and _without_none(chunk.channels) != counts:
+            self.unlike += 1
+            said, there = sum(chunk.channels.values()), sum(counts.values())
+            self.notes.append(
+                f"the chunk at byte {chunk.offset} does not hold what its index says: "
+                + (f"{there} messages, not {said}" if said != there else "they are of other topics")
+            )
         return found
+
+    def _declare(self, found: Split) -> None:
+        """Compare the channels and schemas inside a chunk with those that are known."""
+        for opcode, start, length in found.others:
+            if opcode == Opcode.SCHEMA:
+                add_schema(self._file, start, length, found.buffer)
+            elif opcode == Opcode.CHANNEL:
+                add_channel(self._file, start, length, found.buffer)
 
     def needed(self, ids: Collection[int] | None, span: Span | None) -> list[Part]:
         """Return the parts to open, in order of time."""
@@ -86,6 +131,17 @@ class ChunkReader:
             return list(parts)
         self.notes.append("its chunks are not in order of time; they were read in order")
         return list(ordered)
+
+
+def _counts(found: Split) -> dict[int, int]:
+    counts: dict[int, int] = {}
+    for channel, payloads in found.messages:
+        counts[channel] = counts.get(channel, 0) + payloads.count
+    return counts
+
+
+def _without_none(counts: dict[int, int]) -> dict[int, int]:
+    return {channel: count for channel, count in counts.items() if count}
 
 
 def _within(parts: list[Part], ids: Collection[int], span: Span) -> list[Part]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.recordings.budget import Budget
 from eha_bench.recordings.encodings.payloads import Bytes, Payloads
 
 MESSAGE = 5
@@ -27,6 +28,7 @@ _MESSAGE = struct.Struct("<BQH")
 _LONGEST_PERIOD = 256
 _FEWEST_CYCLES = 4
 _PATIENCE = 128
+_MOST_WALKED = 1 << 14
 _CHECKED = 4096
 """Records that are compared at one go: few enough to stay in the processor's cache."""
 
@@ -79,7 +81,14 @@ class Splitter:
     def __init__(self) -> None:
         self._cycle: Cycle = ()
 
-    def split(self, buffer: Bytes, start: int, stop: int, index: Index | None = None) -> Split:
+    def split(
+        self,
+        buffer: Bytes,
+        start: int,
+        stop: int,
+        index: Index | None = None,
+        allowed: Budget | None = None,
+    ) -> Split:
         """Return the records of buffer[start:stop]; ends early at one that does not fit.
 
         Args:
@@ -88,6 +97,10 @@ class Splitter:
             stop: where the last record must end at the latest.
             index: gives where each channel's messages are said to start; it is believed only where
                 the records agree, and it is only asked where there is no cycle.
+            allowed: budget of the recording.
+
+        Raises:
+            OverBudget: there are too many records that do not repeat.
         """
         found = Split(buffer, end=start)
         data = buffer.data
@@ -121,6 +134,12 @@ class Splitter:
                     if indexed is not None:
                         return indexed
                     index = None
+            if len(walked.kinds) >= _MOST_WALKED:
+                # one by one they take many times the memory that they take as an array
+                _flush(found, walked)
+                look = 2
+                if allowed is not None:
+                    allowed.tick()
         _flush(found, walked)
         found.end = position
         return found

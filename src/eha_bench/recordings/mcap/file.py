@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -16,17 +17,30 @@ from typing import Any
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, Metadata, Schema
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.checksum import crc32
 from eha_bench.recordings.encodings.payloads import Bytes
 from eha_bench.recordings.file_bytes import forget, map_file
 from eha_bench.recordings.mcap.demux import RECORD_HEAD
+from eha_bench.recordings.naming import shown
 
 MAGIC = b"\x89MCAP0\r\n"
 _FRAME = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")
+_CHUNK_INDEX = struct.Struct("<QQQQ")
+_FOOTER = struct.Struct("<QQI")
 
 
 @dataclass(slots=True)
@@ -71,6 +85,13 @@ class McapFile:
         summary_channels: whether the summary repeated the channels, so that chunks can be skipped.
         attachments: (start of content, length).
         shared: messages by channel id, of chunks that hold the same.
+        data_stop, data_crc: where the data section ends, and its checksum (0 if there is none).
+        footer: where it stands, start of the summary, start of its offsets, checksum.
+        statistics: what the file says that it holds.
+        chunk_index: offsets of the chunks that the summary knows.
+        attachment_names, metadata_names: what the summary knows of these.
+        conflicts: channels and schemas whose id is declared twice, in other words: id of the
+            channel (None for a schema), id of the schema (None for a channel), and a sentence.
         holes: (start, stop) of bytes between chunks that are no whole records.
         tear: where the readable part ends, or None for a file that was closed in order.
         reason: what is wrong at the tear.
@@ -87,6 +108,14 @@ class McapFile:
     metadata: list[Metadata] = field(default_factory=list)
     attachments: list[tuple[int, int]] = field(default_factory=list)
     shared: dict[tuple[tuple[int, int], ...], dict[int, int]] = field(default_factory=dict)
+    data_stop: int = 0
+    data_crc: int = 0
+    footer: tuple[int, int, int, int] | None = None
+    statistics: Statistics | None = None
+    chunk_index: set[int] = field(default_factory=set)
+    attachment_names: list[str] = field(default_factory=list)
+    metadata_names: list[str] = field(default_factory=list)
+    conflicts: dict[tuple[int | None, int | None], str] = field(default_factory=dict)
     holes: list[tuple[int, int]] = field(default_factory=list)
     tear: int | None = None
     reason: str = ""
@@ -95,6 +124,18 @@ class McapFile:
         """Return an attachment, or None if it cannot be parsed."""
         found = self.parse(Attachment, start, length)
         return found if isinstance(found, Attachment) else None
+
+    def attached(self) -> Iterator[tuple[str, bool]]:
+        """Yield the name of every attachment, and whether its checksum is right or missing."""
+        for start, length in self.attachments:
+            found = self.attachment(start, length)
+            yield (found.name if found else "?"), found is not None and self.sound(start, length)
+
+    def sound(self, start: int, length: int) -> bool:
+        """Whether the checksum of an attachment is right; one that has none cannot be wrong."""
+        content = self.buffer.data[start : start + length]
+        crc = int.from_bytes(content[-4:], "little")
+        return not crc or crc32(content[:-4]) == crc
 
     def parse(self, kind: Any, start: int, length: int) -> Any:
         """Return a record's content as the mcap library's type, or None if it does not fit."""
@@ -145,12 +186,13 @@ def open_mcap(path: Path) -> McapFile:
 def _scan(file: McapFile) -> None:
     """Follow the records; where one is broken, look for the next chunk behind it."""
     position = len(MAGIC)
+    search = _ChunkSearch(file.buffer)
     while True:
         position, reason = _follow(file, position)
         _intern(file)
         if not reason:
             return
-        found = _next_chunk(file.buffer, position + 1)
+        found = search.behind(position + 1)
         _salvage(file, position, file.buffer.size if found is None else found)
         if found is None:
             file.tear, file.reason = position, reason
@@ -175,6 +217,8 @@ def _follow(file: McapFile, position: int) -> tuple[int, str]:
         if following > size:
             return position, "the file ends inside a record"
         if opcode == Opcode.FOOTER:
+            if length >= _FOOTER.size:
+                file.footer = (position, *_FOOTER.unpack_from(data, start))
             whole = bytes(data[following : following + 8]) == MAGIC
             return following, "" if whole else "the closing magic is missing"
         if opcode == Opcode.CHUNK:
@@ -194,40 +238,50 @@ def _salvage(file: McapFile, position: int, stop: int) -> None:
         _add_chunk(file, position, position + RECORD_HEAD, stop, torn=True)
 
 
-def _next_chunk(buffer: Bytes, start: int) -> int | None:
-    """Return where the next chunk with a sound frame starts, found by its compression's name."""
-    found = [
-        place
-        for mark in (b"\x04\0\0\0zstd", b"\x03\0\0\0lz4")
-        if (place := _next_frame(buffer, start, mark)) is not None
-    ]
-    return min(found, default=None)
+class _ChunkSearch:
+    """Looks for chunks by the name of their compression; every byte is looked at once only."""
+
+    _MARKS = (b"\x04\0\0\0zstd", b"\x03\0\0\0lz4")
+
+    def __init__(self, buffer: Bytes) -> None:
+        self._buffer = buffer
+        self._next: dict[bytes, int] = dict.fromkeys(self._MARKS, -1)
+        """Where the next sound frame of each compression starts; the end if there is none."""
+
+    def behind(self, start: int) -> int | None:
+        """Return where the next chunk with a sound frame starts."""
+        for mark, known in self._next.items():
+            if known < start:
+                self._next[mark] = self._frame(start, mark)
+        found = min(self._next.values())
+        return None if found >= self._buffer.size else found
+
+    def _frame(self, start: int, mark: bytes) -> int:
+        whole = self._buffer.data
+        size = self._buffer.size
+        before = RECORD_HEAD + _CHUNK.size - 4
+        for at in _places(self._buffer, mark, start + before):
+            place = at - before
+            if whole[place] != Opcode.CHUNK:
+                continue
+            _, length = _FRAME.unpack_from(whole, place)
+            records = at + len(mark)
+            if records + 8 <= place + RECORD_HEAD + length <= size:
+                declared = int.from_bytes(whole[records : records + 8], "little")
+                if records + 8 + declared == place + RECORD_HEAD + length:
+                    return place
+        return size
 
 
-def _next_frame(buffer: Bytes, start: int, mark: bytes) -> int | None:
-    whole = buffer.data
-    before = RECORD_HEAD + _CHUNK.size - 4
-    position = start
-    while (at := _find(buffer, mark, position + before)) >= 0:
-        place = at - before
-        opcode, length = _FRAME.unpack_from(whole, place)
-        records = at + len(mark)
-        if opcode == Opcode.CHUNK and records + 8 <= place + RECORD_HEAD + length <= buffer.size:
-            declared = struct.unpack_from("<Q", whole, records)[0]
-            if records + 8 + declared == place + RECORD_HEAD + length:
-                return place
-        position = place + 1
-    return None
-
-
-def _find(buffer: Bytes, mark: bytes, start: int) -> int:
-    """Return where `mark` stands at or behind `start`, -1 if nowhere."""
+def _places(buffer: Bytes, mark: bytes, start: int) -> Iterator[int]:
+    """Yield where `mark` stands at or behind `start`."""
     step = 1 << 20
     for begin in range(start, buffer.size, step):
-        at = bytes(buffer.data[begin : begin + step + len(mark)]).find(mark)
-        if at >= 0:
-            return begin + at
-    return -1
+        piece = bytes(buffer.data[begin : begin + step + len(mark) - 1])
+        at = piece.find(mark)
+        while at >= 0:
+            yield begin + at
+            at = piece.find(mark, at + 1)
 
 
 def _intern(file: McapFile) -> None:
@@ -269,22 +323,57 @@ def _take(file: McapFile, opcode: int, start: int, length: int) -> None:
             file.header = file.parse(Header, start, length)
         case Opcode.DATA_END:
             file.data_ended = True
+            file.data_stop = start - RECORD_HEAD
+            if length >= 4:
+                file.data_crc = int.from_bytes(file.buffer.data[start : start + 4], "little")
+        case Opcode.STATISTICS | Opcode.CHUNK_INDEX | Opcode.ATTACHMENT_INDEX:
+            _take_index(file, opcode, start, length)
+        case Opcode.METADATA_INDEX:
+            _take_index(file, opcode, start, length)
         case _:
             pass
+
+
+def _take_index(file: McapFile, opcode: int, start: int, length: int) -> None:
+    """Note what the summary says that the file holds."""
+    match opcode:
+        case Opcode.STATISTICS:
+            file.statistics = file.parse(Statistics, start, length)
+        case Opcode.CHUNK_INDEX:
+            if length >= _CHUNK_INDEX.size:
+                file.chunk_index.add(_CHUNK_INDEX.unpack_from(file.buffer.data, start)[2])
+        case Opcode.ATTACHMENT_INDEX:
+            attachment = file.parse(AttachmentIndex, start, length)
+            file.attachment_names.append(attachment.name if attachment else "?")
+        case _:
+            metadata = file.parse(MetadataIndex, start, length)
+            file.metadata_names.append(metadata.name if metadata else "?")
 
 
 def add_schema(file: McapFile, start: int, length: int, buffer: Bytes) -> None:
     """Note a schema; one of id 0 or one that cannot be parsed is ignored."""
     schema = parse_record(Schema, bytes(buffer.data[start : start + length]))
-    if schema is not None and schema.id:
-        file.schemas.setdefault(schema.id, schema)
+    if schema is None or not schema.id:
+        return
+    known = file.schemas.setdefault(schema.id, schema)
+    if known != schema:
+        file.conflicts[None, schema.id] = (
+            f"schema {schema.id} is declared twice, as '{shown([known.name])}' and "
+            f"'{shown([schema.name])}': its topics are not read"
+        )
 
 
 def add_channel(file: McapFile, start: int, length: int, buffer: Bytes) -> None:
     """Note a channel; one that cannot be parsed is ignored."""
     channel = parse_record(Channel, bytes(buffer.data[start : start + length]))
-    if channel is not None:
-        file.channels.setdefault(channel.id, channel)
+    if channel is None:
+        return
+    known = file.channels.setdefault(channel.id, channel)
+    if known != channel:
+        file.conflicts[channel.id, None] = (
+            f"channel {channel.id} is declared twice, as '{shown([known.topic])}' and "
+            f"'{shown([channel.topic])}': its messages are not read"
+        )
 
 
 def _add_chunk(file: McapFile, position: int, start: int, stop: int, torn: bool = False) -> bool:

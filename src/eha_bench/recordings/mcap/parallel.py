@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,7 +103,8 @@ class ParallelReader:
 
         try:
             with ThreadPoolExecutor(_WORKERS) as pool:
-                jobs = [pool.submit(work) for _ in range(_WORKERS)]
+                # each thread spends from the budget of the recording that is being read
+                jobs = [pool.submit(copy_context().run, work) for _ in range(_WORKERS)]
                 for job in jobs:
                     job.result()
             return self._finish(targets)

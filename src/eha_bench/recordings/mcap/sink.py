@@ -6,7 +6,7 @@ Format: https://mcap.dev/spec. Small records are written by the mcap library.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, BinaryIO, Final
 
 import numpy as np
@@ -33,6 +33,7 @@ from eha_bench.recordings.mcap.file import MAGIC
 
 LIBRARY: Final = "eha-bench"
 _CHUNK_HEAD = struct.Struct("<BQQQQII")
+_RECORD_HEAD = struct.Struct("<BQ")
 _INDEX_HEAD = struct.Struct("<BQHI")
 _ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
@@ -76,6 +77,7 @@ class McapSink:
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: dict[int, int] = {}
+        self._data_crc = 0
         self._put(MAGIC)
         self._record(Header(profile=profile, library=LIBRARY))
 
@@ -133,15 +135,42 @@ class McapSink:
             )
         )
 
-    def chunk(self, records: Any, index: Index, level: int = 3) -> None:
+    def copied_attachment(self, content: bytes, name: str, media_type: str, size: int) -> None:
+        """Write the content of an attachment's record as it is, the checksum that it has included.
+
+        Args:
+            content: of the record.
+            name: of the attachment.
+            media_type: of the attachment.
+            size: of its data in bytes.
+        """
+        offset = self._position
+        head = _RECORD_HEAD.pack(Opcode.ATTACHMENT, len(content))
+        self._put(head + content)
+        log_time, create_time = struct.unpack_from("<QQ", content)
+        self._attachments.append(
+            AttachmentIndex(
+                offset=offset,
+                length=len(head) + len(content),
+                create_time=create_time,
+                log_time=log_time,
+                data_size=size,
+                name=name,
+                media_type=media_type,
+            )
+        )
+
+    def chunk(self, records: Any, index: Index, level: int = 3, *, verified: bool = True) -> None:
         """Compress and write a chunk of whole message records, and its message indexes.
 
         Args:
             records: the bytes of the records, any contiguous buffer.
             index: where each channel's records are.
             level: of the compression.
+            verified: whether the records are known to be right, so that they get a checksum.
         """
-        self.compressed_chunk(compressed(records, level), index)
+        made = compressed(records, level)
+        self.compressed_chunk(made if verified else replace(made, crc=0), index)
 
     def compressed_chunk(self, chunk: Compressed, index: Index) -> None:
         """Write a chunk that is compressed already, and its message indexes.
@@ -195,9 +224,14 @@ class McapSink:
             )
         )
 
-    def finish(self) -> None:
-        """Write the summary and the footer; the stream stays open."""
-        self._record(DataEnd(data_section_crc=0))
+    def finish(self, *, verified: bool = True) -> None:
+        """Write the summary and the footer; the stream stays open.
+
+        Args:
+            verified: whether all that was written is known to be right, so that the data get a
+                checksum.
+        """
+        self._record(DataEnd(data_section_crc=self._data_crc if verified else 0))
         start = self._position
         builder = RecordBuilder()
         offsets = []
@@ -252,6 +286,7 @@ class McapSink:
         return len(content)
 
     def _put(self, content: bytes) -> None:
+        self._data_crc = crc32(content, self._data_crc)
         left = memoryview(content)
         while left:
             # an unbuffered stream may take only a part, such as what still fits on the disk

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -12,19 +13,13 @@ from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.mcap.chunk_reader import ChunkReader
 from eha_bench.recordings.mcap.demux import LOG_TIME, PUBLISH_TIME, Split
-from eha_bench.recordings.mcap.file import (
-    Chunk,
-    McapFile,
-    add_channel,
-    add_schema,
-    open_mcap,
-)
+from eha_bench.recordings.mcap.file import Chunk, McapFile, Stretch, open_mcap
+from eha_bench.recordings.mcap.integrity import count_problems, data_problems, summary_problems
 from eha_bench.recordings.mcap.parallel import ParallelReader
+from eha_bench.recordings.naming import shown
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.topic_reader import TopicReader, finished
 from eha_bench.recordings.track import Arena, StampColumn, Track
-
-_SCHEMA, _CHANNEL = 3, 4
 
 
 class McapSource(Source):
@@ -33,6 +28,9 @@ class McapSource(Source):
     def __init__(self, path: Path) -> None:
         self._file = open_mcap(path)
         self._reader = ChunkReader(self._file)
+        self._wrong = list(summary_problems(self._file))
+        self._wrong_attachments = [name for name, sound in self._file.attached() if not sound]
+        self._data_checked = False
         if not self._file.summary_channels:
             self._collect_channels()
 
@@ -53,13 +51,35 @@ class McapSource(Source):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was found so far: a tear, damaged chunks, chunks out of order."""
-        return tuple(dict.fromkeys((*damage(self._file), *self._reader.notes)))
+        """What was found so far: a tear, damaged chunks, what is not as the file says."""
+        attached = (
+            f"the attachment {shown([name])} is damaged (its checksum is wrong): it was left out"
+            for name in self._wrong_attachments
+        )
+        found = (
+            *recovered(self._file),
+            *damage(self._file),
+            *attached,
+            *self._file.conflicts.values(),
+            *self._wrong,
+            *self._reader.notes,
+        )
+        return tuple(dict.fromkeys(found))
 
     @property
     def damaged(self) -> bool:
-        """Whether it is torn, has a hole, or has lost a chunk."""
-        return self._file.tear is not None or bool(self._file.holes) or self._reader.lost > 0
+        """Whether it is torn, has lost something, or is not what it says of itself."""
+        return (
+            self._file.tear is not None
+            or bool(self._file.holes)
+            or self._reader.lost + self._reader.unlike > 0
+            or bool(self._wrong or self._wrong_attachments or self._file.conflicts)
+            or bool(recovered(self._file))
+        )
+
+    def damaged_attachments(self) -> tuple[str, ...]:
+        """Names of the attachments whose checksum is wrong."""
+        return tuple(self._wrong_attachments)
 
     @property
     def format(self) -> str:
@@ -84,14 +104,43 @@ class McapSource(Source):
             RecordingError: a topic cannot be decoded.
         """
         ids = self._ids(wanted)
-        together = self._together(ids, wanted, span)
-        if together is not None:
-            return together
-        readers = self._readers(wanted, {} if span else self._expected(ids))
-        for part in self._reader.splits(ids, span):
-            self._collect(part, ids, readers)
-            del part  # or there would be three chunks in memory
-        return finished(self, readers)
+        tracks = self._together(ids, wanted, span)
+        if tracks is None:
+            readers = self._readers(wanted, {} if span else self._expected(ids))
+            for part in self._reader.splits(ids, span):
+                self._collect(part, ids, readers)
+                del part  # or there would be three chunks in memory
+            tracks = finished(self, readers)
+        if any(what.fields for what in wanted.values()):
+            self._refuse_conflicts(ids)
+        if span is None:
+            self._check()
+        return tracks
+
+    def _check(self) -> None:
+        """Compare all that was read with what the file says of itself."""
+        if not self._data_checked:
+            self._data_checked = True
+            self._wrong += data_problems(self._file)
+        starts = [part.start for part in self._file.parts if isinstance(part, Stretch)]
+        counted = self._reader.counted
+        bare: Counter[int] | None = None
+        if all(start in counted for start in starts):
+            bare = Counter()
+            for start in starts:
+                bare.update(counted[start])
+        self._wrong += [
+            problem
+            for problem in count_problems(self._file, counted, bare)
+            if problem not in self._wrong
+        ]
+
+    def _refuse_conflicts(self, ids: Mapping[int, str]) -> None:
+        """Refuse to read a channel that is declared twice: nobody knows whose its messages are."""
+        for (channel, schema), text in self._file.conflicts.items():
+            for number, topic in ids.items():
+                if channel == number or schema == self._file.channels[number].schema_id:
+                    raise self.refuse(topic, UnreadableTopic(text))
 
     def first_stamp(self, wanted: Mapping[str, Wanted]) -> int | None:
         """Return the log time in ns of the first wanted message, None if only a full scan tells."""
@@ -108,19 +157,25 @@ class McapSource(Source):
                 return min(stamps)
         return None
 
+    def example(self, topic: str) -> bytes:
+        """Return the first message of a topic; empty if there is none."""
+        ids = [channel.id for channel in self._file.channels.values() if channel.topic == topic]
+        for part in ChunkReader(self._file).splits(ids):
+            for channel, payloads in part.messages:
+                if channel in ids and payloads.count:
+                    return bytes(payloads.payload(0))
+        return b""
+
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
         """Metadata by record name; later records of one name add to the earlier ones."""
-        found: dict[str, dict[str, str]] = {}
-        for record in self._file.metadata:
-            found.setdefault(record.name, {}).update(record.metadata)
-        return found
+        return joined_metadata(self._file)
 
     def attachments(self) -> Mapping[str, bytes]:
         """Files inside the recording, by name; a name is only text and never a path."""
         found = {}
         for start, length in self._file.attachments:
             attachment = self._file.attachment(start, length)
-            if attachment is not None:
+            if attachment is not None and self._file.sound(start, length):
                 found[attachment.name] = attachment.data
         return found
 
@@ -219,11 +274,25 @@ class McapSource(Source):
     def _collect_channels(self) -> None:
         """Open every chunk for its schemas and channels, where no summary repeats them."""
         for part in self._reader.splits(None):
-            for opcode, start, length in part.others:
-                if opcode == _SCHEMA:
-                    add_schema(self._file, start, length, part.buffer)
-                elif opcode == _CHANNEL:
-                    add_channel(self._file, start, length, part.buffer)
+            del part  # to open it is enough
+
+
+RECOVERY = "eha_bench.recovery"
+"""Metadata record that says what was wrong with the file that a recovered one was made from."""
+
+
+def joined_metadata(file: McapFile) -> dict[str, dict[str, str]]:
+    """Return metadata by record name; later records of one name add to the earlier ones."""
+    found: dict[str, dict[str, str]] = {}
+    for record in file.metadata:
+        found.setdefault(record.name, {}).update(record.metadata)
+    return found
+
+
+def recovered(file: McapFile) -> tuple[str, ...]:
+    """Say what was wrong with the file that this one was recovered from."""
+    found = (record.metadata for record in file.metadata if record.name == RECOVERY)
+    return tuple(f"recovered from a damaged file: {note}" for one in found for note in one.values())
 
 
 def damage(file: McapFile) -> tuple[str, ...]:

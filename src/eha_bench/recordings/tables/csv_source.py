@@ -13,10 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.budget import budget
 from eha_bench.recordings.tables.csv_layout import MISSING, CsvLayout, NoTable
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.tables.times import NoTime, parse_times
 
+_MOST_TIMES = 12
+"""A table takes so many times its size while it is read: as text, twice, and as numbers."""
+_MOST_COLUMNS = 10_000
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 
 
@@ -25,7 +29,9 @@ class CsvSource(TableSource):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
+        budget().hold(_MOST_TIMES * path.stat().st_size, "the table")
         self._columns = self._parse(self._text())
+        self._often = Counter(self._layout.names)
 
     @property
     def format(self) -> str:
@@ -43,7 +49,7 @@ class CsvSource(TableSource):
             RecordingError: a cell is not a number.
         """
         column = self._columns[name]
-        again = Counter(self._layout.names)[name]
+        again = self._often[name]
         if again > 1:
             self._notes.append(
                 f"{again} columns are called '{name}': the first was taken; the next is '{name}.1'"
@@ -106,6 +112,12 @@ class CsvSource(TableSource):
         except NoTable as error:
             where = Place(file=self.path, line=error.line)
             raise RecordingError(str(error), where=where, hint=error.hint) from error
+        if len(layout.names) > _MOST_COLUMNS:
+            raise RecordingError(
+                f"it has {len(layout.names)} columns, more than the {_MOST_COLUMNS} that are read",
+                where=where,
+                hint="check the file, or leave columns out",
+            )
         self._notes += layout.notes
         text = self._without_torn_end(text)
         if "#" in text:
@@ -122,7 +134,7 @@ class CsvSource(TableSource):
                     stream, sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
                     decimal=layout.decimal, skiprows=layout.first, header=None,
                     names=range(len(layout.names)), na_values=MISSING, skipinitialspace=True,
-                    index_col=False, low_memory=False, comment="#",
+                    index_col=False, low_memory=False, comment="#", **_exactly(),
                 )  # fmt: skip
         except (pd.errors.ParserWarning, pd.errors.ParserError) as error:
             raise RecordingError(
@@ -168,7 +180,7 @@ class CsvSource(TableSource):
             try:
                 float(cell.replace(",", ".") if comma and isinstance(cell, str) else cell)
                 wrong = comma and isinstance(cell, str) and "." in cell
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 wrong = True
             if wrong:
                 comment = " with a decimal comma" if comma else ""
@@ -191,6 +203,13 @@ class CsvSource(TableSource):
         return self._layout.first + 1
 
 
+def _exactly() -> dict[str, Any]:
+    """Return how to tell pandas to read every number to its last bit; from 3.0 it always does."""
+    import pandas as pd
+
+    return {} if int(pd.__version__.partition(".")[0]) >= 3 else {"float_precision": "round_trip"}
+
+
 def _without_excel_errors(text: str, delimiter: str) -> str:
     """Empty the cells that Excel could not compute (`#N/A`, `#DIV/0!`): these are no comments."""
     between = re.escape(delimiter)
@@ -200,11 +219,12 @@ def _without_excel_errors(text: str, delimiter: str) -> str:
 
 def _unique(names: tuple[str, ...]) -> list[str]:
     """Return names of which none stands there twice; as pandas does it."""
-    found: list[str] = []
+    found: dict[str, None] = {}
+    times: Counter[str] = Counter()
     for name in names:
-        unique, number = name, 0
+        unique = name
         while unique in found:
-            number += 1
-            unique = f"{name}.{number}"
-        found.append(unique)
-    return found
+            times[name] += 1
+            unique = f"{name}.{times[name]}"
+        found[unique] = None
+    return list(found)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.recordings.decompress import LARGEST
+from eha_bench.recordings.budget import budget
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
@@ -125,7 +125,10 @@ class _Reader:
         if kind == 17:  # an object of a class: it has no shape
             self.found.others[name] = "an object"
             return
-        dimensions = self._numbers(shape).tolist()
+        sizes = self._numbers(shape)
+        if sizes.dtype.kind not in "iu":
+            raise DamagedMat(f"'{name}' has a shape that is no whole numbers")
+        dimensions = sizes.tolist()
         count = math.prod(dimensions)
         if min(dimensions, default=0) < 0 or count > 8 * len(data):
             raise DamagedMat(f"'{name}' declares {count} elements in {len(data)} bytes")
@@ -195,7 +198,7 @@ class _Reader:
 
 def _inflated(data: memoryview) -> memoryview:
     stream = zlib.decompressobj()
-    limit = min(len(data) * _RATIO + 1024, LARGEST)
+    limit = min(len(data) * _RATIO + 1024, budget().memory)
     try:
         content = stream.decompress(data, limit)
     except zlib.error as error:

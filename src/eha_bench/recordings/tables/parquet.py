@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from numpy.typing import NDArray
 
@@ -11,12 +13,16 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath
 from eha_bench.recordings.tables.table import TableSource
 
+DESCRIPTION: Final = b"eha_bench"
+"""Key of the file's metadata under which `export` says what the columns are."""
+
 
 class ParquetSource(TableSource):
     """An Apache Parquet file."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
+        self._described: dict[str, Any] = {}
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -28,6 +34,35 @@ class ParquetSource(TableSource):
                 where=Place(file=self.path),
                 hint="its index stands at the end, so a torn file cannot be read",
             ) from error
+
+        self._describe()
+
+    def _describe(self) -> None:
+        """Take what eha-bench wrote beside its columns; of another file there is nothing."""
+        raw = (self._file.schema_arrow.metadata or {}).get(DESCRIPTION)
+        if raw is None:
+            return
+        try:
+            found = json.loads(raw)
+            epoch = int(found["epoch_ns"])
+            units = {str(name): str(unit) for name, unit in found["units"].items()}
+            said = {str(key): str(value) for key, value in found["metadata"].items()}
+        except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError):
+            self._torn = True
+            self._notes.append("what eha-bench wrote beside its columns is damaged: left aside")
+            return
+        self.own_epoch = epoch if abs(epoch) < 2**62 else None
+        self._described = {"units": units, "metadata": said}
+        self._notes += [str(note)[:1000] for note in found.get("notes", [])[:100]]
+
+    def units(self) -> Mapping[str, str]:
+        """Units by column, of a file that eha-bench wrote."""
+        return dict(self._described.get("units", {}))
+
+    def metadata(self) -> Mapping[str, Mapping[str, str]]:
+        """What a recording of ours held as metadata."""
+        said = self._described.get("metadata")
+        return {"eha_bench": said} if said else {}
 
     @property
     def format(self) -> str:

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.units import factor_and_offset
-from eha_bench.recordings.channel_map import ChannelEntry, ChannelMap, ChannelMapFile, TimeColumn
+from eha_bench.recordings.channel_map import ChannelMap, ChannelMapFile, TimeColumn
 from eha_bench.recordings.naming import among, shown
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Column, Stamps, Track
@@ -26,6 +25,10 @@ class TableSource(Source):
         self._path = path
         self._notes: list[str] = []
         self._torn = False
+        self.own_epoch: int | None = None
+        """Time zero in ns since 1970, of a table that eha-bench wrote; None of another one."""
+        self.exact_seconds: dict[str, Column] = {}
+        """Times of a group as they stand there, s; in nanoseconds a last bit may differ."""
 
     @property
     def path(self) -> str:
@@ -71,32 +74,61 @@ class TableSource(Source):
         del wanted, span
         raise RecordingError("a table has no topics", where=Place(file=self.path))
 
+    def units(self) -> Mapping[str, str]:
+        """Units by column, as far as the file says them."""
+        return {}
+
+    def titles(self) -> Mapping[str, str]:
+        """Of each column its name without the groups around it."""
+        return {name: name for name in self.names()}
+
+    def group_of(self, name: str) -> str:
+        """Return what shares a clock with a column: the file, or a group of its columns."""
+        del name
+        return self.path
+
+    def in_columns(self, mapping: ChannelMap) -> ChannelMap:
+        """Return a map with every channel of this table called by its column."""
+        return mapping
+
     def own_map(self) -> ChannelMap:
-        """Return the map of a table that eha_bench wrote: columns named as channels, time in s.
+        """Return the map of a table that says itself what it holds.
+
+        A column is taken if it is named as a channel, or if the file gives its unit; one of a
+        known name without a unit is in SI.
 
         Raises:
-            RecordingError: it has no column `time`, or none that is named as a channel.
+            RecordingError: it has no clock, or no such column.
         """
-        names = self.names()
-        known = [name for name in names if name in CHANNELS and CHANNELS[name].unit]
-        if "time" not in names or not known:
+        from eha_bench.recordings.tables.self_description import described
+
+        channels, clock, notes = described(self.titles(), self.units(), own_clock=self.has_clock)
+        if not channels or (clock is None and not self.has_clock):
             raise RecordingError(
                 "no channel map says what this table holds",
                 where=Place(file=self.path),
-                hint=f"give a channels.yaml that maps its columns: {shown(names)}",
+                hint=f"give a channels.yaml that maps its columns: {shown(self.names())}",
             )
-        self._notes.append("columns were taken by their names, in SI units")
-        return ChannelMapFile(
-            time=TimeColumn(column="time"),
-            channels={name: ChannelEntry(column=name) for name in known},
-        )
+        self._notes += notes
+        return ChannelMapFile(time=clock, channels=channels)
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether the file itself says when its samples were taken."""
+        return False
 
     def table(self, mapping: ChannelMap, columns: tuple[str, ...]) -> dict[str, Track]:
-        """Return the wanted columns as one track.
+        """Return the wanted columns as one track a clock.
 
         Raises:
             RecordingError: a column is missing or of another length, or there is no clock.
         """
+        groups: dict[str, list[str]] = {}
+        for name in dict.fromkeys(columns):
+            groups.setdefault(self.group_of(name), []).append(name)
+        return {group: self._track(mapping, group, names) for group, names in groups.items()}
+
+    def _track(self, mapping: ChannelMap, group: str, columns: list[str]) -> Track:
         values: dict[str, Column] = {}
         kinds = {}
         for name in columns:
@@ -104,31 +136,34 @@ class TableSource(Source):
             kinds[name] = raw.dtype.str if raw.dtype.kind in "iuf" else ""
             values[name] = raw.astype(np.float64)
         sizes = {name: column.size for name, column in values.items()}
-        count = next(iter(sizes.values()))
-        if mapping.time is None and mapping.sample_rate is None:
-            raise RecordingError(
-                "a table needs a clock",
-                where=Place(file=self.path),
-                hint="say 'time: {column: t, unit: s}' or 'sample_rate: 1 kHz' in channels.yaml",
-            )
-        if mapping.time is not None:
-            stamps = self._stamps(mapping.time)
-            sizes[mapping.time.column] = stamps.size
-        else:
-            rate = mapping.sample_rate or 1.0
-            if count / rate >= 2**62 / 1e9:
-                raise RecordingError(
-                    f"{count} samples at {rate:g} Hz are longer than a recording can be",
-                    where=Place(file=self.path, key="sample_rate"),
-                    hint="give the sample rate in its unit, e.g. 1 kHz",
-                )
-            stamps = np.rint(np.arange(count) * (1e9 / rate)).astype(np.int64)
+        stamps = self._clock_of(mapping, group, next(iter(sizes.values())))
+        sizes[mapping.time.column if mapping.time else "the time"] = stamps.size
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{name}: {size}" for name, size in sizes.items())
             raise RecordingError(
                 f"its columns differ in length ({listed})", where=Place(file=self.path)
             )
-        return {self.path: Track(self.path, stamps, values, self._kinds(kinds))}
+        return Track(group, stamps, values, self._kinds(kinds))
+
+    def _clock_of(self, mapping: ChannelMap, group: str, count: int) -> Stamps:
+        """Return the stamps of a group's samples: by a column, a rate, or the file's own clock."""
+        if mapping.time is not None:
+            return self._stamps(mapping.time, group)
+        if mapping.sample_rate is None:
+            raise RecordingError(
+                "a table needs a clock",
+                where=Place(file=self.path),
+                hint="say 'time: {column: t, unit: s}' or 'sample_rate: 1 kHz' in channels.yaml",
+            )
+        rate = mapping.sample_rate
+        if count / rate >= 2**62 / 1e9:
+            raise RecordingError(
+                f"{count} samples at {rate:g} Hz are longer than a recording can be",
+                where=Place(file=self.path, key="sample_rate"),
+                hint="give the sample rate in its unit, e.g. 1 kHz",
+            )
+        stamps: Stamps = np.rint(np.arange(count) * (1e9 / rate)).astype(np.int64)
+        return stamps
 
     def _kinds(self, kinds: dict[str, str]) -> dict[str, str]:
         return kinds
@@ -149,11 +184,15 @@ class TableSource(Source):
         """Whether there is such a column."""
         return name in self.names()
 
-    def _stamps(self, clock: TimeColumn) -> Stamps:
+    def _stamps(self, clock: TimeColumn, group: str) -> Stamps:
         self._check(clock.column)
-        return nanoseconds(
-            self.clock(clock.column), clock.unit, Place(file=self.path, key=clock.column)
-        )
+        return self._in_nanoseconds(clock, clock.column, group)
+
+    def _in_nanoseconds(self, clock: TimeColumn, column: str, group: str) -> Stamps:
+        times = self.clock(column)
+        if clock.unit == "s" and times.dtype.kind == "f":
+            self.exact_seconds[group] = times.astype(np.float64)
+        return nanoseconds(times, clock.unit, Place(file=self.path, key=clock.column))
 
 
 def nanoseconds(times: NDArray[Any], unit: str, where: Place) -> Stamps:
@@ -162,6 +201,8 @@ def nanoseconds(times: NDArray[Any], unit: str, where: Place) -> Stamps:
     Raises:
         RecordingError: a time is missing, or too large.
     """
+    if times.dtype.kind == "b":
+        times = times.astype(np.float64)
     dated = times.dtype.kind in "mM"
     bad = np.flatnonzero(np.isnat(times) if dated else ~np.isfinite(times))
     if bad.size:

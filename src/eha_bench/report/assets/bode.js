@@ -13,7 +13,7 @@
       this.last = last;
       const readings = make("div", "toggles");
       this.outputs = data.curves.map((curve) => {
-        const { item, output } = drawing.entry("span", curve, true);
+        const { item, output } = drawing.entry("span", curve);
         readings.append(item);
         return output;
       });

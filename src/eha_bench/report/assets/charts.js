@@ -9,6 +9,7 @@
   }
 
   const ROLES = { level: "muted", band: "good", limit: "limit", safety: "safety", measured: "text", unscored: "muted" };
+  const MOST_AT_ONCE = 120; // panels: more would take memory that nobody looks at
   const DASHES = { level: [1, 3], limit: [7, 3], safety: [7, 3, 1, 3], measured: [1, 3] };
   const { MINUS, make, button } = drawing;
 
@@ -43,7 +44,7 @@
       const toggles = make("div", "toggles");
       this.outputs = data.traces.map((trace, i) => {
         const several = data.traces.length > 1;
-        const { item, output } = drawing.entry("button", trace, several);
+        const { item, output } = drawing.entry("button", trace);
         item.type = "button";
         item.setAttribute("aria-pressed", "true");
         item.setAttribute("aria-label", several ? `${data.heading}: ${trace.label}` : trace.label);
@@ -60,7 +61,7 @@
 
     async draw() {
       this.wanted = true;
-      if (this.plot || this.drawing) return;
+      if (this.plot || this.drawing || !drawing.visible(this.canvas)) return;
       this.drawing = true;
       try {
         const { time, full } = await this.figure.clock();
@@ -128,7 +129,23 @@
       return [low - pad, high + pad];
     }
 
+    // The area between two curves.
+    difference(u) {
+      const { ctx, data } = u;
+      const [one, other] = this.data.band.map((place) => data[place + 1]);
+      drawing.clipped(u, (_ctx, _box, x, y) => {
+        ctx.globalAlpha = 0.22;
+        ctx.fillStyle = shades.muted;
+        const from = Math.max(0, u.valToIdx(u.scales.x.min) - 1), to = Math.min(data[0].length - 1, u.valToIdx(u.scales.x.max) + 1);
+        ctx.beginPath();
+        for (let i = from; i <= to; i++) if (one[i] != null) ctx.lineTo(x(data[0][i]), y(one[i]));
+        for (let i = to; i >= from; i--) if (other[i] != null) ctx.lineTo(x(data[0][i]), y(other[i]));
+        ctx.fill();
+      });
+    }
+
     bands(u) {
+      if (this.data.band.length === 2) this.difference(u);
       drawing.clipped(u, (ctx, box, x, y) => {
         for (const mark of this.data.marks) {
           if (mark.kind !== "TimeBand" && mark.kind !== "ValueBand") continue;
@@ -284,11 +301,14 @@
         button("+", "Zoom in", () => this.zoom(0.5)),
         button(MINUS, "Zoom out", () => this.zoom(2)),
         button("Whole", "Show the whole run", () => this.showWhole()),
+        button("PNG", "PNG: save the charts as a picture", () => exporting.picture(this.element, this.panels, shades)),
+        button("CSV", "CSV: save the curves as a table", () => exporting.table(this.element, this)),
         this.link,
       ];
-      this.panels = this.scene.panels.map((data, i) => new Panel(this, data, i === this.scene.panels.length - 1));
+      const ends = [this.scene.panels.findLastIndex((data) => !data.quiet), this.scene.panels.length - 1];
+      this.panels = this.scene.panels.map((data, i) => new Panel(this, data, ends.includes(i)));
       const hint = `Drag to zoom, double-click for the whole run; on a touch screen, pinch and double-tap. With the charts in focus: arrow keys move the cursor, + and ${MINUS} zoom, 0 shows the whole run.`;
-      const { charts, spoken } = drawing.frame(this.element, tools, this.panels, hint);
+      const { charts, spoken } = drawing.frame(this.element, tools, this.panels, hint, figures.length > 0);
       this.spoken = spoken;
       charts.addEventListener("keydown", (event) => this.key(event));
       charts.addEventListener("pointerleave", (event) => { if (event.pointerType !== "touch") this.point(null); });
@@ -437,15 +457,40 @@
   if (figures.length === 0) return;
 
   const panels = new Map(figures.flatMap((figure) => figure.panels.map((panel) => [panel.element, panel])));
+  const shown = () => [...panels.values()].filter((panel) => drawing.visible(panel.canvas));
   const watcher = new IntersectionObserver((entries) => {
+    const few = shown().length <= MOST_AT_ONCE;
     for (const { target, isIntersecting } of entries) {
       const panel = panels.get(target);
       if (isIntersecting) panel.draw();
-      else panel.giveUp();
+      else if (!few || !drawing.visible(panel.canvas)) panel.giveUp();
       panel.figure.tidy();
     }
   }, { rootMargin: "600px 0px" });
   for (const element of panels.keys()) watcher.observe(element);
+
+  // What is open is drawn where nobody scrolls, too (a picture of the whole page), in idle time.
+  const idle = window.requestIdleCallback ?? ((work) => setTimeout(work, 20));
+  const drawRest = async (deadline) => {
+    for (const panel of shown().slice(0, MOST_AT_ONCE)) {
+      if (panel.plot) continue;
+      await panel.draw();
+      if (deadline && deadline.timeRemaining() < 2) {
+        idle(drawRest);
+        return;
+      }
+    }
+  };
+  addEventListener("load", () => idle(drawRest));
+  addEventListener("toggle", () => {
+    // The watcher says nothing of what was closed out of its sight.
+    for (const panel of panels.values()) {
+      if (!panel.plot || drawing.visible(panel.canvas)) continue;
+      panel.giveUp();
+      panel.figure.tidy();
+    }
+    idle(drawRest);
+  }, true);
 
   drawing.follow(figures);
 
@@ -468,7 +513,7 @@
     const figure = own.find((candidate) => repeat === null || candidate.element.dataset.repeat === repeat) ?? own[0];
     const section = document.getElementById(`trial=${encodeURIComponent(trial)}`) ?? figure?.element;
     const details = figure?.element.closest("details");
-    if (details) details.open = true;
+    for (let fold = details; fold; fold = fold.parentElement.closest("details")) fold.open = true;
     const range = /^(-?[\d.]+(?:e-?\d+)?)\.\.(-?[\d.]+(?:e-?\d+)?)$/i.exec(asked.get("t") ?? "");
     if (figure && range) figure.setRange(Number(range[1]), Number(range[2]));
     (range ? figure?.element : details ?? section)?.scrollIntoView();

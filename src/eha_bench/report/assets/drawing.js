@@ -21,20 +21,28 @@ const drawing = (() => {
   };
 
   // A focusable group around a figure's panels: the tools above, how to use it and what is read out
-  // below, a line for the cursor's place.
-  const frame = (element, tools, panels, words) => {
+  // below (to the eye once a page), a line for the cursor's place.
+  const frame = (element, tools, panels, words, said = false) => {
     const charts = make("div", "charts");
     charts.tabIndex = 0;
     charts.setAttribute("role", "group");
     charts.setAttribute("aria-label", element.dataset.label);
     const bar = make("div", "tools");
     bar.append(...tools);
-    const hint = make("p", "hint", words);
+    const hint = make("p", said ? "for-readers" : "hint", words);
     hint.id = `${element.dataset.key}-hint`;
     charts.setAttribute("aria-describedby", hint.id);
     const spoken = make("p", "for-readers");
     spoken.setAttribute("role", "status");
-    charts.append(bar, ...panels.map((item) => item.element), hint, spoken);
+    const telling = panels.filter((item) => !item.data.quiet);
+    const quiet = panels.filter((item) => item.data.quiet);
+    charts.append(bar, ...telling.map((item) => item.element));
+    if (quiet.length) {
+      const fold = make("details", "quiet");
+      fold.append(make("summary", "", `Hardly moving: ${quiet.map((item) => item.data.heading).join(", ")}`), ...quiet.map((item) => item.element));
+      charts.append(fold);
+    }
+    charts.append(hint, spoken);
     return { charts, spoken };
   };
 
@@ -49,16 +57,16 @@ const drawing = (() => {
   };
 
   // What a legend says of a curve: its line, its name, what it reads at the cursor.
-  const entry = (tag, curve, named) => {
+  const entry = (tag, curve) => {
     const item = make(tag, "toggle");
     const swatch = make("span", curve.dashed ? "swatch dashed" : "swatch");
     swatch.style.color = `var(--${curve.colour})`;
     const output = make("span", "reading");
-    item.append(swatch, ...(named ? [make("span", "", curve.label)] : []), output);
+    item.append(swatch, make("span", "", curve.label), output);
     return { item, output };
   };
 
-  // uPlot's options that no chart has otherwise; only the last panel of a figure writes below it.
+  // uPlot's options that no chart has otherwise; the last panel of a figure names what runs along.
   const options = (canvas, shades, label, last, below, left) => {
     const axis = {
       stroke: shades.muted, font: FONT,
@@ -67,7 +75,7 @@ const drawing = (() => {
     };
     const named = last
       ? { label, labelFont: FONT, labelSize: 18, labelGap: 0, size: 24, gap: 3 }
-      : { values: (_, splits) => splits.map(() => ""), size: 6 };
+      : { size: 20, gap: 3 };
     return {
       width: Math.max(50, canvas.clientWidth),
       height: Math.max(40, canvas.clientHeight),
@@ -111,6 +119,9 @@ const drawing = (() => {
     }
   };
 
+  // Whether an element is laid out, and not in a fold that is closed.
+  const visible = (element) => element.clientWidth > 0 && (element.checkVisibility?.() ?? true);
+
   // Does what a key stands for; other keys are left to the browser.
   const press = (event, actions) => {
     const action = event.ctrlKey || event.altKey || event.metaKey ? undefined : actions[event.key];
@@ -133,5 +144,5 @@ const drawing = (() => {
     for (const figure of figures) sizes.observe(figure.charts);
   };
 
-  return { MINUS, make, button, frame, body, entry, options, clipped, font, write, point, press, follow };
+  return { MINUS, make, button, frame, body, entry, options, clipped, font, write, point, press, follow, visible };
 })();

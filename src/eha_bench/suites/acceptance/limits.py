@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from pydantic import Field
 
 from eha_bench.core.channels import CHANNELS
-from eha_bench.core.errors import InputError, Place, UnitError
+from eha_bench.core.errors import InputError, Mistakes, Place, UnitError
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
+from eha_bench.core.located import Located
 from eha_bench.core.metric import metric_spec
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode
+from eha_bench.core.units import base_unit
 from eha_bench.core.yaml_file import Real, StrictModel, validate
 from eha_bench.suites.acceptance.baseline import Baseline, scaled
 from eha_bench.suites.acceptance.grammar import Words, examples, parse_bounds, split_words
-from eha_bench.suites.located import Located
 
 Quantity: TypeAlias = Real | str
+
+_MISSPELT = 0.8
+"""So like a known channel is one that was meant to be it, where its unit is not said."""
+_WRITTEN = re.compile(r"\d(?:[eE][-+]?\d+)?\s*([^\W\d_][^\s,<>=+]*|%)")
+"""A number and its unit, within a limit's text."""
 
 
 class BoundsFile(StrictModel):
     """A limit written as keys: `limit`, or `min` and `max`.
 
-    `unit` declares the SI unit of a channel that eha_bench does not know.
+    `unit` says the unit of a channel that eha_bench does not know, where the bounds do not.
     """
 
     limit: str | None = None
@@ -51,7 +59,7 @@ class ScoreFile(StrictModel):
 
     metric: str
     channel: str
-    unit: str = Field(default="", description="SI unit of a channel that eha_bench does not know")
+    unit: str = Field(default="", description="unit of a channel that eha_bench does not know")
 
 
 @dataclass(frozen=True)
@@ -63,35 +71,59 @@ class Judgement:
 
 
 def judgement(
-    accept: Located, scores: Located, mode: ControlMode, trial: str, baseline: Baseline
+    accept: Located,
+    scores: Located,
+    mode: ControlMode,
+    trial: str,
+    baseline: Baseline,
+    signal: Signal | None,
 ) -> Judgement:
     """Return the acceptance limits, and the (metric, channel) pairs to compute without limit.
 
-    `trial` is the id under which the `baseline` has the values of relative limits.
+    `trial` is the id under which the `baseline` has the values of relative limits; `signal` is None
+    where it could not be read.
 
     Raises:
-        InputError: an unknown metric or channel, not a limit, a wrong unit, the same limit twice.
+        InputError: an unknown metric or channel, not a limit, a wrong unit, the same limit twice,
+            or a limit on what a trial of this signal never has; further ones in `also`.
     """
+    mistakes = Mistakes()
     limits: dict[tuple[str, str], AcceptanceLimit] = {}
     pairs: dict[tuple[str, str], None] = {}
     for metric, entry in accept.mapping("limits by metric").items():
         several = isinstance(entry.value, list)
         entries = [entry.at(i) for i in range(len(entry.value))] if several else [entry]
         for one in entries:
-            pair, limit = _acceptance(metric, one, mode, trial, baseline)
-            if pair in limits or pair in pairs:
-                raise one.error(
-                    f"{metric} of {pair[1] or 'the run'} is limited twice",
-                    hint="give each entry a 'channel' of its own",
-                )
-            if limit is None:
+            with mistakes:
+                pair, limit = _acceptance(metric, one, mode, trial, baseline)
+                if pair in limits or pair in pairs:
+                    raise one.error(
+                        f"{metric} of {pair[1] or 'the run'} is limited twice",
+                        hint="give each entry a 'channel' of its own",
+                    )
+                if limit is None:
+                    pairs[pair] = None
+                else:
+                    _check_applies(metric, one, trial, signal)
+                    limits[pair] = limit
+    with mistakes:
+        for pair in _scores(scores, mode):
+            if pair not in limits:
                 pairs[pair] = None
-            else:
-                limits[pair] = limit
-    for pair in _scores(scores, mode):
-        if pair not in limits:
-            pairs[pair] = None
+    mistakes.tell()
     return Judgement(tuple(limits.values()), tuple(pairs))
+
+
+def _check_applies(metric: str, entry: Located, trial: str, signal: Signal | None) -> None:
+    """Raise an InputError for a limit that nothing in the trial could ever be held against."""
+    needs = metric_spec(metric, where=entry.place()).needs
+    if needs is None or signal is None or needs.met_by(signal):
+        return
+    raise entry.error(
+        f"'{metric}' needs {needs.value}, which the signal of trial '{trial}' does not have "
+        "within its duration",
+        hint=f"take the limit out, or write '{metric}: null' in a trial that has it by 'defaults'",
+    )
 
 
 def safety_limits(safety: Located, mode: ControlMode) -> tuple[SafetyLimit, ...]:
@@ -101,11 +133,15 @@ def safety_limits(safety: Located, mode: ControlMode) -> tuple[SafetyLimit, ...]
         InputError: an unknown channel, not a limit, a wrong unit.
     """
     limits = []
+    mistakes = Mistakes()
     for channel, entry in safety.mapping("limits by channel").items():
-        form = _form(BoundsFile, entry)
-        unit = _unit_of(channel, form.unit, mode, entry.place())
-        bounds, text = _bounds(form, unit, entry)
-        limits.append(SafetyLimit(channel, bounds, text))
+        with mistakes:
+            form = _form(BoundsFile, entry)
+            unit = _unit_of(channel, form, mode, entry.place())
+            bounds, text = _bounds(form, unit, entry)
+            own = "" if channel in CHANNELS else unit
+            limits.append(SafetyLimit(channel, bounds, text, own))
+    mistakes.tell()
     return tuple(limits)
 
 
@@ -117,7 +153,7 @@ def _acceptance(
     shown = mode.unit if spec.unit is None else spec.unit
     form = LimitFile() if entry.value is None else _form(LimitFile, entry, shown)
     channel = spec.channel_for(mode.channel) if form.channel is None else form.channel
-    own = _unit_of(channel, form.unit, mode, entry.place(("channel",))) if channel else ""
+    own = _unit_of(channel, form, mode, entry.place(("channel",))) if channel else ""
     unit = own if spec.unit is None else spec.unit
     if form.limit is None and form.min is None and form.max is None:
         judged = form.confidence is not None or form.repeats is not Repeats.ALL
@@ -167,7 +203,7 @@ def _scores(scores: Located, mode: ControlMode) -> list[tuple[str, str]]:
         if isinstance(entry.value, dict):
             form = validate(ScoreFile, entry.value, "", places=entry.place)
             metric_spec(form.metric, where=entry.place(("metric",)))
-            _unit_of(form.channel, form.unit, mode, entry.place(("channel",)))
+            _unit_of(form.channel, form, mode, entry.place(("channel",)))
             pairs.append((form.metric, form.channel))
         elif isinstance(entry.value, str):
             spec = metric_spec(entry.value, where=entry.place())
@@ -208,20 +244,38 @@ def _bounds(form: BoundsFile, unit: str, entry: Located) -> tuple[Bounds, str]:
         raise InputError(error.what, where=where, hint=error.hint) from error
 
 
-def _unit_of(channel: str, declared: str, mode: ControlMode, where: Place) -> str:
-    if channel == "reference":
-        return mode.unit
+def _unit_of(channel: str, form: BoundsFile | ScoreFile, mode: ControlMode, where: Place) -> str:
+    """Return a channel's SI unit: as known, as said, or that of the quantities about it."""
+    channel = mode.channel if channel == "reference" else channel
     known = CHANNELS.get(channel)
     if known is not None:
-        if declared and declared != known.unit:
+        if form.unit and form.unit != known.unit:
             raise InputError(
-                f"the unit of channel '{channel}' is {known.unit}, not '{declared}'", where=where
+                f"the unit of channel '{channel}' is {known.unit}, not '{form.unit}'", where=where
             )
         return known.unit
-    if not declared:
-        raise InputError(
-            f"unknown channel '{channel}'",
-            where=where,
-            hint=f"{suggest(channel, CHANNELS)}; for a channel of your own, give its SI 'unit'",
-        )
-    return declared
+    if channel == mode.channel and mode.declared is not None:
+        return mode.declared
+    hint = suggest(channel, CHANNELS, likeness=_MISSPELT)
+    try:
+        if form.unit:
+            return base_unit(form.unit)
+        written = unit_written(form) if isinstance(form, BoundsFile) else ""
+        if written and not hint.startswith("did you mean"):
+            return base_unit(written)
+    except UnitError as error:
+        raise InputError(error.what, where=where, hint=error.hint) from error
+    if channel == mode.channel:
+        return ""
+    raise InputError(
+        f"unknown channel '{channel}'",
+        where=where,
+        hint=f"{hint}; for a channel of your own, give its 'unit'",
+    )
+
+
+def unit_written(form: BoundsFile) -> str:
+    """Return the unit that a limit's quantities are written in, "" where they name none."""
+    texts = [str(text) for text in (form.limit, form.min, form.max) if text is not None]
+    found = [match[1].strip() for text in texts for match in _WRITTEN.finditer(text)]
+    return next((unit for unit in found if unit != "%"), "")

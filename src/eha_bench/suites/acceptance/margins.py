@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from eha_bench.core.errors import InputError, UnitError
+from eha_bench.core.located import Located
 from eha_bench.core.margin import Margin, parse_margin
 from eha_bench.core.metric import metric_spec
 from eha_bench.core.trial import ControlMode
-from eha_bench.suites.located import Located
 
 
 def margins(matters: Located, mode: ControlMode) -> dict[str, Margin]:
@@ -18,7 +18,8 @@ def margins(matters: Located, mode: ControlMode) -> dict[str, Margin]:
     found = {}
     for metric, entry in matters.mapping("differences by metric").items():
         spec = metric_spec(metric, where=entry.place())
-        unit = spec.unit_on(spec.channel_for(mode.channel))
+        channel = spec.channel_for(mode.channel)
+        unit = mode.unit if spec.unit is None and channel == mode.channel else spec.unit_on(channel)
         try:
             found[metric] = parse_margin(entry.value, unit)
         except UnitError as error:

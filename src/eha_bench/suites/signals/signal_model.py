@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +18,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from eha_bench.core.errors import UnitError
 from eha_bench.core.signal import FloatArray, Signal
-from eha_bench.core.units import Unit, parse
+from eha_bench.core.units import Unit, base_unit, parse, unit_in
 from eha_bench.core.yaml_file import StrictModel
 
 TICK = 1e-9
@@ -41,13 +41,27 @@ class SignalContext:
 
     Attributes:
         mode: the control mode, for messages.
-        unit: SI unit of its reference.
+        unit: SI unit of its reference; None for that of the first quantity that names one.
         folder: where relative file names start; None where no file may be read.
+        named: the SI unit that a quantity has named, where `unit` is None.
     """
 
     mode: str = ""
-    unit: str = ""
+    unit: str | None = ""
     folder: Path | None = None
+    named: list[str] = field(default_factory=list)
+
+    def unit_for(self, written: str) -> str:
+        """Return the SI unit of a quantity that is written in a unit, or without any ("").
+
+        Raises:
+            UnitError: the unit is unknown.
+        """
+        if self.unit is not None:
+            return self.unit
+        if written and not self.named:
+            self.named.append(base_unit(written))
+        return self.named[0] if self.named else ""
 
     @staticmethod
     def of(info: ValidationInfo[Any]) -> SignalContext:
@@ -57,7 +71,7 @@ class SignalContext:
 
 @dataclass(frozen=True)
 class ModeUnit:
-    """Marks a field as a quantity of the trial's control mode: Pa, rad, A, rad/s or m."""
+    """Marks a field as a quantity of the trial's control mode, in the unit of its channel."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -67,9 +81,9 @@ class ModeUnit:
         def convert(value: Any, info: ValidationInfo[Any]) -> float:
             context = SignalContext.of(info)
             if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-                raise ValueError(f"expected a number or text such as '1 {context.unit}'")
+                raise ValueError(f"expected a number or text such as '1 {context.unit_for('')}'")
             try:
-                return parse(value, context.unit)
+                return parse(value, context.unit_for(unit_in(value)))
             except UnitError as error:
                 because = f", because the trial controls {context.mode}" if context.mode else ""
                 raise ValueError(f"{error}{because}") from error

@@ -54,13 +54,13 @@ class Trajectory(SignalModel):
     @field_validator("time")
     @classmethod
     def _is_time(cls, column: Column) -> Column:
-        return _checked(column, "s")
+        return _checked(column, SignalContext(unit="s"))
 
     @field_validator("value")
     @classmethod
     def _is_of_the_mode(cls, column: Column | None, info: ValidationInfo[Any]) -> Column | None:
         context = SignalContext.of(info)
-        return _checked(column, context.unit) if column and context.mode else column
+        return _checked(column, context) if column and context.mode else column
 
     @field_validator("file")
     @classmethod
@@ -80,7 +80,10 @@ class Trajectory(SignalModel):
         if context.folder is None:
             raise ValueError(f"file '{self.file}' cannot be read here: give 'samples'")
         time, value = read_columns(
-            inside(context.folder, self.file), self.time, self.value, context.unit
+            inside(context.folder, self.file),
+            self.time,
+            self.value,
+            context.unit_for(self.value.unit),
         )
         return self.model_copy(update={"samples": Samples(time=time, value=value)})
 
@@ -101,9 +104,9 @@ class Trajectory(SignalModel):
         return values
 
 
-def _checked(column: Column, unit: str) -> Column:
+def _checked(column: Column, context: SignalContext) -> Column:
     try:
-        factor_and_offset(column.unit, unit)
+        factor_and_offset(column.unit, context.unit_for(column.unit))
     except UnitError as error:
         raise ValueError(str(error)) from error
     return column

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import select
 import socket
 import stat
+import termios
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
 _SEND_TIMEOUT = 0.05
+_MOST_MALFORMED = 100
+"""Lines in a row that are no frames after which others get their turn."""
+_LONGEST_LINE = 256
 
 
 class BusLost(TargetFault):
@@ -26,7 +31,11 @@ class BusLost(TargetFault):
 
 
 class Bus:
-    """A CAN bus; closed more than once without harm."""
+    """A CAN bus; closed more than once without harm.
+
+    Attributes:
+        malformed: lines of the adapter that were no frames, and were left out.
+    """
 
     def __init__(self, file: BusFile) -> None:
         """Open the bus.
@@ -54,10 +63,12 @@ class Bus:
                 f"the bus {self._name} cannot be opened ({_first(error)})",
                 hint="check the adapter and `bus:` in the target; `eha-bench rig` plays a drive",
             ) from error
+        self.malformed = 0
         self._message = can.Message
         self._port: _BufferedPort | None = None
         serial_port = getattr(self._bus, "serialPortOrig", None)
         if serial_port is not None:
+            self._take_alone(serial_port)
             self._port = _BufferedPort(serial_port)
             self._bus.serialPortOrig = self._port  # type: ignore[attr-defined]  # slcan only
         self._closed = False
@@ -91,13 +102,53 @@ class Bus:
         """
         if self._port is not None:
             self._port.wait = max(timeout, 0.0)
+        for _ in range(_MOST_MALFORMED):
+            try:
+                message = self._bus.recv(timeout)
+            except Exception as error:
+                if not self._is_malformed(error):
+                    raise self._lost(error) from error
+                # noise on the port, or a line that was cut short: the next one may be whole
+                self.malformed += 1
+                timeout = 0.0
+                continue
+            if message is None or message.is_error_frame:
+                return None
+            if message.is_remote_frame or len(message.data) == message.dlc:
+                return message
+            self.malformed += 1
+            timeout = 0.0
+        return None
+
+    def _is_malformed(self, error: Exception) -> bool:
+        """Whether a line of a serial adapter is no frame; what was read of it is forgotten."""
+        kinds = (ValueError, IndexError, KeyError)
+        if self._port is None or not any(isinstance(e, kinds) for e in (error, error.__cause__)):
+            return False
+        buffer = getattr(self._bus, "_buffer", None)
+        if isinstance(buffer, bytearray):
+            buffer.clear()
+        return True
+
+    def _take_alone(self, port: Any) -> None:
+        """Let nobody else open a serial port while this bus has it.
+
+        Raises:
+            BusLost: somebody has it already.
+        """
+        descriptor = port.fileno()
+        if not os.isatty(descriptor):
+            return
         try:
-            message = self._bus.recv(timeout)
-        except Exception as error:
-            raise self._lost(error) from error
-        if message is not None and message.is_error_frame:
-            return None
-        return message
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.ioctl(descriptor, termios.TIOCEXCL)
+        except OSError as error:
+            with suppress(Exception):
+                self._bus.shutdown()
+            raise BusLost(
+                f"the port {self._name} is in use by another program",
+                hint="close the other program: two never share an adapter",
+            ) from error
 
     def close(self) -> None:
         """Close the bus."""
@@ -155,6 +206,7 @@ class _BufferedPort:
         self._descriptor = port.fileno()
         self._buffer = b""
         self._place = 0
+        self._endless = 0
         self.wait = 0.0
         self.write_timeout: float | None = None
         if stat.S_ISSOCK(os.fstat(self._descriptor).st_mode):
@@ -175,6 +227,9 @@ class _BufferedPort:
             self._buffer, self._place = os.read(self._descriptor, 4096), 0
             if not self._buffer:
                 raise ConnectionError("the adapter closed the connection")
+            self._endless += 1 + len(self._buffer) if b"\r" not in self._buffer else -self._endless
+            if self._endless > _LONGEST_LINE:
+                self._endless, self._buffer = 0, b"\r"  # a line without an end ends here
         start = self._place
         self._place = start + size
         return self._buffer[start : self._place]

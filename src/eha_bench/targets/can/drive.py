@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eha_bench.core.trial import ControlMode
+from eha_bench.core.trial import COMMANDS, ControlMode
 from eha_bench.targets.can.target_file import CanTargetFile
 
 if TYPE_CHECKING:
@@ -104,6 +104,7 @@ class Drive:
 
     Attributes:
         path: the target.yaml.
+        units: SI unit of every channel and of every mode's channel.
         file: its content.
         messages: every message of the DBC by identifier.
         status: messages with channels, state or emergency stop, by identifier; every one of them
@@ -117,6 +118,7 @@ class Drive:
 
     path: Path
     file: CanTargetFile
+    units: Mapping[str, str]
     messages: Mapping[int, Message]
     status: Mapping[int, Status]
     commands: Mapping[ControlMode, Command]
@@ -136,6 +138,18 @@ class Drive:
     def channels(self) -> tuple[str, ...]:
         """The channels that the drive measures, in the order of the file."""
         return tuple(self.file.channels)
+
+    @property
+    def command(self) -> ControlMode | None:
+        """The mode in which the drive does as it is told: a current, a voltage, a valve's command.
+
+        It is none that is measured: a mode whose channel is measured is closed by the drive.
+        """
+        for mode in self.commands:
+            if mode == ControlMode.CURRENT or mode.channel in COMMANDS:
+                return mode
+        own = (mode for mode in self.commands if not mode.known)
+        return next((mode for mode in own if mode.channel not in self.channels), None)
 
     def command_frame(self, mode: ControlMode, value: float, word: int) -> Frame:
         """Return the frame that asks for `value` (SI, of the mode) with a control word."""

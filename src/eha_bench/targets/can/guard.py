@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.linkage import Linkage
@@ -35,6 +34,7 @@ class ChannelLimit:
     rate: float = math.inf
     stale: float = math.inf
     frozen: float = math.inf
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -44,36 +44,37 @@ class Following:
     channel: str
     within: float
     length: float
+    unit: str = ""
 
 
-def channel_limit(channel: str, file: LimitFile, where: Place) -> ChannelLimit:
+def channel_limit(channel: str, unit: str, file: LimitFile, where: Place) -> ChannelLimit:
     """Return a limit of the target file in SI.
 
     Raises:
         InputError: a wrong unit.
     """
-    unit = unit_of(channel)
     try:
         return ChannelLimit(
             channel,
             -math.inf if file.low is None else parse(file.low, unit),
             math.inf if file.high is None else parse(file.high, unit),
-            math.inf if file.rate is None else parse(file.rate, f"{unit}/s"),
+            math.inf if file.rate is None else parse(file.rate, f"{unit or 1}/s"),
             _STALE if file.stale is None else file.stale,
             math.inf if file.frozen is None else file.frozen,
+            unit,
         )
     except UnitError as error:
         raise InputError(error.what, where=where, hint=error.hint) from error
 
 
-def following(channel: str, file: FollowingFile, where: Place) -> Following:
+def following(channel: str, unit: str, file: FollowingFile, where: Place) -> Following:
     """Return how closely a channel has to follow, SI.
 
     Raises:
         InputError: a wrong unit.
     """
     try:
-        return Following(channel, parse(file.within, unit_of(channel)), file.length)
+        return Following(channel, parse(file.within, unit), file.length, unit)
     except UnitError as error:
         raise InputError(error.what, where=where, hint=error.hint) from error
 
@@ -111,8 +112,13 @@ class Limits:
         # a channel without limits of its own is still not to be believed for ever
         limits = {name: file.limits.get(name, LimitFile()) for name in drive.channels}
         return Limits(
-            tuple(channel_limit(k, v, where("limits", k)) for k, v in limits.items()),
-            tuple(following(k, v, where("following", k)) for k, v in file.following.items()),
+            tuple(
+                channel_limit(k, drive.units[k], v, where("limits", k)) for k, v in limits.items()
+            ),
+            tuple(
+                following(k, drive.units[k], v, where("following", k))
+                for k, v in file.following.items()
+            ),
             math.inf if file.joint_agrees is None else file.joint_agrees,
             None if model is None else balance_limits(file.balance, model),
         )
@@ -151,7 +157,7 @@ class Guard:
             if now - stamp > limit.stale:
                 return f"stale {name}: nothing for {_ms(now - stamp)} (at most {_ms(limit.stale)})"
             if not limit.low <= value <= limit.high:
-                return f"{name} {_text(value, name)} outside {limit.low:g} .. {limit.high:g}"
+                return f"{name} {_text(value, limit.unit)} outside {limit.low:g} .. {limit.high:g}"
             # an answer that came late was not measured when its Sync was sent
             wrong = self._moved(limit, value, stamp) if now - stamp < self._period else ""
             if wrong:
@@ -170,8 +176,8 @@ class Guard:
             angle = self._linkage.angle_at(readings["piston_position"])
             if not abs(angle - readings["joint_angle"]) <= self._limits.joint_agrees:
                 return (
-                    f"joint_angle {_text(readings['joint_angle'], 'joint_angle')} does not agree "
-                    f"with the rod's position, which makes it {_text(angle, 'joint_angle')}"
+                    f"joint_angle {_text(readings['joint_angle'], 'rad')} does not agree "
+                    f"with the rod's position, which makes it {_text(angle, 'rad')}"
                 )
         return ""
 
@@ -194,7 +200,7 @@ class Guard:
                 self._apart.pop(name, None)
             elif now - self._apart.setdefault(name, now) >= item.length:
                 return (
-                    f"{name} is {_text(apart, name)} from its command for more than "
+                    f"{name} is {_text(apart, item.unit)} from its command for more than "
                     f"{_ms(item.length)}"
                 )
         return ""
@@ -214,15 +220,15 @@ class Guard:
         self._same[name] = 0 if change > 0 else self._same[name] + 1
         if self._same[name] * self._period >= limit.frozen:
             same = f"{self._same[name] + 1} samples"
-            return f"{name} is frozen at {_text(value, name)} for {same}"
+            return f"{name} is frozen at {_text(value, limit.unit)} for {same}"
         rate = change / (stamp - before[0])
         if rate > limit.rate:
-            return f"{name} changes by {rate:.3g} {unit_of(name)}/s (at most {limit.rate:.3g})"
+            return f"{name} changes by {rate:.3g} {limit.unit}/s (at most {limit.rate:.3g})"
         return ""
 
 
-def _text(value: float, channel: str) -> str:
-    return f"{value:.5g} {unit_of(channel)}".strip()
+def _text(value: float, unit: str) -> str:
+    return f"{value:.5g} {unit}".strip()
 
 
 def _ms(seconds: float) -> str:

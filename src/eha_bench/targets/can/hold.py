@@ -1,8 +1,10 @@
-"""Who holds a rig, and whether it may be used: lock and latch, kept on this machine by name.
+"""Who holds a rig, and whether it may be used: lock and latch, kept on this machine.
 
-The lock is the kernel's (`flock`): it goes with the process, whatever ends it. The latch is a file:
-it stands while the torque is on, it stays when the run did not end well, and only a person takes
-it away (`eha-bench clear`).
+The lock follows the adapter, whatever the target is called and whichever alias names the device.
+It is the kernel's (`flock`, and a socket without a file): it goes with the process, whatever ends
+it, and deleting its file frees nothing. The latch is a file by the target's name, and one by the
+adapter: it stands while the torque is on, it stays when the run did not end well, and only a person
+takes it away (`eha-bench clear`).
 """
 
 from __future__ import annotations
@@ -10,6 +12,8 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import socket
+import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -66,14 +70,20 @@ class Latch:
 
 
 class Hold:
-    """Holds a rig by name; used as a context manager."""
+    """Holds a rig."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, adapter: str = "") -> None:
+        """Prepare to hold the rig called `name` that `adapter` (of `adapter_of`) leads to."""
         self._name = name
+        self._adapter = adapter
         folder = state_folder()
-        self._lock_path = folder / f"{name}.lock"
+        self._lock_path = folder / f"{adapter or name}.lock"
         self._latch_path = folder / f"{name}.latch"
+        self._latches = [self._latch_path]
+        if adapter:
+            self._latches.append(folder / f"{adapter}.latch")
         self._descriptor = -1
+        self._socket: socket.socket | None = None
 
     def take(self) -> None:
         """Lock the rig.
@@ -98,14 +108,42 @@ class Hold:
                 f"the rig '{self._name}' is in use" + (f" by {holder}" if holder else ""),
                 hint="two runs never share a rig: wait until the other one is done",
             ) from error
+        try:
+            self._socket = self._claim()
+        except OSError as error:
+            os.close(descriptor)
+            raise RigBusy(
+                f"the rig '{self._name}' is in use: another run holds its adapter "
+                f"({self._adapter})",
+                hint="two runs never share a rig: wait until the other one is done",
+            ) from error
         with suppress(OSError):
             os.fchmod(descriptor, 0o666)
         os.ftruncate(descriptor, 0)
         os.write(descriptor, f"process {os.getpid()} since {_now()}\n".encode())
         self._descriptor = descriptor
 
+    def _claim(self) -> socket.socket | None:
+        """Bind a name that only one process has, and that no file stands for; Linux has those.
+
+        Raises:
+            OSError: another process has it.
+        """
+        if not self._adapter or not sys.platform.startswith("linux"):
+            return None
+        claimed = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            claimed.bind(f"\0eha-bench-{self._adapter}"[:100])
+        except OSError:
+            claimed.close()
+            raise
+        return claimed
+
     def let_go(self) -> None:
         """Unlock the rig."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
         if self._descriptor >= 0:
             with suppress(OSError):
                 os.ftruncate(self._descriptor, 0)
@@ -115,13 +153,7 @@ class Hold:
     @property
     def latch(self) -> Latch | None:
         """Why the rig is latched; None where it is not."""
-        try:
-            data = json.loads(self._latch_path.read_text(encoding="utf-8"))
-            return Latch(str(data["reason"]), str(data["since"]), int(data["pid"]))
-        except FileNotFoundError:
-            return None
-        except (OSError, ValueError, KeyError, TypeError):
-            return Latch("the latch cannot be read", "an unknown time", 0)
+        return next((found for path in self._latches if (found := _read(path))), None)
 
     def check(self) -> None:
         """Refuse a latched rig.
@@ -148,8 +180,9 @@ class Hold:
         """
         text = json.dumps({"reason": reason, "since": _now(), "pid": os.getpid()})
         try:
-            with replacing(self._latch_path, durable=True) as part:
-                part.write_text(text + "\n", encoding="utf-8")
+            for path in self._latches:
+                with replacing(path, durable=True) as part:
+                    part.write_text(text + "\n", encoding="utf-8")
         except OSError as error:
             raise TargetFault(
                 f"the latch cannot be written ({error.strerror})",
@@ -159,7 +192,8 @@ class Hold:
 
     def disarm(self) -> None:
         """Take the latch away."""
-        self._latch_path.unlink(missing_ok=True)
+        for path in self._latches:
+            path.unlink(missing_ok=True)
 
     def clear(self, by: str) -> Latch | None:
         """Take the latch away for a person, note who it was, and return what it said."""
@@ -175,6 +209,16 @@ class Hold:
                     where=Place(file=str(self._latch_path)),
                 ) from error
         return latch
+
+
+def _read(path: Path) -> Latch | None:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        return Latch(str(data["reason"]), str(data["since"]), int(data["pid"]))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError):
+        return Latch("the latch cannot be read", "an unknown time", 0)
 
 
 def _now() -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,8 @@ from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place, TargetFault, UnitError
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.trial import ControlMode
+from eha_bench.core.trial import ControlMode, mode_named
+from eha_bench.core.units import base_unit
 from eha_bench.targets.can.bus import check_channel
 from eha_bench.targets.can.drive import Coding, Command, Condition, Drive, Status, coding
 from eha_bench.targets.can.target_file import CanTargetFile
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from cantools.database.can.message import Message
 
 STATES = ("off", "enabled", "fault")
+_MISSPELT = 0.8
+"""So like a known channel is one that was meant to be it."""
 
 
 def load_drive(path: Path) -> Drive:
@@ -44,12 +48,14 @@ def load_drive(path: Path) -> Drive:
         raise reader.error(error.what, ("bus", "channel"), error.hint) from error
     if file.control_word.enable[-1].state != "enabled":
         raise reader.error("enabling does not end in the state 'enabled'", ("control_word",))
+    status, commands = _status(reader), _commands(reader)
     return Drive(
         path=path,
         file=file,
+        units=reader.units,
         messages={message.frame_id: message for message in reader.database.messages},
-        status=_status(reader),
-        commands=_commands(reader),
+        status=status,
+        commands=commands,
         sync=_sync(reader),
         state=Condition(
             reader.message(file.state.message, ("state", "message")),
@@ -126,9 +132,22 @@ class _Reader:
         found = self.message(message, (*keys, "message"))
         self.signal(message, place.signal, keys)
         try:
-            return coding(found, place, unit_of(channel))
+            return coding(found, place, self.unit_of(channel, place))
         except UnitError as error:
             raise self.error(error.what, (*keys, "unit"), error.hint) from error
+
+    def unit_of(self, channel: str, place: Any) -> str:
+        """Return a channel's SI unit: as known, or that of the unit that the file gives it."""
+        return unit_of(channel) if channel in CHANNELS else base_unit(place.unit)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit of every channel that is measured or commanded."""
+        found = {name: self.unit_of(name, place) for name, place in self.file.channels.items()}
+        for name, place in self.file.commands.items():
+            channel = mode_named(name).channel
+            found.setdefault(channel, self.unit_of(channel, place))
+        return found
 
     def _check_names(self) -> None:
         for group, names in (
@@ -138,7 +157,9 @@ class _Reader:
         ):
             known = CHANNELS if group == "channels" else self.file.channels
             for name in names:
-                if name not in known:
+                own = group == "channels" and self.file.channels[name].unit
+                hint = suggest(name, known, likeness=_MISSPELT)
+                if name not in known and (not own or hint.startswith("did you mean")):
                     raise self.error(
                         f"unknown channel '{name}'", (group, name), suggest(name, known)
                     )
@@ -210,14 +231,16 @@ def _commands(reader: _Reader) -> dict[ControlMode, Command]:
     commands = {}
     word = reader.file.control_word.signal
     for mode, place in reader.file.commands.items():
-        keys = ("commands", mode.value)
+        keys = ("commands", mode)
         message = reader.message(place.message, (*keys, "message"))
         reader.signal(place.message, word, ("control_word",))
         for name in place.fixed:
             reader.signal(place.message, name, (*keys, "with", name))
-        commands[mode] = Command(
-            message, reader.coding(place.message, place, mode.channel, keys), place.fixed
-        )
+        named = mode_named(mode, where=reader.place(keys))
+        code = reader.coding(place.message, place, named.channel, keys)
+        if not named.known:
+            named = replace(named, declared=reader.unit_of(named.channel, place))
+        commands[named] = Command(message, code, place.fixed)
     return commands
 
 

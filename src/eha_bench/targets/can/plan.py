@@ -18,7 +18,8 @@ class Plan:
         trial: what to run.
         mode: the mode in which the drive is commanded.
         controller: the bench's controller; None where the drive closes the loop.
-        current_limit: what a controller may ask for at most, A.
+        command: channel that the drive is commanded by; "" where it closes the loop itself.
+        command_limit: what a controller may ask for at most, SI.
         position: where the rod is to start, m from mid-stroke.
         linkage: geometry of the joint; None where it is not known.
         limits: what is checked at every tick.
@@ -28,7 +29,8 @@ class Plan:
     trial: Trial
     mode: ControlMode
     controller: Controller | None
-    current_limit: float
+    command: str
+    command_limit: float
     position: float
     linkage: Linkage | None
     limits: Limits
@@ -37,6 +39,4 @@ class Plan:
     @property
     def columns(self) -> tuple[str, ...]:
         """Channels of the recording that are not measured."""
-        if self.mode is ControlMode.CURRENT:
-            return ("reference", "current_command")
-        return ("reference",)
+        return ("reference", self.command) if self.command else ("reference",)

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from eha_bench.core.channels import unit_of
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial
 from eha_bench.targets.can.drive import Drive, Frame
 from eha_bench.targets.can.guard import Limits
@@ -17,7 +16,7 @@ def preview(
     mode: ControlMode,
     trial: Trial,
     position: float,
-    current_limit: float,
+    command_limit: float,
     limits: Limits,
 ) -> tuple[str, ...]:
     """Return one line for everything that a run of the trial would send or check."""
@@ -39,13 +38,13 @@ def preview(
         frame = drive.command_frame(mode, 0.0, step.word)
         lines.append(f"enable: {_text(frame)} until the drive is '{step.state}'")
     on = word.enable[-1].word
-    if mode is trial.mode:
+    if mode == trial.mode:
         lines += _reference(drive, mode, trial, on)
     else:
-        extremes = [drive.command_frame(mode, sign * current_limit, on) for sign in (-1, 1)]
+        extremes = [drive.command_frame(mode, sign * command_limit, on) for sign in (-1, 1)]
         lines.append(
-            f"{clock.size} ticks of {mode.value} from the bench's controller, at most "
-            f"{current_limit:g} A: {_text(extremes[0])} .. {_text(extremes[1])}"
+            f"{clock.size} ticks of {mode.name} from the bench's controller, at most "
+            f"{command_limit:g} {mode.unit}: {_text(extremes[0])} .. {_text(extremes[1])}"
         )
     lines.append(f"always at the end: {_text(drive.command_frame(mode, 0.0, word.disable))}")
     for limit in limits.channels:
@@ -60,11 +59,10 @@ def _reference(drive: Drive, mode: ControlMode, trial: Trial, word: int) -> list
     values = trial.reference(clock)
     changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
     shown = changes[:8] if changes.size <= 8 else [0, int(values.argmin()), int(values.argmax())]
-    lines = [f"{clock.size} ticks of {mode.value}, {values.min():g} .. {values.max():g}"]
+    lines = [f"{clock.size} ticks of {mode.name}, {values.min():g} .. {values.max():g}"]
     for tick in shown:
         frame = drive.command_frame(mode, float(values[tick]), word)
-        unit = unit_of(mode.channel)
-        lines.append(f"  at {clock[tick]:.4f} s: {_text(frame)} ({values[tick]:g} {unit})")
+        lines.append(f"  at {clock[tick]:.4f} s: {_text(frame)} ({values[tick]:g} {mode.unit})")
     return lines
 
 

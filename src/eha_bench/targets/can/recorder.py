@@ -19,6 +19,8 @@ import signal
 import struct
 import subprocess
 import sys
+import termios
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -27,10 +29,17 @@ from typing import Any, BinaryIO
 from eha_bench.core.errors import EhaBenchError, RecordingError
 
 _LENGTH = struct.Struct("<I")
+_INT = struct.Struct("i")
+_FEWEST_LATE = 5
 _PIPE_BYTES = 1 << 20
 _REAL_TIME = "--real-time"
 _CHECK_EVERY = 20
-_CLOSE_TIMEOUT = 60.0
+_CLOSE_TIMEOUT = 1.5
+"""Seconds that closing a recording may take: a run that has ended leaves within two."""
+_END_TIMEOUT = 0.3
+_OPEN_TIMEOUT = 30.0
+_STALLED = 0.09
+"""Seconds without a byte taken after which a recorder is said to have stalled."""
 
 
 class Recorder:
@@ -58,8 +67,17 @@ class Recorder:
         os.set_blocking(self._out.fileno(), False)
         self._row = struct.Struct("<I")
         self._ticks = 0
+        self._written = self._taken = 0
+        self._moved = time.monotonic()
+        self._late = 0
+        self._opened = False
         self._open = False
         self._failure = ""
+
+    @property
+    def pid(self) -> int:
+        """The process."""
+        return self._process.pid
 
     def open(
         self,
@@ -79,6 +97,7 @@ class Recorder:
             attachments: files by name.
         """
         self._failure = ""
+        self._opened = False
         self._row = struct.Struct(f"<I{1 + len(channels)}d")
         files = {name: base64.b64encode(data).decode() for name, data in attachments.items()}
         self._say(
@@ -91,19 +110,28 @@ class Recorder:
             }
         )
         self._open = True
+        # it loads its libraries first: only then can it be told when it stalls
+        until = time.monotonic() + _OPEN_TIMEOUT
+        while not self._failure and not self._opened:
+            if not select.select([self._out], [], [], max(until - time.monotonic(), 0.0))[0]:
+                self._failure = "the recorder does not answer"
+            self._heard()
+        self._moved, self._late = time.monotonic(), 0
 
-    def append(self, time: float, values: Sequence[float]) -> None:
+    def append(self, at: float, values: Sequence[float]) -> None:
         """Add a tick: s since the epoch, SI; takes microseconds.
 
         Raises:
-            RecordingError: the file cannot be written, or the disk does not keep up.
+            RecordingError: the file cannot be written, or the recorder has stalled.
         """
         self._ticks += 1
         if self._failure or (self._ticks % _CHECK_EVERY == 0 and self._heard()):
             raise RecordingError(self._failure, hint="what was written before can be read")
-        row = self._row.pack(0, time, *values)
+        row = self._row.pack(0, at, *values)
         try:
-            os.write(self._in, row)  # shorter than PIPE_BUF: all of it or nothing
+            # shorter than PIPE_BUF: all of it or nothing
+            self._written += os.write(self._in, row)
+            self._look_for_a_stall()
         except BlockingIOError as error:
             self._failure = "the disk does not keep up with the recording"
             raise RecordingError(self._failure) from error
@@ -111,13 +139,34 @@ class Recorder:
             self._failure = f"the recorder is gone ({error.strerror})"
             raise RecordingError(self._failure) from error
 
+    def _look_for_a_stall(self) -> None:
+        """Compare what waits in the pipe with what was written: the rest the recorder has taken.
+
+        Raises:
+            RecordingError: it has taken nothing for a tenth of a second.
+        """
+        now = time.monotonic()
+        waiting = _INT.unpack(fcntl.ioctl(self._in, termios.FIONREAD, _INT.pack(0)))[0]
+        taken = self._written - waiting
+        if taken != self._taken or not waiting:
+            self._taken, self._moved = taken, now
+            self._late = 0
+            return
+        self._late += 1
+        # a loop that itself was held up has no right to complain
+        if now - self._moved > _STALLED and self._late >= _FEWEST_LATE:
+            milliseconds = 1000 * (now - self._moved)
+            self._failure = f"the recorder has stalled: it took nothing for {milliseconds:.0f} ms"
+            raise RecordingError(self._failure, hint="check the disk; what was written can be read")
+
     def close(self, metadata: Mapping[str, str]) -> str:
         """End the recording with what is known at its end; return what failed, "" if nothing."""
         if not self._open:
             return self._failure
         self._open = False
-        with suppress(RecordingError):
-            self._say({"close": dict(metadata)})
+        if not self._failure:
+            with suppress(RecordingError):
+                self._say({"close": dict(metadata)})
         while not self._failure:
             if not select.select([self._out], [], [], _CLOSE_TIMEOUT)[0]:
                 self._failure = "the recording could not be closed in time"
@@ -132,7 +181,8 @@ class Recorder:
                 with suppress(OSError):
                     stream.close()
         try:
-            self._process.wait(_CLOSE_TIMEOUT)
+            # one that has failed has nothing to bring to its end
+            self._process.wait(_END_TIMEOUT if self._failure else _CLOSE_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
@@ -145,7 +195,9 @@ class Recorder:
                 if not select.select([], [self._in], [], _CLOSE_TIMEOUT)[1]:
                     raise TimeoutError("the disk does not answer")
                 with suppress(BlockingIOError):
-                    data = data[os.write(self._in, data[: select.PIPE_BUF]) :]
+                    sent = os.write(self._in, data[: select.PIPE_BUF])
+                    self._written += sent
+                    data = data[sent:]
         except OSError as error:
             self._failure = f"the recorder is gone ({error.strerror})"
             raise RecordingError(self._failure) from error
@@ -154,9 +206,11 @@ class Recorder:
         """Whether the recorder has said that something failed; `closed` waits for its good-bye."""
         with suppress(OSError):
             line = self._out.readline()
-            if line and not line.startswith(b"closed"):
+            if line.startswith(b"opened"):
+                self._opened = True
+            elif line and not line.startswith(b"closed"):
                 self._failure = line.decode(errors="replace").strip()
-            elif not line and closed:
+            elif not line and (closed or self._process.poll() is not None):
                 self._failure = "the recorder is gone"
         return bool(self._failure)
 
@@ -222,6 +276,9 @@ def serve(stream: BinaryIO, answers: BinaryIO) -> None:
                 metadata=order["metadata"],
                 attachments=files,
             )
+            with suppress(OSError):
+                answers.write(b"opened\n")
+                answers.flush()
         except RecordingError as error:
             failed(error)
     close({"ending": "fault", "ending_reason": "the bench ended without closing the recording"})
@@ -229,7 +286,7 @@ def serve(stream: BinaryIO, answers: BinaryIO) -> None:
 
 def main() -> None:
     """Entry point of the process: a Ctrl-C is the loop's business, its end comes by the pipe."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     if _REAL_TIME in sys.argv:
         with suppress(OSError):

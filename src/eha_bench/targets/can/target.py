@@ -15,11 +15,13 @@ import numpy as np
 
 from eha_bench.control.controller import Context
 from eha_bench.control.controller_file import ControllerSet, load_controllers
+from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, TargetFault
 from eha_bench.core.linkage import Linkage
 from eha_bench.core.shipped import shipped
-from eha_bench.core.trial import ControlMode, Piston, Trial
-from eha_bench.plants.model import Model, load_model
+from eha_bench.core.trial import ControlMode, Piston, Trial, command_of
+from eha_bench.plants.model import Model, model_from
+from eha_bench.targets.can.adapter import adapter_of
 from eha_bench.targets.can.balance import TorqueModel
 from eha_bench.targets.can.bus import Bus, check_channel
 from eha_bench.targets.can.drive import Drive
@@ -33,6 +35,7 @@ from eha_bench.targets.can.preview import preview
 from eha_bench.targets.can.recorder import Recorder
 from eha_bench.targets.can.target_file import ControlPlace
 from eha_bench.targets.can.trial_run import TrialRun
+from eha_bench.targets.channel_check import check_channels
 from eha_bench.targets.target import Ending, Identity, Journal, Outcome, Stopping, Target, never
 
 
@@ -46,11 +49,11 @@ class CanTarget(Target):
             InputError: model, controller or limits are wrong.
         """
         self._drive = drive
-        self._model = load_model(drive.model) if drive.model else None
+        self._model = model_from(drive.model) if drive.model else None
         self._controllers = _controllers(drive)
         self._limits = Limits.of(drive, _torque_model(drive, self._model))
         self._linkage = _linkage(self._model)
-        self._hold = Hold(drive.file.name)
+        self._hold = Hold(drive.file.name, adapter_of(drive.file.bus))
         self._bus: Bus | None = None
         self._recorder: Recorder | None = None
         self._journal: Journal | None = None
@@ -84,6 +87,9 @@ class CanTarget(Target):
 
     def check(self, trial: Trial) -> None:
         """Raise an InputError if the drive, the fixture or the controller cannot run the trial."""
+        drive = self._drive
+        have = {**drive.units, **{name: unit_of(name) for name in _derived(drive)}}
+        check_channels(trial, have, f"the drive {drive.file.name}", _command(drive))
         plan = self._plan(trial)
         fixed = self._drive.file.setup
         if self._drive.file.fixture is None and fixed is not None:
@@ -110,25 +116,34 @@ class CanTarget(Target):
         """Return the frames that a run would send."""
         plan = self._plan(trial)
         return preview(
-            self._drive, plan.mode, trial, plan.position, plan.current_limit, self._limits
+            self._drive, plan.mode, trial, plan.position, plan.command_limit, self._limits
         )
 
     def _plan(self, trial: Trial) -> Plan:
         host = self._drive.file.control is ControlPlace.HOST
-        mode = ControlMode.CURRENT if host else trial.mode
+        mode = (self._drive.command or ControlMode.CURRENT) if host else trial.mode
         where = Place(file=str(self._drive.path), key="commands")
         if mode not in self._drive.commands:
-            raise InputError(f"the drive has no command for mode '{mode.value}'", where=where)
-        limit = self._current_limit()
+            raise InputError(f"the drive has no command for mode '{mode.name}'", where=where)
+        direct = mode == self._drive.command
+        limit = self._command_limit(mode) if direct else math.inf
         controller = None
         if not host:
             self._check_range(trial)
         if host:
-            context = Context(1.0 / trial.sample_rate, limit, self._linkage)
+            context = Context(
+                1.0 / trial.sample_rate,
+                limit,
+                self._linkage,
+                command_of(mode),
+                mode.unit,
+                trial.channel,
+                self._drive.units.get(trial.channel, trial.mode.unit),
+            )
             controller = self._controllers.make(trial.mode, context)
         return Plan(
-            trial, mode, controller, limit, self._position(trial), self._linkage, self._limits,
-            self._constants(),
+            trial, mode, controller, command_of(mode) if direct else "", limit,
+            self._position(trial), self._linkage, self._limits, self._constants(),
         )  # fmt: skip
 
     def _check_range(self, trial: Trial) -> None:
@@ -143,15 +158,14 @@ class CanTarget(Target):
                 where=Place(file=str(self._drive.dbc)),
             )
 
-    def _current_limit(self) -> float:
+    def _command_limit(self, mode: ControlMode) -> float:
         """Return what may be asked for: by the model, the limits and what the signal can hold."""
         found: list[float] = []
-        if self._model is not None and "current_limit" in self._model.plant.layout.by_key:
-            found.append(self._model.value("current_limit"))
-        command = self._drive.commands.get(ControlMode.CURRENT)
-        if command is not None:
-            found.append(abs(command.coding.to_si(command.coding.high)))
-        found += [limit.high for limit in self._limits.channels if limit.channel == "current"]
+        if self._model is not None and self._model.plant.command == command_of(mode):
+            found.append(self._model.plant.command_limit(self._model.vector()))
+        command = self._drive.commands[mode]
+        found.append(abs(command.coding.to_si(command.coding.high)))
+        found += [item.high for item in self._limits.channels if item.channel == mode.channel]
         return min(found, default=math.inf)
 
     def _constants(self) -> dict[str, str]:
@@ -167,9 +181,9 @@ class CanTarget(Target):
         angle = initial.get("joint_angle")
         first = float(trial.reference(np.zeros(1))[0])
         if not initial and trial.setup.piston is Piston.FREE:
-            if trial.mode is ControlMode.JOINT_ANGLE:
+            if trial.channel == "joint_angle":
                 angle = first
-            elif trial.mode is ControlMode.PISTON_POSITION:
+            elif trial.channel == "piston_position":
                 return first
         if angle is None:
             return initial.get("piston_position", 0.0)
@@ -256,7 +270,7 @@ class CanTarget(Target):
             )  # fmt: skip
             self._run = run
             epoch = time.time_ns()
-            self._open_journal(run, trial, epoch)
+            self._open_journal(run, epoch)
             outcome = run.run()
             self._run = None
         failed = self._close_journal(outcome)
@@ -275,18 +289,19 @@ class CanTarget(Target):
         del trial
         return Outcome(Recording(np.zeros(0), {}), Ending.INFRASTRUCTURE, reason)
 
-    def _open_journal(self, run: TrialRun, trial: Trial, epoch_ns: int) -> None:
+    def _open_journal(self, run: TrialRun, epoch_ns: int) -> None:
         journal, recorder = self._journal, self._recorder
         assert recorder is not None
         if journal is None:
             run.append = _nowhere
             return
-        units = {name: _unit(name, trial) for name in run.channels}
-        metadata = {**journal.metadata, **run.metadata(trial.clock())}
+        units = run.units
+        metadata = {**journal.metadata, **run.metadata(run.plan.trial.clock())}
         recorder.open(journal.path, units, epoch_ns, metadata, journal.attachments)
 
     def _close_journal(self, outcome: Outcome) -> str:
         journal, recorder = self._journal, self._recorder
+        malformed = self._bus.malformed if self._bus is not None else 0
         assert recorder is not None
         self._journal = None
         if journal is None:
@@ -295,6 +310,7 @@ class CanTarget(Target):
             {
                 **journal.metadata,
                 **outcome.recording.metadata,
+                **({"adapter_lines_malformed": str(malformed)} if malformed else {}),
                 "ending": outcome.ending.value,
                 "ending_reason": outcome.reason,
             }
@@ -365,27 +381,27 @@ def _torque_model(drive: Drive, model: Model | None) -> TorqueModel | None:
         raise InputError(
             "a balance needs the rig's nominal model",
             where=Place(file=str(drive.path), key="balance"),
-            hint="name a model.yaml of the plant eha_knee under `model:`",
+            hint=f"name a model.yaml of a plant with {', '.join(names)} under `model:`",
         )
     return TorqueModel(*(model.value(name) for name in names))
 
 
 def _linkage(model: Model | None) -> Linkage | None:
-    names = ("link_a", "link_b", "link_c0", "volume_a", "piston_area_a")
-    if model is None or any(name not in model.plant.layout.by_key for name in names):
-        return None
-    a, b, c0, volume, area = (model.value(name) for name in names)
-    return Linkage(a, b, c0, volume / area)
+    """Return the joint that a model describes, None where it has none."""
+    return None if model is None else model.plant.linkage(model.vector())
 
 
 def _nowhere(time: float, values: Sequence[float]) -> None:
     """Keep no journal of a tick."""
 
 
-def _unit(name: str, trial: Trial) -> str:
-    from eha_bench.core.channels import unit_of
+def _derived(drive: Drive) -> tuple[str, ...]:
+    both = {"pressure_a", "pressure_b"} <= set(drive.channels)
+    return ("pressure_difference",) if both else ()
 
-    return trial.mode.unit if name == "reference" else unit_of(name)
+
+def _command(drive: Drive) -> str:
+    return "" if drive.command is None else command_of(drive.command)
 
 
 def from_file(path: Path, content: Any) -> CanTarget:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from eha_bench.core.trial import Bypass, ControlMode, Piston
+from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import Real, StrictModel
 
@@ -250,7 +250,7 @@ class CanTargetFile(StrictModel):
     sync: SyncFile | None = None
     channels: Annotated[dict[str, SignalFile], Field(min_length=1)]
     counters: dict[str, str] = Field(default_factory=dict)
-    commands: Annotated[dict[ControlMode, CommandFile], Field(min_length=1)]
+    commands: Annotated[dict[str, CommandFile], Field(min_length=1, description="by control mode")]
     state: StateFile
     control_word: ControlWordFile
     fault_code: PlaceFile | None = None

@@ -11,10 +11,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.control.controller import a_current
+from eha_bench.control.controller import as_command
+from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import EhaBenchError, RecordingError
 from eha_bench.core.recording import Recording
-from eha_bench.core.trial import Bypass, ControlMode, Piston
+from eha_bench.core.trial import Bypass, Piston
 from eha_bench.targets.can.bus import BusLost
 from eha_bench.targets.can.guard import Guard
 from eha_bench.targets.can.link import Link, NotThere
@@ -23,6 +24,9 @@ from eha_bench.targets.can.plan import Plan
 from eha_bench.targets.can.start_checks import StartCheck
 from eha_bench.targets.crash import told
 from eha_bench.targets.target import Ending, Outcome, Stopping
+
+POSITION_UNITS = ("m", "rad")
+"""Units of what a drive positions: it rests where it is, not at 0."""
 
 FloatArray = NDArray[np.float64]
 
@@ -70,6 +74,15 @@ class TrialRun:
     def channels(self) -> tuple[str, ...]:
         """Channels of the recording."""
         return (*self.plan.columns, *self.link.drive.channels)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI units of the recording's channels."""
+        trial, units = self.plan.trial, self.link.drive.units
+        reference = units.get(trial.channel, trial.mode.unit)
+        return {name: units.get(name, unit_of(name)) for name in self.channels} | {
+            "reference": reference
+        }
 
     @property
     def period(self) -> float:
@@ -167,9 +180,9 @@ class TrialRun:
                 tick = pacer.reached(time.monotonic()) + 1
 
     def _rest(self) -> float:
-        """Return the command at which nothing moves: no current, or where the rod is already."""
+        """Return the command at which nothing moves: none, or where what is positioned is."""
         mode = self.plan.mode
-        if mode in (ControlMode.JOINT_ANGLE, ControlMode.PISTON_POSITION):
+        if not self.plan.command and self.link.drive.units[mode.channel] in POSITION_UNITS:
             return self.link.readings.get(mode.channel, 0.0)
         return 0.0
 
@@ -178,7 +191,7 @@ class TrialRun:
     def make_safe(self) -> str:
         """Command zero torque and disable until the drive says so; return what went wrong."""
         drive = self.link.drive
-        modes = {self.plan.mode, ControlMode.CURRENT} & set(drive.commands)
+        modes = {self.plan.mode, *([drive.command] if drive.command else [])}
         until = time.monotonic() + _SAFE_TIMEOUT
         sent, failed = 0, ""
         confirmed = False
@@ -186,7 +199,7 @@ class TrialRun:
             now = time.monotonic()
             try:
                 for mode in modes:
-                    zero = self._rest() if mode is not ControlMode.CURRENT else 0.0
+                    zero = self._rest() if mode != drive.command else 0.0
                     self.link.command(mode, zero, drive.file.control_word.disable)
                 sent += 1
                 self.link.exchange(now, now + _LEAST_PERIOD)
@@ -218,7 +231,7 @@ class TrialRun:
         return Recording(
             time=table[:, 0],
             values={name: table[:, 1 + n] for n, name in enumerate(self.channels)},
-            units={"reference": self.plan.trial.mode.unit},
+            units=self.units,
             metadata={
                 **self.metadata(clock),
                 **self.health.metadata((loop.overruns, loop.lost, loop.late)),
@@ -259,7 +272,7 @@ class _Loop:
         readings = run.link.readings
         both = len(run.plan.columns) == 2
         controller, mode = run.plan.controller, run.plan.mode
-        limit = run.plan.current_limit
+        limit = run.plan.command_limit
         pacer = Pacer(period, file.loop.spin)
         pacer.begin(time.monotonic() + period)
         word = file.control_word.enable[-1].word
@@ -270,7 +283,7 @@ class _Loop:
             run.health.tick(now, now - pacer.start - tick * period, tick - last - 1)
             last = tick
             run.link.exchange(now, now + reply, run.health)
-            wrong = self._wrong(time.monotonic(), commanded, mode is ControlMode.CURRENT)
+            wrong = self._wrong(time.monotonic(), commanded, both)
             if not wrong and run.stopping():
                 self._record(now - pacer.start, tick, 0.0, both, names)
                 raise _Stop(Ending.INTERRUPTED, "interrupted")
@@ -279,18 +292,18 @@ class _Loop:
                 raise _Stop(*wrong)
             value = self._reference[tick]
             if controller is not None:
-                value = a_current(controller.step(value, readings))
+                value = as_command(controller.step(value, readings))
                 if not math.isfinite(value):
-                    reason = f"the controller asked for {value} A at {now - pacer.start:.4f} s"
+                    reason = f"the controller asked for {value} at {now - pacer.start:.4f} s"
                     raise _Stop(Ending.FAULT, reason)
-            if mode is ControlMode.CURRENT:
+            if both:
                 value = min(max(value, -limit), limit)
                 commanded = value
             run.link.command(mode, value, word)
             self._record(now - pacer.start, tick, value, both, names)
             tick = max(tick + 1, pacer.reached(time.monotonic()))
 
-    def _wrong(self, now: float, commanded: float, is_current: bool) -> tuple[Ending, str] | None:
+    def _wrong(self, now: float, commanded: float, follows: bool) -> tuple[Ending, str] | None:
         """Return what ends the run now: the drive first, since its own reason is the better one."""
         link = self._run.link
         wrong = link.alive(now)
@@ -301,9 +314,7 @@ class _Loop:
             return Ending.SAFETY_STOP, wrong
         if link.state != "enabled":
             return Ending.FAULT, f"the drive is '{link.state}' instead of 'enabled'"
-        wrong = (
-            self._guard.follows(now, link.readings, link.stamps, commanded) if is_current else ""
-        )
+        wrong = self._guard.follows(now, link.readings, link.stamps, commanded) if follows else ""
         return (Ending.SAFETY_STOP, wrong) if wrong else None
 
     def _record(

@@ -1,4 +1,4 @@
-"""`eha-bench export-fmu`: a model of the knee EHA as an FMU that other tools simulate.
+"""`eha-bench export-fmu`: a model as an FMU that other tools simulate.
 
 The FMU is a thin shell of PythonFMU around this package: it carries the model file, and finds
 eha_bench in the Python of the tool that runs it. Values are SI and say so.
@@ -7,13 +7,14 @@ eha_bench in the Python of the tool that runs it. Values are SI and say so.
 from __future__ import annotations
 
 import importlib
+import re
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.errors import InputError
-from eha_bench.plants.model import Model, load_model
+from eha_bench.plants.model import Model, model_from
 from eha_bench.targets.fmu.description import INSTALL
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ _BASES = {
     "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "radian": "rad",
 }  # fmt: skip
 
-_SCRIPT = '''"""The knee EHA as a slave of FMI {version}; see eha_bench.targets.fmu.slave."""
+_SCRIPT = '''"""A model as a slave of FMI {version}; see eha_bench.targets.fmu.slave."""
 
 import {package}
 from {package} import Fmi{version}Slave
@@ -33,21 +34,21 @@ from eha_bench.targets.fmu.slave import equip
 
 
 class {name}(Fmi{version}Slave):
-    description = "Electro-hydrostatic knee actuator, all values SI"
+    description = "{description}"
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
         self.description = type(self).description
-        self.knee = equip(self, {package}, {version})
+        self.plant = equip(self, {package}, {version})
 
     def to_xml(self, *args, **kwargs):
-        return completed(super().to_xml(*args, **kwargs), self.knee.units, {version})
+        return completed(super().to_xml(*args, **kwargs), self.plant.units, {version})
 
     def exit_initialization_mode(self):
-        self.knee.begin()
+        self.plant.begin()
 
     def do_step(self, current_time, step_size):
-        self.knee.advance(step_size)
+        self.plant.advance(step_size)
         return {done}
 '''
 
@@ -56,18 +57,18 @@ def export_fmu(model: Path, out: Path, version: int = 2) -> Path:
     """Write a model as an FMU for co-simulation; return its path.
 
     Args:
-        model: model.yaml of an eha_knee, with its effects.
+        model: model.yaml, with its effects.
         out: the .fmu to write.
         version: FMI's, 2 or 3.
 
     Raises:
-        InputError: PythonFMU is not installed, or the model is not an eha_knee.
+        InputError: PythonFMU is not installed, or no input commands that plant.
     """
-    from eha_bench.targets.fmu.slave import Knee
+    from eha_bench.targets.fmu.slave import ExportedPlant
 
     package = "pythonfmu" if version == 2 else "pythonfmu3"
-    loaded = load_model(model)
-    Knee(loaded)  # says why it cannot be exported
+    loaded = model_from(model)
+    ExportedPlant(loaded)  # says why it cannot be exported
     try:
         builder = importlib.import_module(f"{package}.builder")
     except ImportError as error:
@@ -77,9 +78,9 @@ def export_fmu(model: Path, out: Path, version: int = 2) -> Path:
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="eha-bench-") as name:
         folder = Path(name)
-        _write_sources(folder, loaded, package, version)
+        script = _write_sources(folder, loaded, package, version)
         built = builder.FmuBuilder.build_FMU(
-            folder / "eha_knee_slave.py",
+            script,
             dest=folder / "built",
             project_files=[folder / "model.yaml"],
             needsExecutionTool=True,
@@ -90,11 +91,21 @@ def export_fmu(model: Path, out: Path, version: int = 2) -> Path:
     return out
 
 
-def _write_sources(folder: Path, model: Model, package: str, version: int) -> None:
-    done = "True" if version == 2 else "pythonfmu3.fmi3slave.Fmi3StepResult()"
-    text = _SCRIPT.format(version=version, package=package, name="EhaKnee", done=done)
-    write_text(folder / "eha_knee_slave.py", text)
+def _write_sources(folder: Path, model: Model, package: str, version: int) -> Path:
+    """Write the FMU's script and its model; return the script."""
+    words = re.findall(r"[A-Za-z0-9]+", model.plant_id)
+    name = "".join(word[:1].upper() + word[1:] for word in words)
+    text = _SCRIPT.format(
+        version=version,
+        package=package,
+        name=name if name.isidentifier() else f"Plant{name}",
+        done="True" if version == 2 else "pythonfmu3.fmi3slave.Fmi3StepResult()",
+        description=f"{model.plant_id} by eha-bench, all values SI",
+    )
+    script = folder / f"{'_'.join(words).lower()}_slave.py"
+    write_text(script, text)
     model.write(folder / "model.yaml", "the model that this FMU was exported from")
+    return script
 
 
 def completed(root: Element, units: dict[str, str], version: int) -> Element:

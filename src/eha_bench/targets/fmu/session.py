@@ -25,22 +25,21 @@ class Session:
         outputs: tuple[Variable, ...],
         channels: tuple[str, ...],
         linkage: Linkage | None,
-        clock: FloatArray,
+        start: float,
         step: float,
     ) -> None:
         self._library, self._command, self._outputs = library, command, outputs
         self._channels, self._linkage = channels, linkage
-        self._clock, self._step = clock, step
-        self._tick = 0
+        self._start, self._step = start, step
+        self._now = 0.0
         self._take(library.get(outputs, 0.0))
 
     def _take(self, values: dict[str, float]) -> None:
-        now = float(self._clock[self._tick])
         found = [values[variable.name] for variable in self._outputs]
         for channel, variable, value in zip(self._channels, self._outputs, found, strict=True):
             if not math.isfinite(value):
                 raise TargetFault(
-                    f"the FMU gives {channel} ('{variable.name}') as {value} at {now:.6g} s"
+                    f"the FMU gives {channel} ('{variable.name}') as {value} at {self._now:.6g} s"
                 )
         if self._linkage is not None:
             found.append(self._linkage.angle_at(found[self._channels.index("piston_position")]))
@@ -51,16 +50,16 @@ class Session:
         """What the outputs are now, (channels,), SI."""
         return self._truth
 
-    def advance(self, command: float) -> None:
-        """Set the command and step to the next tick.
+    def advance(self, to: float, command: float) -> None:
+        """Set the command and step to a later moment, s on the trial's clock.
 
         Raises:
             TargetFault: the FMU fails, or an output is not finite.
         """
-        now, then = self._clock[self._tick : self._tick + 2].tolist()
+        now, then = self._now, float(to - self._start)
         count = max(1, math.ceil((then - now) / self._step - 1e-6))
         length = (then - now) / count
         values = {self._command: self._command.raw(command)}
         found = self._library.tick(values, now, length, count, self._outputs)
-        self._tick += 1
+        self._now = then
         self._take(found)

@@ -1,72 +1,70 @@
-"""What an exported FMU does: the knee EHA behind the variables of FMI."""
+"""What an exported FMU does: a plant behind the variables of FMI."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
-from eha_bench.core.channels import CHANNELS, unit_of
-from eha_bench.core.errors import InputError
-from eha_bench.core.linkage import Linkage
-from eha_bench.plants.eha_knee.open_session import OpenSession
-from eha_bench.plants.eha_knee.plant import EhaKnee
+from eha_bench.core.channels import CHANNELS
 from eha_bench.plants.model import Model, load_model
+from eha_bench.plants.session import Session
 from eha_bench.targets.simulator import DEFAULT_STEP
 
-DERIVED = ("pressure_difference", "joint_angle")
-STARTS = ("motor_speed", "pressure_a", "pressure_b", "piston_position", "piston_velocity")
+SWITCHES = ("piston_locked", "bypass_open")
 
 
-class Knee:
+class ExportedPlant:
     """The variables of the FMU as attributes, and the simulation behind them.
 
     PythonFMU reads and writes an FMU's variables by the functions that `register` gives it.
+
+    Attributes:
+        inputs: what may be set while it runs: the command, and disturbances.
+        outputs: what its sensors read, and what follows from that.
+        values: of all variables now, by name, SI.
     """
 
     def __init__(self, model: Model) -> None:
         """Start with what the model says, at rest.
 
         Raises:
-            InputError: not a knee EHA.
+            InputError: no input commands that plant.
         """
         plant = model.plant
-        if not isinstance(plant, EhaKnee):
-            raise InputError(
-                f"only eha_knee is exported, not {model.plant_id}",
-                hint="its simulation runs step by step, as co-simulation needs",
-            )
+        plant.check_session()
         self._plant, self._model = plant, model
-        rest = model.value("initial_pressure")
+        resting = {name: plant.resting_inputs.get(name, 0.0) for name in plant.inputs}
+        # an input that is unknown where it is not logged has no start value in FMI
+        given = {name: value for name, value in resting.items() if math.isfinite(value)}
+        self.inputs = tuple(given)
+        self._pressures = {"pressure_a", "pressure_b"} <= set(plant.outputs)
+        derived = ("pressure_difference",) if self._pressures else ()
+        read = (*plant.outputs, *derived, *plant.derived_channels)
+        self.outputs = tuple(name for name in read if name not in given)
+        self._starts = tuple(name for name in plant.states if name in self.outputs)
+        rest = dict.fromkeys(self._starts, 0.0) | dict(plant.rest(model.vector()))
+        can = {"piston_locked": plant.can_lock, "bypass_open": plant.has_bypass}
         self.values: dict[str, float] = {
-            "current_command": 0.0,
-            "force": 0.0,
+            **given,
             **{own.name: model.value(own.name) for own in plant.layout.parameters},
-            **{f"start_{name}": 0.0 for name in STARTS},
-            "start_pressure_a": rest,
-            "start_pressure_b": rest,
+            **{f"start_{name}": rest[name] for name in self._starts},
             "integration_step": DEFAULT_STEP,
-            "piston_locked": 0.0,
-            "bypass_open": 0.0,
-            **dict.fromkeys((*plant.outputs, *DERIVED), 0.0),
+            **{name: 0.0 for name in SWITCHES if can[name]},
+            **dict.fromkeys(self.outputs, 0.0),
         }
-        self._session: OpenSession | None = None
+        self._session: Session | None = None
 
     @property
     def units(self) -> dict[str, str]:
         """SI unit of every variable, nothing for the switches."""
-        found = {parameter.name: parameter.unit for parameter in self._plant.layout.parameters}
-        found |= {name: unit_of(name) for name in ("current_command", "force", *self.outputs)}
-        return found | {f"start_{name}": unit_of(name) for name in STARTS} | {
-            "integration_step": "s", "piston_locked": "", "bypass_open": "",
-        }  # fmt: skip
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        return (*self._plant.outputs, *DERIVED)
+        plant = self._plant
+        known = {**plant.units, "pressure_difference": "Pa"}
+        found = {parameter.name: parameter.unit for parameter in plant.layout.parameters}
+        found |= {name: known[name] for name in (*self.inputs, *self.outputs)}
+        found |= {f"start_{name}": known[name] for name in self._starts}
+        return found | {"integration_step": "s", **dict.fromkeys(SWITCHES, "")}
 
     def description(self, name: str) -> str:
         """Return a sentence on a variable."""
@@ -82,17 +80,11 @@ class Knee:
         """Start the simulation from the values that stand now."""
         values = self.values
         names = [parameter.name for parameter in self._plant.layout.parameters]
-        vector = self._model.with_parameters({name: values[name] for name in names}).vector()
-        self._linkage = Linkage(
-            values["link_a"], values["link_b"], values["link_c0"],
-            values["volume_a"] / values["piston_area_a"],
-        )  # fmt: skip
-        self._session = OpenSession(
-            self._plant,
-            vector,
-            {name: values[f"start_{name}"] for name in STARTS},
-            locked=bool(values["piston_locked"]),
-            bypass_open=bool(values["bypass_open"]),
+        self._session = self._plant.session(
+            self._model.with_parameters({name: values[name] for name in names}).vector(),
+            {name: values[f"start_{name}"] for name in self._starts},
+            locked=bool(values.get("piston_locked", 0.0)),
+            bypass_open=bool(values.get("bypass_open", 0.0)),
             step=values["integration_step"],
         )
         self._show(self._session)
@@ -101,19 +93,20 @@ class Knee:
         """Go on by a communication step, s."""
         if self._session is None:
             self.begin()
-        assert self._session is not None
-        self._session.advance(length, self.values["current_command"], self.values["force"])
-        self._show(self._session)
+        session = self._session
+        assert session is not None
+        session.give({name: self.values[name] for name in self.inputs})
+        session.advance(session.now + length, self.values[self._plant.command])
+        self._show(session)
 
-    def _show(self, session: OpenSession) -> None:
-        reading = dict(zip(self._plant.outputs, session.reading.tolist(), strict=True))
-        reading["pressure_difference"] = reading["pressure_a"] - reading["pressure_b"]
-        angle = self._linkage.angle(np.array([reading["piston_position"]]))
-        reading["joint_angle"] = float(angle[0])
-        self.values.update(reading)
+    def _show(self, session: Session) -> None:
+        reading = dict(zip(session.channels, session.truth.tolist(), strict=True))
+        if self._pressures:
+            reading["pressure_difference"] = reading["pressure_a"] - reading["pressure_b"]
+        self.values.update({name: reading[name] for name in self.outputs})
 
 
-def equip(slave: Any, fmi: ModuleType, version: int) -> Knee:
+def equip(slave: Any, fmi: ModuleType, version: int) -> ExportedPlant:
     """Give a slave of PythonFMU its variables; return what they stand for.
 
     Args:
@@ -121,7 +114,7 @@ def equip(slave: Any, fmi: ModuleType, version: int) -> Knee:
         fmi: the module `pythonfmu` or `pythonfmu3`.
         version: FMI's, 2 or 3.
     """
-    knee = Knee(load_model(Path(slave.resources) / "model.yaml"))
+    exported = ExportedPlant(load_model(Path(slave.resources) / "model.yaml"))
     prefix = f"Fmi{version}"
     causality, variability, initial = (
         getattr(fmi.enums, f"{prefix}{kind}") for kind in ("Causality", "Variability", "Initial")
@@ -136,9 +129,9 @@ def equip(slave: Any, fmi: ModuleType, version: int) -> Knee:
                 causality=role,
                 variability=changes,
                 initial=first,
-                description=knee.description(name),
-                getter=lambda: bool(knee.values[name]) if switch else knee.values[name],
-                setter=lambda value: knee.values.__setitem__(name, float(value)),
+                description=exported.description(name),
+                getter=lambda: bool(exported.values[name]) if switch else exported.values[name],
+                setter=lambda value: exported.values.__setitem__(name, float(value)),
             )
         )
 
@@ -147,13 +140,13 @@ def equip(slave: Any, fmi: ModuleType, version: int) -> Knee:
         slave.register_variable(
             real("time", causality=causality.independent, variability=variability.continuous)
         )
-    for name in knee.values:
-        if name in ("current_command", "force"):
+    for name in exported.values:
+        if name in exported.inputs:
             register(name, real, causality.input, variability.continuous, None)
-        elif name in knee.outputs:
+        elif name in exported.outputs:
             changes = variability.continuous
             register(name, real, causality.output, changes, initial.calculated)
         else:
-            kind = fmi.Boolean if name in ("piston_locked", "bypass_open") else real
+            kind = fmi.Boolean if name in SWITCHES else real
             register(name, kind, causality.parameter, variability.fixed, initial.exact)
-    return knee
+    return exported

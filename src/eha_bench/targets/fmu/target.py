@@ -20,11 +20,13 @@ from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place, TargetFault, UnitError
 from eha_bench.core.linkage import Linkage
+from eha_bench.core.near_miss import suggest
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped
-from eha_bench.core.trial import Bypass, ControlMode, Piston, Setup, Trial
+from eha_bench.core.trial import COMMANDS, Bypass, Piston, Setup, Trial
 from eha_bench.core.units import base_unit
-from eha_bench.plants.model import Model, load_model
+from eha_bench.plants.model import Model, model_from
+from eha_bench.targets.channel_check import check_channels
 from eha_bench.targets.closed_loop import ClosedLoop
 from eha_bench.targets.fmu.description import Description, Places, Variable
 from eha_bench.targets.fmu.process import Process
@@ -33,7 +35,9 @@ from eha_bench.targets.fmu.target_file import FmuFile, VariableFile
 from eha_bench.targets.target import Ending, Identity, Outcome, Stopping, Target, never
 
 FloatArray = NDArray[np.float64]
-COMMAND = "current_command"
+POSITIONS = ("joint_angle", "piston_position")
+"""Channels at whose first reference a free piston starts; so it does at other positions, too."""
+_MISSPELT = 0.8
 
 
 class FmuTarget(Target):
@@ -59,6 +63,7 @@ class FmuTarget(Target):
             )
             for channel, entry in file.outputs.items()
         }
+        self._commanded = self._commanded_channel()
         self._command = self._command_variable()
         self._parameters = dict(
             self._description.value(name, given, self._at_value("parameters", name))
@@ -66,7 +71,10 @@ class FmuTarget(Target):
         )
         self._initial = {
             channel: self._description.start(
-                entry.variable, entry.unit, unit_of(channel), self._at("initial", channel)
+                entry.variable,
+                entry.unit,
+                self._si_unit(channel, entry, "initial"),
+                self._at("initial", channel),
             )
             for channel, entry in file.initial.items()
         }
@@ -74,7 +82,7 @@ class FmuTarget(Target):
         self._bypass = self._setup_variable("bypass")
         self._check_sensors()
         model = self._beside("model", file.model)
-        self._model: Model | None = load_model(model) if model else None
+        self._model: Model | None = model_from(model) if model else None
         self._linkage = _linkage(self._model)
         controller = self._beside("controller", file.controller)
         self._controllers = load_controllers(controller or shipped("controllers/paper.yaml"))
@@ -96,14 +104,14 @@ class FmuTarget(Target):
     def _at_value(self, *keys: str) -> Places:
         return lambda *_: self._place(*keys)
 
-    def _si_unit(self, channel: str, entry: VariableFile) -> str:
+    def _si_unit(self, channel: str, entry: VariableFile, key: str = "outputs") -> str:
         """Return the SI unit of a channel; one that is not on the list has that of its variable."""
         if channel in CHANNELS:
             return unit_of(channel)
         try:
             return base_unit(entry.unit or self._description.unit_of(entry.variable))
         except UnitError as error:
-            where = self._place("outputs", channel)
+            where = self._place(key, channel)
             raise InputError(error.what, where=where, hint="give the variable's `unit`") from error
 
     def _output(self, channel: str, entry: VariableFile) -> Variable:
@@ -112,23 +120,40 @@ class FmuTarget(Target):
         return self._description.output(entry.variable, entry.unit, unit, places)
 
     def _command_variable(self) -> Variable:
-        for channel in self._file.inputs:
-            if channel != COMMAND:
-                raise InputError(
-                    f"'{channel}' is not commanded by the bench",
-                    where=self._place("inputs", channel),
-                    hint=f"only {COMMAND} is; give anything else its value under `parameters`",
-                )
-        if COMMAND not in self._file.inputs:
+        """Return what the bench commands: the one input that is named."""
+        entry = self._file.inputs[self._commanded]
+        where = self._at("inputs", self._commanded)
+        unit = self._si_unit(self._commanded, entry, "inputs")
+        return self._description.input(entry.variable, entry.unit, unit, where)
+
+    def _commanded_channel(self) -> str:
+        """Return the name of what the bench commands.
+
+        Raises:
+            InputError: none is named, or another one than a command.
+        """
+        names = tuple(self._file.inputs)
+        if not names:
             raise InputError(
-                f"the FMU needs an input for {COMMAND}",
+                "the FMU needs an input that is commanded",
                 where=self._place("inputs"),
-                hint=f"{COMMAND}: {{variable: ..., unit: A}}",
+                hint="e.g. current_command: {variable: ..., unit: A}",
             )
-        entry = self._file.inputs[COMMAND]
-        return self._description.input(
-            entry.variable, entry.unit, unit_of(COMMAND), self._at("inputs", COMMAND)
-        )
+        command = next((name for name in COMMANDS if name in names), names[0])
+        for name in names:
+            measured = name in CHANNELS and name not in COMMANDS
+            hint = suggest(name, COMMANDS, likeness=_MISSPELT)
+            misspelt = name not in COMMANDS and hint.startswith("did you mean")
+            if name != command or measured or misspelt:
+                only = command if name != command else ", ".join((*COMMANDS, "one of its own"))
+                raise InputError(
+                    f"'{name}' is not commanded by the bench",
+                    where=self._place("inputs", name),
+                    hint=hint
+                    if misspelt
+                    else f"only {only} is; give anything else its value under `parameters`",
+                )
+        return command
 
     def _setup_variable(self, what: str) -> Variable | None:
         entry = getattr(self._file.setup, what)
@@ -139,7 +164,7 @@ class FmuTarget(Target):
     def _check_sensors(self) -> None:
         for channel, sensor in self._file.sensors.items():
             try:
-                sensor.in_si(channel)
+                sensor.in_si(channel, self._units.get(channel))
             except UnitError as error:
                 where = self._place("sensors", channel)
                 raise InputError(error.what, where=where, hint=error.hint) from error
@@ -174,6 +199,16 @@ class FmuTarget(Target):
         joint = ("joint_angle",) if derived and "joint_angle" not in self._outputs else ()
         return (*self._outputs, *joint)
 
+    @property
+    def _units(self) -> dict[str, str]:
+        """SI unit of everything that a trial may name."""
+        outputs = self._file.outputs
+        found = {name: self._si_unit(name, entry) for name, entry in outputs.items()}
+        command = self._file.inputs[self._commanded]
+        found[self._commanded] = self._si_unit(self._commanded, command, "inputs")
+        derived = (*self._channels, *_derived(self._channels))
+        return found | {name: unit_of(name) for name in derived if name not in found}
+
     def _constants(self) -> dict[str, str]:
         """Return what the model says of the plant, SI, as metadata: some metrics need it."""
         if self._model is None:
@@ -194,6 +229,7 @@ class FmuTarget(Target):
 
     def check(self, trial: Trial) -> None:
         """Raise an InputError if the FMU cannot be set up so, or the controller lacks a channel."""
+        check_channels(trial, self._units, "the FMU", self._commanded)
         self._start_values(trial.setup, trial)
         period = 1.0 / trial.sample_rate
         fixed = self._description.fixed_step
@@ -228,8 +264,24 @@ class FmuTarget(Target):
             ) from error
 
     def _context(self, trial: Trial) -> Context:
-        limit = self._model.value("current_limit") if self._model is not None else math.inf
-        return Context(1.0 / trial.sample_rate, limit, self._linkage)
+        units = self._units
+        return Context(
+            period=1.0 / trial.sample_rate,
+            command_limit=self._command_limit,
+            linkage=self._linkage,
+            command=self._commanded,
+            command_unit=units[self._commanded],
+            channel=trial.channel,
+            unit=units.get(trial.channel, trial.mode.unit),
+        )
+
+    @property
+    def _command_limit(self) -> float:
+        """What the model says that the plant follows; inf where it says nothing of this command."""
+        model = self._model
+        if model is None or model.plant.command != self._commanded:
+            return math.inf
+        return model.plant.command_limit(model.vector())
 
     def _start_values(self, setup: Setup, trial: Trial) -> dict[Variable, float]:
         """Return raw start values: the file's parameters, the trial's setup and first values."""
@@ -254,9 +306,9 @@ class FmuTarget(Target):
         """Return the first values a trial asks for, or that its reference starts with."""
         found = dict(setup.initial)
         first = float(trial.reference(np.zeros(1))[0])
-        follows = {ControlMode.JOINT_ANGLE, ControlMode.PISTON_POSITION}
-        if not found and setup.piston is Piston.FREE and trial.mode in follows:
-            found[trial.mode.channel] = first
+        own = trial.channel in self._initial and self._units[trial.channel] in ("m", "rad")
+        if not found and setup.piston is Piston.FREE and (own or trial.channel in POSITIONS):
+            found[trial.channel] = first
         angle = found.get("joint_angle")
         if angle is not None and "joint_angle" not in self._initial:
             if self._linkage is None or "piston_position" not in self._initial:
@@ -284,8 +336,8 @@ class FmuTarget(Target):
             self._controllers.make(trial.mode, self._context(trial)),
             self._file.sensors,
             self._constants(),
-            {name: self._si_unit(name, entry) for name, entry in self._file.outputs.items()
-             if name not in CHANNELS},
+            {name: unit for name, unit in self._units.items() if name not in CHANNELS},
+            self._commanded,
         )  # fmt: skip
         try:
             library = self._loaded()
@@ -319,7 +371,7 @@ class FmuTarget(Target):
         return Session(
             library, self._command, tuple(self._outputs.values()), tuple(self._outputs),
             self._linkage if len(self._channels) > len(self._outputs) else None,
-            clock - clock[0], self._largest_step(),
+            float(clock[0]), self._largest_step(),
         )  # fmt: skip
 
     def _largest_step(self) -> float:
@@ -338,10 +390,7 @@ def _derived(channels: tuple[str, ...]) -> tuple[str, ...]:
 
 def _linkage(model: Model | None) -> Linkage | None:
     """Return the joint that a model describes, None where it has none."""
-    if model is None or "link_a" not in model.plant.layout.by_key:
-        return None
-    stroke = model.value("volume_a") / model.value("piston_area_a")
-    return Linkage(model.value("link_a"), model.value("link_b"), model.value("link_c0"), stroke)
+    return None if model is None else model.plant.linkage(model.vector())
 
 
 def _again(path: Path) -> FmuTarget:

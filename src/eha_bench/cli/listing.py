@@ -1,0 +1,160 @@
+"""`eha-bench list`: what there is to write into a file or to name on the command line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Annotated, Final
+
+import typer
+
+from eha_bench.cli.console import say
+from eha_bench.cli.terminal import Colour, coloured, columns, paint
+
+Row = tuple[str, str, str]
+"""Name, a word about it (unit, kind), one sentence."""
+
+
+def _suites() -> Iterator[Row]:
+    from eha_bench.core.shipped import names
+    from eha_bench.suites import load_suite
+
+    for name in names("suites"):
+        suite = load_suite(name)
+        yield name, f"{len(suite.trials)} trials", _sentence(suite.description)
+
+
+def _metrics() -> Iterator[Row]:
+    from eha_bench.core import plugins
+    from eha_bench.core.metric import METRICS, metric_spec
+
+    names = (*METRICS, *(name for name in plugins.names("metrics") if name not in METRICS))
+    for spec in map(metric_spec, names):
+        unit = "of its channel" if spec.unit is None else spec.unit or "-"
+        needs = f" (needs {spec.needs.value})" if spec.needs else ""
+        yield spec.id, unit, spec.description + needs
+
+
+def _effects() -> Iterator[Row]:
+    from eha_bench.core import plugins
+
+    for name in plugins.names("effects"):
+        effect = plugins.load("effects", name)
+        yield name, ", ".join(effect.actions), _sentence(effect.summary)
+
+
+def _plants() -> Iterator[Row]:
+    from eha_bench.core import plugins
+    from eha_bench.core.shipped import names, shipped
+    from eha_bench.plants.plant import get_plant
+
+    for name in names("plants"):
+        plant = get_plant(name)
+        said = shipped(f"plants/{name}.yaml").read_text(encoding="utf-8").splitlines()
+        about = " ".join(line.lstrip("# ") for line in said if line.startswith("#"))
+        yield name, ", ".join(plant.inputs), _sentence(about)
+    for name in plugins.names("plants"):
+        kind = plugins.load("plants", name)
+        yield name, ", ".join(kind.inputs), _sentence(kind.__doc__ or "")
+
+
+def _elements() -> Iterator[Row]:
+    from eha_bench.plants.network.network import element_kinds
+
+    for name, kind in element_kinds().items():
+        yield name, ", ".join(port.name for port in kind.ports), _sentence(kind.summary)
+
+
+def _targets() -> Iterator[Row]:
+    from eha_bench.core import plugins
+    from eha_bench.core.shipped import names
+
+    yield "simulator", "shipped", "the paper's model under its controllers, or the suite's own"
+    for name in names("targets"):
+        yield name, "shipped", f"the simulator with model and controllers '{name}'"
+    kinds = {
+        "can": "a drive on a CAN bus, by a DBC file",
+        "fmu": "a plant of another tool, as an FMU",
+        "simulator": "a model.yaml under a controller.yaml",
+    }
+    for name in plugins.names("targets"):
+        what = kinds.get(name, "from a plug-in")
+        yield f"target: {name}", "in a target.yaml", what
+
+
+def _signals() -> Iterator[Row]:
+    from eha_bench.core import plugins
+
+    for name in plugins.names("signals"):
+        signal = plugins.load("signals", name)
+        keys = [field.alias or key for key, field in signal.model_fields.items() if key != "kind"]
+        yield name, ", ".join(keys) or "-", _sentence(signal.__doc__ or "")
+
+
+LISTS: Final[dict[str, Callable[[], Iterator[Row]]]] = {
+    "suites": _suites,
+    "metrics": _metrics,
+    "effects": _effects,
+    "plants": _plants,
+    "elements": _elements,
+    "targets": _targets,
+    "signals": _signals,
+}
+"""What can be listed; a further kind is a line here."""
+
+_HEADINGS: Final = {
+    "suites": ("suite", "size"),
+    "metrics": ("metric", "unit"),
+    "effects": ("effect", "acts on"),
+    "plants": ("plant", "inputs"),
+    "elements": ("element", "joins"),
+    "targets": ("target", "where"),
+    "signals": ("signal", "keys"),
+}
+
+
+def complete_lists(incomplete: str) -> list[str]:
+    """Return what can be listed."""
+    return [name for name in LISTS if name.startswith(incomplete)]
+
+
+def show(
+    kind: Annotated[
+        str,
+        typer.Argument(metavar="KIND", help=", ".join(LISTS) + ".", autocompletion=complete_lists),
+    ],
+    json: Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")] = False,
+) -> None:
+    """List what there is: suites, metrics, effects, plants, elements, targets or signals."""
+    from eha_bench.core.errors import InputError
+    from eha_bench.core.near_miss import suggest
+
+    if kind not in LISTS:
+        raise InputError(f"'{kind}' cannot be listed", hint=suggest(kind, LISTS))
+    rows = list(LISTS[kind]())
+    if json:
+        import json as encoder
+
+        about = _HEADINGS.get(kind, (kind, "about"))[1]
+        found = [{"name": one, about: two, "description": text} for one, two, text in rows]
+        typer.echo(encoder.dumps({"schema_version": 1, kind: found}, indent=1, ensure_ascii=False))
+        return
+    on = coloured()
+    heading = (*_HEADINGS.get(kind, (kind, "about")), "")
+    for number, cells in enumerate(columns([heading, *rows])):
+        line = "  ".join(cells).rstrip()
+        typer.echo(paint(line, Colour.QUIET, on=on) if not number else line)
+    if kind == "suites":
+        say("run one: eha-bench run NAME")
+
+
+def _sentence(text: str) -> str:
+    """Return the first sentence of a text, on one line, without its full stop."""
+    line = " ".join(text.split("\n\n", maxsplit=1)[0].split())
+    # a full stop before a capital letter: not that of "Eq. (5)"
+    return re.split(r"\.\s+(?=[A-Z`])", line)[0].rstrip(".")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("list")(show)

@@ -1,0 +1,162 @@
+"""A result as the console tells it: what was not kept and by how much, then a line a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from eha_bench.cli.terminal import Colour, columns, more, paint
+from eha_bench.core.result import Result, Status
+from eha_bench.core.score import ScoreStatus
+from eha_bench.core.trial import Trial
+from eha_bench.report.limits import ScoreRow, limit_rows, worst_first
+
+SHOWN: Final = 5
+"""Lines of a kind before the rest is only counted."""
+
+_TRIALS: Final = 20
+_COLOURS: Final = {
+    Status.PASSED: Colour.GOOD,
+    Status.FAILED: Colour.BAD,
+    Status.FAULT: Colour.BAD,
+    Status.INCOMPLETE: Colour.WARN,
+}
+_SCORE_COLOURS: Final = {
+    ScoreStatus.FAILED: Colour.BAD,
+    ScoreStatus.UNDECIDED: Colour.UNSURE,
+    ScoreStatus.NOT_SCORED: Colour.WARN,
+}
+_GRAVITY: Final = (Status.FAULT, Status.INCOMPLETE, Status.FAILED, Status.PASSED)
+
+
+def summary_lines(
+    result: Result,
+    trials: Mapping[str, Trial] | None = None,
+    *,
+    verbose: bool = False,
+    colour: bool = False,
+) -> list[str]:
+    """Return the lines that stand on the console when a run has ended.
+
+    Args:
+        result: of a run, or of recordings scored.
+        trials: by id, as far as they are known.
+        verbose: whether everything is listed, and not the first of each kind.
+        colour: whether the terminal shows colour.
+    """
+    rows = limit_rows(result, trials or {})
+    rejected = worst_first(rows)
+    parts = [
+        _stops(result, verbose=verbose, colour=colour),
+        _limits(rejected, verbose=verbose, colour=colour),
+        _trials(result, verbose=verbose, colour=colour),
+        [_verdict(result, colour=colour)],
+    ]
+    apart: list[str] = []
+    for part in filter(None, parts):
+        apart += ["", *part] if apart and len(part) > 1 else part
+    # what keeps a number with its unit on a page only keeps people from searching a log for it
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in apart]
+
+
+def _stops(result: Result, *, verbose: bool, colour: bool) -> list[str]:
+    """What stopped a run, a line for all repeats of a trial that give the same reason."""
+    repeats: dict[str, int] = {}
+    together: dict[tuple[str, Status, str], list[int]] = {}
+    for run in result.trials:
+        repeats[run.id] = repeats.get(run.id, 0) + 1
+        if run.reason:
+            together.setdefault((run.id, run.status, run.reason), []).append(run.repeat)
+    lines = []
+    for (trial, status, reason), which in together.items():
+        name = trial
+        if repeats[trial] > 1 or which != [0]:
+            name += f", repeat{'s' * (len(which) > 1)} {', '.join(map(str, which))}"
+        lines.append(f"{paint(name, _COLOURS[status], on=colour)}: {reason}")
+    return _first(lines, verbose=verbose)
+
+
+def _limits(rejected: tuple[ScoreRow, ...], *, verbose: bool, colour: bool) -> list[str]:
+    """A line a limit that was not kept: `overshoot failed  42.9 %  (≤ 40 %, 2.9 points over)`."""
+    cells = columns([_limit_cells(row) for row in rejected], right=(2,))
+    lines = []
+    for row, (trial, metric, value, rest) in zip(rejected, cells, strict=True):
+        painted = paint(metric, _SCORE_COLOURS[row.status], on=colour)
+        lines.append(f"{trial}  {painted}  {value}  {rest}".rstrip())
+    return _first(lines, verbose=verbose)
+
+
+def _limit_cells(row: ScoreRow) -> tuple[str, str, str, str]:
+    word = row.status.value.replace("_", " ")
+    value = f"{row.value} {row.unit}".strip() if row.unit or row.margin else ""
+    told = [row.limit, row.margin, row.stands_for]
+    rest = f"({', '.join(part for part in told if part)})"
+    if row.reason:
+        rest = f"{row.reason} {rest}"
+    return row.trial, f"{row.metric_id} {word}", value, rest
+
+
+def _trials(result: Result, *, verbose: bool, colour: bool) -> list[str]:
+    """A table of trials, the worst first where not all of them fit; none of a single trial."""
+    status: dict[str, Status] = {}
+    kept: dict[str, list[bool]] = {}
+    for run in result.trials:
+        found = status.get(run.id, run.status)
+        status[run.id] = min(found, run.status, key=_GRAVITY.index)
+        kept.setdefault(run.id, []).extend(
+            not score.status.rejects for score in run.scores if score.limit
+        )
+    not_run: dict[str, int] = {}
+    for trial, _ in result.not_run:
+        not_run[trial] = not_run.get(trial, 0) + 1
+    names = list(dict.fromkeys((*status, *not_run)))
+    if len(names) < 2:
+        return []
+    shown = names
+    if not verbose and len(names) > _TRIALS:
+        worst = sorted(names, key=lambda name: _GRAVITY.index(status.get(name, Status.INCOMPLETE)))
+        shown = [name for name in names if name in set(worst[:_TRIALS])]
+    rows = [("trial", "verdict", "limits kept", "")]
+    for name in shown:
+        marks = kept.get(name, [])
+        missing = f"{not_run[name]} not run" if name in not_run and name in status else ""
+        rows.append(
+            (
+                name,
+                status[name].value if name in status else "not run",
+                f"{sum(marks)} of {len(marks)}" if marks else "none",
+                missing,
+            )
+        )
+    lines = []
+    for number, (name, verdict, limits, missing) in enumerate(columns(rows)):
+        tone = _tone(shown[number - 1], status, kept) if number else Colour.QUIET
+        lines.append(f"{name}  {paint(verdict, tone, on=colour)}  {limits}  {missing}".rstrip())
+    if len(shown) < len(names):
+        lines.append(more(len(names) - len(shown)))
+    return lines
+
+
+def _tone(trial: str, status: Mapping[str, Status], kept: Mapping[str, list[bool]]) -> Colour:
+    """Green is a trial that kept its limits, not one that has none."""
+    found = status.get(trial, Status.INCOMPLETE)
+    return Colour.QUIET if found is Status.PASSED and not kept[trial] else _COLOURS[found]
+
+
+def _verdict(result: Result, *, colour: bool) -> str:
+    limits = [score for run in result.trials for score in run.scores if score.limit]
+    kept = sum(not score.status.rejects for score in limits)
+    word, tone = result.status.value, _COLOURS[result.status]
+    told = f"{kept} of {len(limits)} limits kept"
+    if not limits:
+        told = "no limits to keep"
+        word, tone = ("not judged", Colour.WARN) if result.status is Status.PASSED else (word, tone)
+    if result.not_run:
+        told += f", {len(result.not_run)} run{'s' * (len(result.not_run) > 1)} not made"
+    return f"{result.suite}: {paint(word, tone, on=colour)}, {told}"
+
+
+def _first(lines: list[str], *, verbose: bool) -> list[str]:
+    if verbose or len(lines) <= SHOWN:
+        return lines
+    return [*lines[:SHOWN], more(len(lines) - SHOWN)]

@@ -1,0 +1,183 @@
+"""Content of a YAML file that still knows where each of its values was written.
+
+A trial is put together from `defaults`, its own keys and the matrix's parameters; whatever is wrong
+with it must be told with the line that the user has to change.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.yaml_file import plain
+
+Key: TypeAlias = int | str
+Keys: TypeAlias = tuple[Key, ...]
+
+
+@dataclass(frozen=True)
+class Located:
+    """A plain value (dicts, lists, scalars) and the place of each value within it.
+
+    Attributes:
+        value: the content.
+        places: keys that lead to a value -> where it was written; () is the content itself.
+    """
+
+    value: Any
+    places: Mapping[Keys, Place] = field(default_factory=dict)
+
+    @staticmethod
+    def of(content: Any, file: str) -> Located:
+        """Wrap what `yaml_file.load` returned."""
+        places: dict[Keys, Place] = {(): Place(file=file, line=1)}
+        return Located(_walk(content, file, (), places), places)
+
+    def place(self, keys: Sequence[Key] = ()) -> Place:
+        """Return where `keys` were written; what is not there is placed at what should hold it."""
+        known: Keys = ()
+        value = self.value
+        absent = ""
+        for key in keys:
+            if (*known, key) in self.places:
+                known = (*known, key)
+                value = _item(value, key)
+                absent = ""
+            elif isinstance(value, dict):  # otherwise it names an alternative of a union
+                absent = str(key)
+        found = self.places.get(known, Place())
+        if not absent or "[" in absent:
+            return found
+        return replace(found, key=f"{found.key}.{absent}" if found.key else absent)
+
+    def at(self, *keys: Key) -> Located:
+        """Return the part that `keys` lead to; None in place of what is not there."""
+        value = self.value
+        for key in keys:
+            value = _item(value, key)
+        size = len(keys)
+        places = {path[size:]: at for path, at in self.places.items() if path[:size] == keys}
+        places.setdefault((), self.place(keys))
+        return Located(value, places)
+
+    def each(self) -> list[Located]:
+        """Return the items of a list; all places are gone through once, however many there are."""
+        places: list[dict[Keys, Place]] = [{} for _ in self.value]
+        for path, at in self.places.items():
+            if path and isinstance(path[0], int) and path[0] < len(places):
+                places[path[0]][path[1:]] = at
+        for index, inside in enumerate(places):
+            inside.setdefault((), self.place((index,)))
+        return [Located(item, places[index]) for index, item in enumerate(self.value)]
+
+    def items(self) -> Iterator[tuple[str, Located]]:
+        """Yield key and value of a mapping."""
+        for key in self.value:
+            yield key, self.at(key)
+
+    def without(self, *keys: str) -> Located:
+        """Return a mapping without some of its keys."""
+        value = {key: item for key, item in self.value.items() if key not in keys}
+        places = {path: at for path, at in self.places.items() if not path or path[0] not in keys}
+        return Located(value, places)
+
+    def named(self, old: str, new: str) -> Located:
+        """Return the same content with another name in messages: `trials.0` -> `trials.step`."""
+        pattern = re.compile(rf"^{re.escape(old)}(?=\.|$)")
+        places = {
+            path: replace(at, key=pattern.sub(lambda _: new, at.key))
+            for path, at in self.places.items()
+        }
+        return Located(self.value, places)
+
+    def over(self, base: Located, deep: tuple[str, ...] = ()) -> Located:
+        """Return this mapping with the keys of `base` that it lacks; those in `deep` are merged."""
+        value = dict(self.value)
+        places = dict(self.places)
+        for key, item in base.items():
+            if key not in value:
+                value[key] = item.value
+                places |= {(key, *path): at for path, at in item.places.items()}
+            elif key in deep and isinstance(value[key], dict) and isinstance(item.value, dict):
+                merged = self.at(key).over(item)
+                value[key] = merged.value
+                places |= {(key, *path): at for path, at in merged.places.items()}
+        return Located(value, places)
+
+    def over_all(self, base: Located) -> Located:
+        """Return this mapping over `base`: mappings within mappings are merged at every depth."""
+        value = dict(base.value)
+        places = dict(base.places) | {(): self.place()}
+        for key, item in self.items():
+            both = isinstance(item.value, dict) and isinstance(value.get(key), dict)
+            merged = item.over_all(base.at(key)) if both else item
+            value[key] = merged.value
+            places = {path: at for path, at in places.items() if path[:1] != (key,)}
+            places |= {(key, *path): at for path, at in merged.places.items()}
+        return Located(value, places)
+
+    def mapped(self, change: Callable[[Any, Place], Any]) -> Located:
+        """Return the content with every scalar replaced by change(scalar, place)."""
+        return Located(self._mapped(self.value, (), change), self.places)
+
+    def _mapped(self, value: Any, keys: Keys, change: Callable[[Any, Place], Any]) -> Any:
+        if isinstance(value, dict):
+            return {key: self._mapped(item, (*keys, key), change) for key, item in value.items()}
+        if isinstance(value, list):
+            return [self._mapped(item, (*keys, i), change) for i, item in enumerate(value)]
+        return change(value, self.place(keys))
+
+    def mapping(self, what: str) -> Located:
+        """Return itself, an empty mapping in place of nothing.
+
+        Raises:
+            InputError: it is something else than a mapping; `what` says what it should hold.
+        """
+        if self.value is None:
+            return Located({}, self.places)
+        if not isinstance(self.value, dict):
+            raise self.error(f"expected {what}", hint="write it as 'key: value' lines")
+        return self
+
+    def error(self, what: str, *, hint: str = "") -> InputError:
+        """Return an error about this content."""
+        return InputError(what, where=self.place(), hint=hint)
+
+
+def _walk(content: Any, file: str, keys: Keys, places: dict[Keys, Place]) -> Any:
+    position = getattr(content, "lc", None)
+    line = places[keys].line
+
+    def enter(key: Key, item: Any, found: int) -> Any:
+        path = (*keys, key)
+        places[path] = Place(file=file, line=found, key=".".join(map(str, path)))
+        return _walk(item, file, path, places)
+
+    if isinstance(content, dict):
+        return {
+            str(key): enter(str(key), item, _line(position, "key", key, line))
+            for key, item in content.items()
+        }
+    if isinstance(content, list):
+        return [
+            enter(index, item, _line(position, "item", index, line))
+            for index, item in enumerate(content)
+        ]
+    return plain(content)
+
+
+def _item(value: Any, key: Key) -> Any:
+    try:
+        return value[key]
+    except (KeyError, IndexError, TypeError):
+        return None
+
+
+def _line(position: Any, method: str, key: Any, otherwise: int) -> int:
+    try:
+        return int(getattr(position, method)(key)[0]) + 1
+    except (AttributeError, KeyError, TypeError, IndexError):
+        return otherwise  # a key that came in through an anchor has no line of its own

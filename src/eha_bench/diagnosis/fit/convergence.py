@@ -1,0 +1,159 @@
+"""Whether a calibration has arrived, what it left, and where it went.
+
+At a minimum the cost falls no further: what one more Gauss-Newton step is predicted to gain is the
+square of how many standard deviations away the minimum is (the Newton decrement: Boyd,
+Vandenberghe, Convex Optimization, 2004, section 9.5.1), where a standard deviation is that of the
+residual as it is. Parameters that stand at a bound, and would go beyond, do not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.problem import soften
+from eha_bench.diagnosis.fit.uncertainty import LOOSE
+from eha_bench.plants.model import Model
+
+FloatArray = NDArray[np.float64]
+
+NEAR = 2.0
+"""Standard deviations from the minimum within which a fit has converged."""
+MOST = 2.0
+"""Residual over its floor from which no interval is given: it would be one of another model."""
+FAR = 3.0
+"""Factor from which a parameter that has moved is told."""
+_AT = 1e-3
+"""Distance from a bound, in scales, that is none."""
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """How a calibration ended.
+
+    Attributes:
+        distance: of the minimum, in standard deviations of the parameters.
+        ratio: root mean square of the residual over windows, over its floor.
+        starts: how many there were. agreed: how many of them ended at the same cost.
+        at_bounds: parameter -> the bound that it stands at, SI.
+    """
+
+    distance: float
+    ratio: float
+    starts: int
+    agreed: int
+    at_bounds: Mapping[str, float]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the fit is at the bottom of its cost."""
+        return self.distance < NEAR
+
+    @property
+    def has_intervals(self) -> bool:
+        """Whether the fit says how well it knows what it found."""
+        return self.converged and self.ratio <= MOST
+
+    def notes(self) -> list[str]:
+        """Say what a reader has to know, one sentence each."""
+        found = []
+        if not self.converged:
+            found.append(
+                f"the calibration has not converged: from {self.starts} start(s) the best end is "
+                f"{self.distance:.2g} standard deviations from a minimum; no interval is given"
+            )
+        if self.ratio > MOST:
+            found.append(
+                f"after calibration the residual is {self.ratio:.3g} times its floor: something "
+                "is missing, or the fit ended in a poor place; no interval is given"
+            )
+        return found
+
+    def to_dict(self) -> dict[str, object]:
+        """Return it as it stands in JSON."""
+        return {
+            "converged": self.converged,
+            "distance": self.distance if np.isfinite(self.distance) else None,
+            "residual_over_floor": self.ratio if np.isfinite(self.ratio) else None,
+            "starts": self.starts,
+            "agreed": self.agreed,
+            "at_bounds": dict(self.at_bounds),
+        }
+
+
+def convergence(fit: Fit, starts: int = 1, agreed: int = 1) -> Convergence:
+    """Return how a fit ended.
+
+    Args:
+        fit: with a Jacobian of its own place. starts, agreed: as `starts.Arrival` has them.
+    """
+    soft, weight = soften(fit.residual, fit.soft)
+    matrix = fit.jacobian * weight[:, None]
+    gradient = matrix.T @ soft
+    bounds = _bounds(fit)
+    inside = [
+        k for k, item in enumerate(fit.free)
+        if item.key not in bounds or (gradient[k] > 0.0) is (bounds[item.key] != item.low)
+    ]  # fmt: skip
+    level = max(1.0, fit.cost / (SOFT_MEAN * max(1, fit.residual.size)))
+    # what the data do not determine has no minimum to arrive at
+    sizes = np.array([abs(fit.vector[i.at]) or i.scale for i in fit.free])[inside]
+    units = sizes / np.array([item.scale for item in fit.free])[inside]
+    values, vectors = np.linalg.eigh((matrix[:, inside] * units).T @ (matrix[:, inside] * units))
+    told = values > level / LOOSE**2
+    along = vectors[:, told].T @ (gradient[inside] * units)
+    decrement = float(np.sum(along**2 / values[told]))
+    readings = fit.residual[: fit.residual.size - fit.beliefs]
+    ratio = float(np.sqrt(np.mean(readings**2))) if readings.size else float("nan")
+    return Convergence(float(np.sqrt(max(decrement, 0.0) / level)), ratio, starts, agreed, bounds)
+
+
+def _bounds(fit: Fit) -> dict[str, float]:
+    found = {}
+    for item in fit.free:
+        value, near = fit.vector[item.at], _AT * item.scale
+        if value - item.low <= near:
+            found[item.key] = item.low
+        elif item.high - value <= near:
+            found[item.key] = item.high
+    return found
+
+
+def moved_notes(
+    model: Model, values: Mapping[str, float], at_bounds: Mapping[str, float]
+) -> list[str]:
+    """Say which parameters went far from what was declared, one sentence each.
+
+    Args:
+        model: declared. values: parameter -> estimate, SI. at_bounds: as `Convergence` has them.
+    """
+    notes = []
+    layout = model.plant.layout
+    declared, index = model.vector(), layout.index
+    for key in dict.fromkeys(model.calibrate):
+        if key not in values:
+            continue
+        value, before, unit = values[key], float(declared[index[key]]), layout.by_key[key].unit
+        way = f"from {before:.4g} to {value:.4g} {unit}".rstrip()
+        factor = value / before if before else float("nan")
+        if key in at_bounds:
+            notes.append(
+                f"CAUTION: {key} stands at its bound, {at_bounds[key]:.4g} {unit}: it hides "
+                "something that is missing, or these data do not determine it"
+            )
+        elif before and not 1.0 / FAR <= factor <= FAR:
+            notes.append(
+                f"CAUTION: {key} has moved by a factor of {factor:.3g}, {way}: is the model that "
+                "of this machine? a parameter that moves so far may hide what is missing"
+            )
+        elif key in model.within and abs(value - before) > model.within[key]:
+            notes.append(
+                f"CAUTION: {key} has moved {way}, which is beyond the {model.within[key]:.3g} "
+                f"{unit} that were believed"
+            )
+    return notes

@@ -1,0 +1,110 @@
+"""What a run has of its own (`per_run`), estimated from its first part only.
+
+A held-out run may not be fitted, or its error would say nothing. But nobody can predict a run
+whose load nobody knows. So what a run has of its own is estimated over its first part, everything
+else held at what was found before, and the rest of the run shows whether it is right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.windows import Window, cut
+from eha_bench.diagnosis.fit.evidence import groups_of
+from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.own_parameters import with_own
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.starts import arrived
+from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates
+from eha_bench.plants.model import Model
+
+SHARE = 1.0 / 3.0
+"""Part of a run from which what it has of its own is estimated."""
+_STEP = 2e-4
+_FEWEST = 4
+"""Ticks of the shortest window."""
+
+
+@dataclass(frozen=True)
+class FirstPart:
+    """What the first part of a run says of what it has of its own.
+
+    Attributes:
+        run: its name. until: end of that part, s from the run's start.
+        estimates: parameter -> value with its 95 % interval, SI; one that the part does not
+            determine has an interval without end, and the value that was declared.
+    """
+
+    run: str
+    until: float
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameter -> value, SI."""
+        return {key: item.value for key, item in self.estimates.items()}
+
+    def notes(self) -> list[str]:
+        """Say what was estimated, one sentence each."""
+        return [
+            f"{self.run}: {key} = {item.value:.4g} {item.unit}".rstrip()
+            + f" ({item.low:.4g} to {item.high:.4g}) was estimated from its first {self.until:.3g} "
+            "s only"
+            if np.isfinite(item.low) and np.isfinite(item.high)
+            else f"{self.run}: its first {self.until:.3g} s do not determine {key}, which keeps "
+            f"its declared value, {item.value:.4g} {item.unit}".rstrip()
+            for key, item in self.estimates.items()
+        ]
+
+
+def first_part(measured: Measured, model: Model, noise: Mapping[str, float]) -> FirstPart:
+    """Return what the first part of a run says of the model's `per_run` parameters.
+
+    Args:
+        measured: the run. model: everything else. noise: channel -> standard deviation, SI.
+    """
+    plant = model.plant
+    until = SHARE * float(measured.time[-1])
+    run = with_own(plant.layout, [measured.run], model.per_run)[0]
+    if not run.own:
+        return FirstPart(run.name, until)
+    windows = _until(cut(replace(measured, run=run), noise), until)
+    known = {name: level for name, level in noise.items() if name in measured.outputs}
+    problem = Problem(plant, windows, known, _STEP)
+    vector = problem.places.lengthened(model.vector()) if windows else model.vector()
+    units = {key: plant.layout.by_key[key].unit for key in run.own}
+    if not problem.size:
+        return FirstPart(run.name, until, {
+            key: Estimate(float(vector[plant.layout.index[key]]), -np.inf, np.inf, units[key])
+            for key in run.own
+        })  # fmt: skip
+    problem.prepare(vector)
+    problem.scale_to(problem.residual(vector))
+    keys = [item.key for item in problem.places.own]
+    free = free_parameters(problem.places, keys, vector)
+    # a load that is far from the declared one starts the run elsewhere: one start is not enough
+    fit = arrived(problem, vector, free, lambda _: None).fit
+    problem.scale_to(fit.residual)
+    fit = levenberg_marquardt(problem, fit.vector, free, iterations=4)
+    told = estimates(fit, groups_of(problem), {})
+    found = {}
+    for item in problem.places.own:
+        value = told[item.key]
+        if not (np.isfinite(value.low) and np.isfinite(value.high)):
+            value = replace(value, value=float(vector[item.place]))
+        found[item.parameter] = replace(value, unit=units[item.parameter])
+    return FirstPart(run.name, until, found)
+
+
+def _until(windows: Sequence[Window], until: float) -> list[Window]:
+    """Return windows, or their parts, that end before a time in s."""
+    found = []
+    for window in windows:
+        last = int(np.searchsorted(window.measured.time, until))
+        if last - window.first >= _FEWEST:
+            found.append(replace(window, last=min(window.last, last)))
+    return found

@@ -1,0 +1,118 @@
+"""What a verdict's own figures say against it (contract, section 7).
+
+No effect stands whose strength is at a bound, which runs left out of the fit do not bear out, whose
+'before' is no minimum, or with which held-out or unseen runs are replayed worse than without it.
+What is refused is said, and the others are decided upon anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import isfinite, isnan, sqrt
+
+from eha_bench.diagnosis.fit.baseline import COARSE
+from eha_bench.diagnosis.fit.evidence import compare, excess
+from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+from eha_bench.diagnosis.search.backward import drop, without
+from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
+
+_AT = 1e-3
+"""Distance of a strength from its bound, in starting strengths, that is none."""
+_WORSE = 1.05
+"""Growth of the error of whole replays from which a model is worse: less is chance."""
+_LIKELY = 0.05
+"""Probability from which chance may as well have made a gain."""
+
+
+def pruned(search: Search, limits: Thresholds | None = None) -> list[str]:
+    """Take out of a search what its own figures speak against; say what, one sentence each."""
+    limits = limits or Thresholds()
+    if not search.effects:
+        return []
+    _deepened(search, limits)
+    notes = []
+    for item in reversed(search.effects):
+        if reason := _against(search, item, limits):
+            notes.append(f"{item.start.candidate} is not accepted: {reason}")
+            drop(search, item, without(search, item))
+    return notes
+
+
+def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
+    """Say what speaks against an effect that was added, or nothing."""
+    start, found = item.start, item.comparison
+    strength = float(search.fit.vector[start.strength_at])
+    near = _AT * abs(start.strength - start.neutral)
+    for bound in (start.low, start.high):
+        if bound != start.neutral and abs(strength - bound) <= near:
+            return f"its strength stands at its bound, {bound:.4g}"
+    if found.explained_out <= 0.0 or found.gain_out <= 0.0:
+        return "on runs left out of the fit it explains nothing"
+    if found.p_value > _LIKELY:
+        return f"chance may have made its gain (p {found.p_value:.2g})"
+    alone = len(search.effects) == 1
+    if alone and min(found.share, found.share_out) < limits.share:
+        share = max(min(found.share, found.share_out), 0.0)
+        return f"of what is left without it, at its best, it explains {share:.0%} only"
+    return ""
+
+
+def _deepened(search: Search, limits: Thresholds) -> None:
+    """Begin the fit without any effect where the one with them has ended, too.
+
+    It may have been caught where it began, and a better place would take from what effects gain.
+    """
+    vector = search.fit.vector.copy()
+    for item in search.accepted:
+        vector[item.start.strength_at] = item.start.neutral
+    coarse = search.problem.at_step(max(search.problem.step, COARSE))
+    other = levenberg_marquardt(coarse, vector, search.base.free, iterations=6, refresh=1)
+    if other.cost > search.base.cost - limits.gain:
+        return
+    other = levenberg_marquardt(
+        search.problem, other.vector, search.base.free, iterations=4, known=other.columns, refresh=0
+    )
+    if other.cost > search.base.cost - limits.gain:
+        return
+    search.base, search.excess_base = other, excess(search.problem, other)
+    if len(search.accepted) == 1:
+        item = search.accepted[0]
+        found = compare(other, search.fit, search.groups, search.excess_base.total)
+        search.accepted = [replace(item, comparison=found)]
+
+
+def worse(found: Diagnosis) -> str:
+    """Say on which runs the revised model is worse than the recalibrated one, or nothing."""
+    for kind, errors in (("held-out", found.holdout), ("unseen", found.unseen)):
+        ratio = _growth(errors)
+        if ratio > _WORSE:
+            by = f"{ratio:.3g} times" if isfinite(ratio) else "without end"
+            return f"with it the error of whole replays of {kind} runs grows, {by}"
+    return ""
+
+
+def _growth(errors: Mapping[str, ChannelError]) -> float:
+    """Return the error after over that before, over all channels in their noise.
+
+    Where one standard deviation of the first sample moves a replay by more than its noise, that is
+    the measure.
+    """
+    before = after = 0.0
+    for name, item in errors.items():
+        if name == "pressure_difference" and {"pressure_a", "pressure_b"} <= errors.keys():
+            continue
+        floor = max(item.noise_floor, item.start if isfinite(item.start) else 0.0)
+        if floor > 0.0:
+            before += (item.before / floor) ** 2
+            after += (item.after / floor) ** 2
+    known = isfinite(before) and before > 0.0 and not isnan(after)
+    return sqrt(after / before) if known else 1.0
+
+
+def curve_is_worse(found: Diagnosis) -> bool:
+    """Whether a learned curve makes the errors of fitted and of held-out runs both larger."""
+    groups = [group for group in (found.train, found.holdout, found.unseen) if group]
+    return bool(groups) and all(_growth(group) > 1.0 for group in groups)

@@ -1,0 +1,148 @@
+"""What lies between the harmonics of a record of whole periods: noise, and a transient that decays.
+
+A record of P periods has P - 1 free lines between two harmonics. Noise is as strong on the line of
+the fundamental as on its neighbours, and a transient's spectrum is smooth over them, while the
+fundamental has one line alone. A transient that decays is a rational function of frequency, of one
+pole nearby (T. McKelvey, G. Guerin, IFAC Proceedings 45, 2012,
+doi:10.3182/20120711-3-BE-2027.00394; for polynomials R. Pintelon et al., Mech. Systems and Signal
+Processing 24, 2010, doi:10.1016/j.ymssp.2009.08.009):
+
+    Z(k) = (b_0 + b_1 x) / (1 + a x),    x = (k - P) / P.
+
+b_0 is what it adds to the fundamental. It is taken off where it is more than noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtri
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_LINES = 12  # nearest to the fundamental
+_FEWEST = 5  # lines that a transient can be told by
+_SURE = 0.95  # of the test whether there is a transient
+_CHOSEN = 1.06  # what variances are larger by, as the same lines decide whether there is one
+_SLOPES = np.linspace(0.0, 2.5, 11)  # noise may fall with frequency to these powers
+_SLOPE_COSTS = 3.0  # degrees of freedom
+_NEAR = 2.5  # times the fundamental: noise beyond follows another power of frequency
+_PART = 16384  # samples at a time, for the processor's cache
+
+
+@dataclass(frozen=True)
+class BetweenLines:
+    """What the free lines say of the line of the fundamental.
+
+    Attributes:
+        transient: phasor that a transient adds to the fundamental.
+        transient_variance: of each part of `transient`.
+        variance: of each part of a phasor, by noise.
+        freedom: degrees of freedom of the variances (0: no free line).
+    """
+
+    transient: complex
+    transient_variance: float
+    variance: float
+    freedom: float
+
+
+def between_lines(
+    time: FloatArray, residual: FloatArray, frequency: float, periods: int, highest: int
+) -> list[BetweenLines]:
+    """Return what lies under the fundamental of each of k channels.
+
+    Args:
+        time: (n,) s, over whole periods.
+        residual: (n, k) without offset, fundamental and harmonics.
+        frequency: Hz, of the fundamental.
+        periods: of it in the record.
+        highest: harmonic that was taken off.
+    """
+    lines = _free(time.size, periods, highest)
+    if lines.size == 0:
+        return [BetweenLines(0j, 0.0, 0.0, 0.0)] * residual.shape[1]
+    spectra = _phasors(time, residual, frequency / periods, lines)
+    return [_under(lines / periods, spectra[:, k]) for k in range(residual.shape[1])]
+
+
+def _under(ratio: FloatArray, spectrum: ComplexArray) -> BetweenLines:
+    """Return what lies under the fundamental, by lines at (m,) shares of its frequency."""
+    if ratio.size >= _FEWEST:
+        found = _transient(ratio - 1.0, spectrum)
+        if found is not None:
+            return found
+    near = np.argsort(np.abs(ratio - 1.0), kind="stable")
+    near = near[: max(int(np.count_nonzero(ratio <= _NEAR)), _FEWEST - 1)]
+    freedom = max(2.0 * near.size - _SLOPE_COSTS, 1.0)
+    return BetweenLines(0j, 0.0, _CHOSEN * _noise(ratio[near], spectrum[near]), freedom)
+
+
+def _free(samples: int, periods: int, highest: int) -> NDArray[np.intp]:
+    """Return the free lines nearest to the fundamental, in lines of the record."""
+    lines = np.arange(1, min((samples - 1) // 2, 4 * periods + 64))
+    free = lines[(lines % periods != 0) | (lines > highest * periods)]
+    nearest = np.argsort(np.abs(free - periods), kind="stable")[:_LINES]
+    return np.sort(free[nearest])
+
+
+def _phasors(
+    time: FloatArray, values: FloatArray, width: float, lines: NDArray[np.intp]
+) -> ComplexArray:
+    """Return the phasors (m, k) of (n, k) values on m lines, each a multiple of a width in Hz."""
+    found = np.zeros((lines.size, values.shape[1]), dtype=np.complex128)
+    for start in range(0, time.size, _PART):
+        part = slice(start, start + _PART)
+        step = np.exp(-2j * np.pi * width * time[part])
+        turn = np.exp(-2j * np.pi * width * float(lines[0]) * time[part])
+        place = 0
+        for line in range(int(lines[0]), int(lines[-1]) + 1):
+            if line == lines[place]:
+                # no matrix product: threads cost more than they bring
+                found[place] += (turn[:, None] * values[part]).sum(axis=0)
+                place += 1
+            turn *= step
+    return found * (2.0 / time.size)
+
+
+def _transient(x: FloatArray, spectrum: ComplexArray) -> BetweenLines | None:
+    """Return the transient of one pole, or None where it is no more than noise."""
+    count = x.size
+    weights = np.ones(count)
+    for _ in range(3):  # Sanathanan and Koerner: weights of the denominator found before
+        design = np.column_stack([np.ones(count), x, -x * spectrum]) * weights[:, None]
+        b0, b1, a = np.linalg.lstsq(design, spectrum * weights, rcond=None)[0]
+        denominator = 1.0 + a * x
+        if np.min(np.abs(denominator)) < 1e-3:
+            return None
+        weights = 1.0 / np.abs(denominator)
+    smooth = (b0 + b1 * x) / denominator
+    jacobian = np.column_stack([1.0 / denominator, x / denominator, -x * smooth / denominator])
+    free = count - 3
+    left = float(np.sum(np.abs(spectrum - smooth) ** 2))
+    taken = float(np.sum(np.abs(spectrum) ** 2)) - left
+    if not taken / 3.0 > float(fdtri(6, 2 * free, _SURE)) * left / free:
+        return None
+    inverse = np.linalg.pinv(jacobian.conj().T @ jacobian)
+    variance = _CHOSEN * 0.5 * left / free
+    share = float(inverse[0, 0].real)
+    return BetweenLines(complex(b0), variance * share, variance, 2.0 * free)
+
+
+def _noise(ratio: FloatArray, spectrum: ComplexArray) -> float:
+    """Return the variance of each part of the fundamental's phasor by noise.
+
+    `ratio` (k,): frequencies over the fundamental's. Noise that falls with some power of frequency
+    is priced at the fundamental; powers count by how likely they make the lines.
+    """
+    power = np.abs(spectrum) ** 2
+    scaled = power[None, :] * ratio[None, :] ** _SLOPES[:, None]
+    level = scaled.mean(axis=1)
+    if not np.all(level > 0.0):
+        return 0.0
+    likely = -ratio.size * np.log(level) + _SLOPES * float(np.sum(np.log(ratio)))
+    weights = np.exp(likely - likely.max())
+    return 0.5 * float(np.sum(weights * level) / np.sum(weights))

@@ -1,0 +1,115 @@
+"""Samples that are no measurements: spikes, and places without a value.
+
+A spike is a sample that its neighbours contradict while they agree with one another: a parabola
+through the three on either side follows these, and misses the sample by far more than the noise.
+Jumps, kinks and narrow peaks are no spikes: there the neighbours do not agree.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.metrics.noise import white_noise
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.intp]
+
+_BEYOND = 8.0  # standard deviations of the white noise
+_AGREE = 0.1  # of the spike: what the neighbours may leave of their parabola
+_STEEP = (
+    1.5  # times the largest step between two neighbours: what moves as fast as it spikes may be
+)
+_LEAST = 0.01  # of the span: what is less is as well the shape of a response that is free of noise
+_NEAR = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+_MOST = 0.03  # share of samples that may be spikes; more are no exceptions
+LONGEST_FILLED = 3
+"""Samples in a row without a value that neighbours may stand for."""
+
+
+def _parabolas() -> list[tuple[FloatArray, FloatArray, IndexArray]]:
+    """Return operator, design and samples of a parabola through all neighbours, or all but one."""
+    chosen = [np.arange(6), *(np.delete(np.arange(6), left_out) for left_out in range(6))]
+    designs = [np.vander(_NEAR[kept], 3, increasing=True) for kept in chosen]
+    return [(np.linalg.pinv(d), d, kept) for d, kept in zip(designs, chosen, strict=True)]
+
+
+_FITS = _parabolas()
+
+
+def spikes(time: FloatArray, values: FloatArray, resolution: float) -> IndexArray:
+    """Return the places of single samples that are no measurements, in (n,) finite values.
+
+    A sample beside a gap in the (n,) times is never one: its neighbours are too far away to tell.
+    """
+    if values.size < 32:
+        return np.zeros(0, dtype=np.intp)
+    noise = max(white_noise(values), resolution)
+    least = max(_BEYOND * noise, _LEAST * float(np.ptp(values)))
+    if not least > 0.0:
+        return np.zeros(0, dtype=np.intp)
+    # against the mean of both neighbours: a spike is off by its size, a neighbour of it by half
+    bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+    candidates = np.flatnonzero(bend > 0.7 * least) + 1
+    if candidates.size == 0 or candidates.size > 3 * _MOST * values.size:
+        return np.zeros(0, dtype=np.intp)
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    largest_first = [0, values.size - 1, *candidates[np.argsort(-bend[candidates - 1])].tolist()]
+    clean = np.array(values)
+    found: list[int] = []
+    for index in largest_first:
+        if np.any(steps[max(index - 3, 0) : index + 3] > 1.5 * period):
+            continue
+        instead = _instead(clean, index, least)
+        if instead is not None:
+            found.append(index)
+            clean[index] = instead
+    if len(found) > _MOST * values.size:
+        return np.zeros(0, dtype=np.intp)
+    return np.array(sorted(found), dtype=np.intp)
+
+
+def _instead(values: FloatArray, index: int, least: float) -> float | None:
+    """Return what the neighbours of a sample say it was, or None where they do not contradict it.
+
+    One of them may be a spike itself.
+    """
+    sample = float(values[index])
+    if not 3 <= index < values.size - 3:
+        start = 0 if index < 3 else values.size - 9
+        around = np.delete(values[start : start + 9], index - start)
+        middle = float(np.median(around))
+        alike = np.sort(np.abs(around - middle))[:-1]
+        return middle if abs(sample - middle) > least and alike[-1] < 0.5 * least else None
+    around = values[index + _NEAR.astype(np.intp)]
+    for operator, design, kept in _FITS:
+        parabola = operator @ around[kept]
+        away = abs(sample - float(parabola[0]))
+        rest = float(np.max(np.abs(around[kept] - design @ parabola)))
+        steps = np.abs(np.diff(around[kept]))[np.diff(_NEAR[kept]) == 1.0]
+        alone = away > least and away > _STEEP * float(np.max(steps))
+        if alone and rest < max(_AGREE * away, 0.5 * least):
+            break
+    else:
+        return None
+    # a kink goes on from one side, a spike from neither
+    for near, far in ((2, 1), (3, 4)):
+        whole = near in kept and far in kept
+        if whole and abs(sample - 2.0 * float(around[near]) + float(around[far])) < 0.5 * away:
+            return None
+    return float(parabola[0])
+
+
+def filled(values: FloatArray, missing: NDArray[np.bool_]) -> FloatArray:
+    """Return (n,) values with the missing ones taken from their neighbours, by straight lines."""
+    result = np.array(values)
+    places = np.arange(values.size)
+    result[missing] = np.interp(places[missing], places[~missing], values[~missing])
+    return result
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return [start, stop) of every stretch of true flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

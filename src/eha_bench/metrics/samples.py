@@ -1,0 +1,201 @@
+"""A channel's samples as they can be scored, and what a reader should know of them.
+
+Spikes and single samples without a value are replaced by what their neighbours say, and said; a
+sensor's resolution comes from the recording's metadata, or from the step between its values.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.recording import Recording
+from eha_bench.core.sensor import sensors_of
+from eha_bench.core.trial import Trial
+from eha_bench.metrics.memo import remembered
+from eha_bench.metrics.outliers import LONGEST_FILLED, filled, runs, spikes
+from eha_bench.metrics.resolution import resolution_of
+from eha_bench.metrics.window import Timeline
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+_CLIPPED = 5  # samples in a row at the extreme value
+_ELSEWHERE = 0.02  # share of samples like the one before, above which that is nothing special
+_MOST_MISSING = 0.05
+_POSSIBLE = {
+    "Pa": (-1e7, 1e9),
+    "A": (-1e5, 1e5),
+    "rad/s": (-1e5, 1e5),
+    "m": (-1e3, 1e3),
+    "m/s": (-1e4, 1e4),
+    "rad": (-1e4, 1e4),
+    "N": (-1e9, 1e9),
+    "K": (0.0, 5e3),
+}
+"""What a sensor of a rig can read at all, by unit; differences of pressures may be negative."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One channel on the clock of its recording.
+
+    Attributes:
+        name, unit: of the channel.
+        values: (n,) SI; spikes and short gaps filled, NaN where a gap is longer.
+        missing: (n,) whether a sample had no value and was filled.
+        spikes: (n,) whether a sample was no measurement and was replaced.
+        resolution: of the sensor, SI; 0 where there is none to be seen.
+        uncertainty: standard uncertainty of the calibration that all samples share, SI.
+        relative: the same as a share of the reading.
+    """
+
+    name: str
+    unit: str
+    values: FloatArray
+    missing: BoolArray
+    spikes: BoolArray
+    resolution: float
+    uncertainty: float
+    relative: float
+
+    def calibration(self, level: float) -> float:
+        """Return the standard uncertainty of a level's calibration, SI."""
+        return math.hypot(self.uncertainty, self.relative * level)
+
+    def notes(self, line: Timeline, window: slice) -> tuple[str, ...]:
+        """Return what is special about the samples of a window, one clause each."""
+        found = [
+            _counted(self.spikes, line, window, "outlier(s) replaced by their neighbours"),
+            _counted(self.missing, line, window, "sample(s) without a value not used"),
+            lost(line, window),
+            self._clipped(line, window),
+            self._impossible(window),
+        ]
+        return tuple(note for note in found if note)
+
+    def _clipped(self, line: Timeline, window: slice) -> str:
+        values = self.values[window]
+        if values.size < 2 * _CLIPPED:
+            return ""
+        same = np.diff(values) == 0.0
+        for extreme in (float(values.max()), float(values.min())):
+            at = values == extreme
+            longest = max((stop - start for start, stop in runs(at)), default=0)
+            elsewhere = ~(at[1:] & at[:-1])
+            if longest < _CLIPPED or np.count_nonzero(elsewhere) < _CLIPPED:
+                continue
+            if float(np.mean(same[elsewhere])) <= _ELSEWHERE:
+                first = float(line.time[window][int(np.argmax(at))]) + line.offset
+                count = int(np.count_nonzero(at))
+                return (
+                    f"clipped: {count} samples at exactly {extreme:.4g} {self.unit}, "
+                    f"the first at {first:.6g} s"
+                )
+        return ""
+
+    def _impossible(self, window: slice) -> str:
+        values = self.values[window]
+        low, high = _POSSIBLE.get(self.unit, (-math.inf, math.inf))
+        if "difference" in self.name:
+            low = -high
+        worst = float(values[int(np.argmax(np.abs(values)))]) if values.size else 0.0
+        if low <= worst <= high:
+            return ""
+        return (
+            f"{worst:.3g} {self.unit} is beyond what such a sensor can read: "
+            "check unit and scale of the channel"
+        )
+
+
+def samples(recording: Recording, trial: Trial, channel: str) -> Samples:
+    """Return a channel as it can be scored.
+
+    Raises:
+        MissingChannelError: no such channel.
+    """
+    return remembered(recording, trial, ("samples", channel), lambda: _samples(recording, channel))
+
+
+def _samples(recording: Recording, channel: str) -> Samples:
+    values = recording[channel]
+    none = np.zeros(values.size, dtype=np.bool_)
+    sensors = sensors_of(recording, channel)
+    steps = [
+        sensor.resolution or resolution_of(recording[name]) for name, sensor in sensors.items()
+    ]
+    absolute = math.sqrt(math.fsum(sensor.uncertainty**2 for sensor in sensors.values()))
+    resolution = math.sqrt(math.fsum(step**2 for step in steps))
+    missing, odd = none, none
+    bad = ~np.isfinite(values)
+    if bad.any():
+        missing = _short(bad & np.isnan(values))
+        if missing.any():
+            values = filled(values, missing)
+    finite = np.isfinite(values) if bad.any() else ~none
+    places = spikes(recording.time[finite], values[finite], resolution)
+    if places.size:
+        odd = np.array(none)
+        odd[np.flatnonzero(finite)[places]] = True
+        values = filled(values, odd)
+    return Samples(
+        name=channel,
+        unit=recording.unit(channel),
+        values=values,
+        missing=missing,
+        spikes=odd,
+        resolution=resolution,
+        uncertainty=absolute,
+        relative=_relative(recording, channel),
+    )
+
+
+def _relative(recording: Recording, channel: str) -> float:
+    """Return the relative uncertainty; of a difference, that of its parts taken together."""
+    sensors = sensors_of(recording, channel)
+    if len(sensors) == 1:
+        return next(iter(sensors.values())).relative
+    with np.errstate(all="ignore"):
+        whole = float(np.nanmean(np.abs(recording[channel])))
+        parts = [s.relative * float(np.nanmean(np.abs(recording[n]))) for n, s in sensors.items()]
+    total = math.sqrt(math.fsum(part**2 for part in parts))
+    return total / whole if whole > 0.0 and math.isfinite(total / whole) else 0.0
+
+
+def _short(bad: BoolArray) -> BoolArray:
+    """Return the samples without a value that their neighbours can stand for."""
+    chosen = np.zeros(bad.size, dtype=np.bool_)
+    if np.count_nonzero(bad) > _MOST_MISSING * bad.size:
+        return chosen
+    for start, stop in runs(bad):
+        if stop - start <= LONGEST_FILLED and start > 0 and stop < bad.size:
+            chosen[start:stop] = True
+    return chosen
+
+
+def _counted(flags: BoolArray, line: Timeline, window: slice, what: str) -> str:
+    inside = flags[window]
+    count = int(np.count_nonzero(inside))
+    if count == 0:
+        return ""
+    first = float(line.time[window][int(np.argmax(inside))]) + line.offset
+    return f"{count} {what}, the first at {first:.6g} s"
+
+
+def lost(line: Timeline, window: slice) -> str:
+    """Return how many samples of a window are not there, or ""."""
+    gaps = np.diff(line.time[window])
+    wide = gaps > 1.5 * line.period
+    if not wide.any():
+        return ""
+    count = int(np.sum(np.round(gaps[wide] / line.period) - 1))
+    share = 100.0 * count / (count + gaps.size + 1)
+    longest = int(np.argmax(gaps))
+    at = float(line.time[window][longest]) + line.offset
+    return (
+        f"{count} sample(s) lost ({share:.2g} %), "
+        f"the longest gap of {float(gaps[longest]):.4g} s after {at:.6g} s"
+    )

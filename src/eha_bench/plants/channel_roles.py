@@ -1,0 +1,65 @@
+"""What a plant's channels are: rates, positions, pressures, commands; so that nobody goes by names.
+
+A log of any plant is read, cut and begun by these: a rate is nothing at rest, a position's slope is
+its rate, a command is held between samples and exact, a measured state is neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class ChannelRoles:
+    """Names of channels and states by what they are.
+
+    Attributes:
+        rates: speeds and velocities: 0 at rest.
+        rate_of: channel of a position -> the state that is its rate.
+        turning: rate -> the state that is its angle, where something may repeat with the turn.
+        pressures: pressures that are states.
+        pair: the two chambers whose difference and sum are looked at, () where there are none.
+        commands: inputs that are asked for: held between samples, and exact.
+        on_top: inputs that are added to another: where a log has none, nothing was added.
+        acting: channel of what acts in a drive -> the input that asks for it.
+        limited: channels that stand still where their drive is at its limit.
+        locked: channels and states that stand still while the piston is locked.
+        added_up: inputs whose noise a balance adds up. added_up_by_rod: those of a free rod's.
+        volumes: nodes whose pressure is a state. units: SI unit of every channel.
+    """
+
+    rates: tuple[str, ...] = ()
+    rate_of: Mapping[str, str] = field(default_factory=dict)
+    turning: Mapping[str, str] = field(default_factory=dict)
+    pressures: tuple[str, ...] = ()
+    pair: tuple[str, ...] = ()
+    commands: tuple[str, ...] = ()
+    on_top: tuple[str, ...] = ()
+    acting: Mapping[str, str] = field(default_factory=dict)
+    limited: tuple[str, ...] = ()
+    locked: tuple[str, ...] = ()
+    added_up: tuple[str, ...] = ()
+    added_up_by_rod: tuple[str, ...] = ()
+    volumes: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+KNOWN = ChannelRoles(
+    rates=("motor_speed", "piston_velocity"),
+    rate_of={"piston_position": "piston_velocity"},
+    turning={"motor_speed": "shaft_angle"},
+    pressures=("pressure_a", "pressure_b"),
+    pair=("pressure_a", "pressure_b"),
+    commands=("current_command", "reference", "voltage", "pulses"),
+    on_top=("pulses",),
+    acting={"current": "current_command"},
+    limited=("current", "voltage"),
+    locked=("piston_position", "piston_velocity", "joint_angle"),
+    added_up=(
+        "current", "motor_speed", "pressure_a", "pressure_b", "pressure_difference",
+        "piston_velocity",
+    ),
+    added_up_by_rod=("force",),
+)  # fmt: skip
+"""The channels that eha_bench knows by name: for plants that say nothing of their own."""

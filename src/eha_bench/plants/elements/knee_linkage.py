@@ -1,0 +1,66 @@
+"""The triangle of two links and a cylinder that turns a knee.
+
+    c = c_0 + V_10 / A + x,    cos(angle) = (a^2 + b^2 - c^2) / (2 a b)
+    d(angle)/dx = c / (a b sin(angle))
+
+The angle is the absolute one between the links; c_0 is the actuator's length all in, and half its
+stroke V_10 / A that of the cylinder (volume at mid-stroke over its area).
+
+Source: Yang et al. 2023, Eq. (8)-(10).
+"""
+
+from __future__ import annotations
+
+import math
+
+from eha_bench.plants.network.element import Anatomy, ElementKind, NodeKind, Port, Tie
+from eha_bench.plants.parameter import Parameter
+
+_A = Parameter("link_a", "m", 0.3, 1e-6, math.inf, "a")
+_B = Parameter("link_b", "m", 0.05, 1e-6, math.inf, "b")
+_C0 = Parameter("link_c0", "m", 0.3, 1e-6, math.inf, "c_0")
+
+
+def angle(
+    position: float,
+    link_a: float,
+    link_b: float,
+    link_c0: float,
+    cylinder_volume_a: float,
+    cylinder_area_a: float,
+) -> float:
+    """Return the joint's angle, rad; held near the dead points, where a leg cannot go."""
+    length = link_c0 + cylinder_volume_a / cylinder_area_a + position
+    value = (link_a * link_a + link_b * link_b - length * length) / (2.0 * link_a * link_b)
+    return math.acos(min(0.999, max(-0.999, value)))
+
+
+def turns(
+    position: float,
+    link_a: float,
+    link_b: float,
+    link_c0: float,
+    cylinder_volume_a: float,
+    cylinder_area_a: float,
+) -> float:
+    """Return how far the joint turns with the rod, rad/m."""
+    length = link_c0 + cylinder_volume_a / cylinder_area_a + position
+    value = (link_a * link_a + link_b * link_b - length * length) / (2.0 * link_a * link_b)
+    value = min(0.999, max(-0.999, value))
+    return length / (link_a * link_b * math.sqrt(1.0 - value * value))
+
+
+def _anatomy(declared: frozenset[str]) -> Anatomy:
+    return Anatomy((_A, _B, _C0), (Tie("to", "on", turns, angle),))
+
+
+KIND = ElementKind(
+    id="knee_linkage",
+    summary="Two links and a cylinder that turns the joint between them.",
+    ports=(Port("on", (NodeKind.TRANSLATION,)), Port("to", (NodeKind.ROTATION,))),
+    parameters=(_A, _B, _C0),
+    anatomy=_anatomy,
+    required=("link_a", "link_b", "link_c0"),
+    refers=("cylinder",),
+    source="Yang et al. 2023, Eq. (8)-(10)",
+)

@@ -1,1 +1,0 @@
-"""A linear drive with friction, in open loop or under its own position controller (EMPS)."""

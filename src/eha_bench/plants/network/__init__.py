@@ -1,0 +1,1 @@
+"""Plants as networks: nodes that hold state, elements between them, compiled to one kernel."""

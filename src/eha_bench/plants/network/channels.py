@@ -1,0 +1,97 @@
+"""What the channels of a network are, told by the nodes and elements that they show."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from eha_bench.plants.channel_roles import ChannelRoles
+from eha_bench.plants.network.element import NodeKind
+
+if TYPE_CHECKING:
+    from eha_bench.plants.network.plant import NetworkPlant
+
+
+def roles_of_channels(plant: NetworkPlant) -> ChannelRoles:
+    """Return what the channels of a plant are."""
+    system = plant.system
+    names = {place: name for name, place in plant.state_places.items()}
+    rates = {item.name: names[item.speed] for item in system.coordinates}
+    positions = {item.name: names[item.position] for item in system.coordinates}
+    locked = [
+        name
+        for item in system.coordinates
+        if item.number in system.locked
+        for name in (positions[item.name], rates[item.name])
+    ]
+    locked += [
+        channel
+        for channel, (node, _, _) in system.derived.items()
+        if system.leader_of(node).number in system.locked
+    ]
+    commands = {column.signal: column.channel for column in system.columns if column.command}
+    held = [column.channel for column in system.columns if column.held and column.command]
+    held += [
+        column.channel for column in system.columns
+        if column.held and column.part is not None and column.part.anatomy.loop is not None
+    ]  # fmt: skip
+    references = [
+        column.channel
+        for column in system.columns
+        if column.part is not None
+        and (loop := column.part.anatomy.loop) is not None
+        and column.signal == system.signals[f"{column.part.name}.{loop.reference}"]
+    ]
+    on_top = [
+        column.channel
+        for column in system.columns
+        if column.part is not None
+        and (loop := column.part.anatomy.loop) is not None
+        and column.signal == system.signals[f"{column.part.name}.{loop.added}"]
+    ]
+    acting = {
+        item.channel: commands[item.signal]
+        for item in system.outputs
+        if item.signal in commands and item.command < 0
+    }
+    looped = [item.channel for item in system.outputs if item.command >= 0]
+    pressures = tuple(names[volume.pressure] for volume in system.volumes)
+    pair = next(
+        (
+            (names[system.volume_of[part.element.ports["a"]].pressure],
+             names[system.volume_of[part.element.ports["b"]].pressure])
+            for part in system.parts.values()
+            if part.element.kind.id == "cylinder"
+            and {part.element.ports["a"], part.element.ports["b"]} <= set(system.volume_of)
+        ),
+        (),
+    )  # fmt: skip
+    reservoirs = [
+        column.channel for column in system.columns if column.unit == "Pa" and not column.command
+    ]
+    forces = [
+        column.channel
+        for column in system.columns
+        if column.part is not None and column.part.element.kind.id == "load"
+    ]
+    turning = {
+        rates[item.name]: positions[item.name]
+        for item in system.coordinates
+        if item.node.kind is NodeKind.ROTATION
+        and not any(out.state == item.position for out in system.outputs)
+    }
+    return ChannelRoles(
+        rates=tuple(rates.values()),
+        rate_of={positions[name]: rates[name] for name in positions},
+        turning=turning,
+        pressures=pressures,
+        pair=pair,
+        commands=tuple(dict.fromkeys((*held, *references))),
+        on_top=tuple(on_top),
+        acting=acting,
+        limited=(*acting, *looped),
+        locked=tuple(locked),
+        added_up=(*acting, *rates.values(), *pressures, *reservoirs, "pressure_difference"),
+        added_up_by_rod=tuple(forces),
+        volumes=tuple(item.name for item in system.volumes),
+        units=plant.units,
+    )

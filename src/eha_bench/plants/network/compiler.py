@@ -1,0 +1,108 @@
+"""Compiles a kernel's source once per machine, and keeps it on disk."""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import logging
+import os
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from eha_bench.core.atomic_file import write_text
+from eha_bench.core.errors import PluginError
+from eha_bench.plants.compiled import load_numba
+
+_LOG = logging.getLogger("eha_bench")
+
+_IMPORTED = re.compile(r"^from (eha_bench\.[\w.]+) import", re.MULTILINE)
+
+
+def compiled(
+    plant: str, text: str, functions: Iterable[Callable[..., object]], entry: str = "simulate"
+) -> ModuleType:
+    """Return the module that a kernel's source is, compiled where it is called first.
+
+    Args:
+        plant: its id, for the file's name and the log. text: the source.
+        functions: what it imports: their sources decide as well what it compiles to.
+        entry: the compiled function that is called; the log says when it has to be compiled.
+    """
+    numba = load_numba()  # here, because a layout alone needs no compiler
+
+    digest = hashlib.sha256(text.encode())
+    digest.update(f"{numba.__version__} {np.__version__}".encode())
+    for module in sorted({*_modules_of(functions), *_IMPORTED.findall(text)}):
+        digest.update(inspect.getsource(importlib.import_module(module)).encode())
+    name = f"eha_bench_kernel_{plant}_{digest.hexdigest()[:16]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    path = _write(name, text)
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise PluginError(f"the kernel of {plant} cannot be loaded from {path}")
+    kernel = importlib.util.module_from_spec(spec)
+    sys.modules[name] = kernel
+    spec.loader.exec_module(kernel)
+    cache = Path(getattr(kernel, entry).stats.cache_path)
+    if not any(cache.glob(f"{name}.{entry}-*.nbi")):
+        _LOG.info("compiling the kernel of %s (once per machine)", plant)
+    return kernel
+
+
+def kernel_folder() -> Path:
+    """Folder of the generated kernels: `$EHA_BENCH_CACHE`, or the user's cache folder."""
+    base = os.environ.get("EHA_BENCH_CACHE")
+    if base:
+        return Path(base)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "eha-bench"
+
+
+def _modules_of(functions: Iterable[Callable[..., object]]) -> set[str]:
+    """Return the names of the modules whose source decides what functions compile to."""
+    seen: set[Callable[..., object]] = set()
+    waiting = list(functions)
+    while waiting:
+        function = waiting.pop()
+        if function not in seen:
+            seen.add(function)
+            namespace = function.__globals__
+            helpers = [
+                getattr(namespace.get(n), "py_func", None) for n in function.__code__.co_names
+            ]
+            waiting += [helper for helper in helpers if helper is not None]
+    return {function.__module__ for function in seen}
+
+
+def _write(name: str, text: str) -> Path:
+    """Write the kernel's source where it stays, or where nothing stays for this process alone."""
+    try:
+        return _write_in(kernel_folder(), name, text)
+    except OSError as error:
+        _LOG.warning(
+            "the kernel cannot be kept in %s (%s) and is compiled for this process alone; "
+            "name a folder in EHA_BENCH_CACHE",
+            kernel_folder(),
+            error.strerror or error,
+        )
+        folder = tempfile.mkdtemp(prefix="eha-bench-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        return _write_in(Path(folder), name, text)
+
+
+def _write_in(folder: Path, name: str, text: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.py"
+    if not path.exists():
+        write_text(path, text)
+    return path

@@ -1,0 +1,721 @@
+"""A plant that is a network, compiled with all effects that it has places for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import InputError
+from eha_bench.core.linkage import Linkage
+from eha_bench.plants.channel_roles import ChannelRoles
+from eha_bench.plants.effect import BoundEffect, Effect, bound
+from eha_bench.plants.layout import Layout
+from eha_bench.plants.network.channels import roles_of_channels
+from eha_bench.plants.network.compiler import compiled
+from eha_bench.plants.network.element import Friction
+from eha_bench.plants.network.hooks import Hooks
+from eha_bench.plants.network.integration import LANES
+from eha_bench.plants.network.network import Network
+from eha_bench.plants.network.reach import determined_nodes
+from eha_bench.plants.network.roles import roles_of
+from eha_bench.plants.network.source import kernel_source
+from eha_bench.plants.network.system import Locate, System
+from eha_bench.plants.plant import Drive, Parametrised, Plant
+
+FloatArray = NDArray[np.float64]
+
+_WORTH_A_BLOCK = 3
+"""Least number of sets that a sweep in step gains on."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A drive's inputs as arrays.
+
+    Attributes:
+        period: of a controller inside the plant, s; 0 where none is used.
+        time: (m,) the clock that the kernel runs on, s. ticks: (n,) where the samples are on it.
+        values: (m, columns). given: which columns are.
+        imposed: (m, states and signals). is_imposed: which are.
+    """
+
+    period: float
+    time: FloatArray
+    ticks: NDArray[np.intp]
+    values: FloatArray
+    given: NDArray[np.bool_]
+    imposed: FloatArray
+    is_imposed: NDArray[np.bool_]
+
+
+class NetworkPlant(Plant):
+    """A plant as a network.
+
+    Args:
+        network: what was declared. effects: all that there are. locate: keys -> place in the file.
+
+    Raises:
+        InputError: a mistake in the network.
+    """
+
+    def __init__(
+        self, network: Network, effects: Iterable[Effect], locate: Locate | None = None
+    ) -> None:
+        self.network = network
+        self.system = system = System(network, locate)
+        self.id = network.name
+        synonyms = {key: slot for key, slot in system.slot_of.items() if key != slot}
+        own = bound(tuple(effects), roles_of(system))
+        self.layout = Layout(self.id, system.parameters, own, synonyms=synonyms)
+        self.outputs = tuple(item.channel for item in system.outputs)
+        self.derived_channels = tuple(system.derived)
+        self._imposable = [
+            (item.channel, item.signal) for item in system.outputs if item.signal >= 0
+        ]
+        self.state_places = self._state_places()
+        self.states = tuple(self.state_places)
+        self.inputs = tuple(item.channel for item in system.columns)
+        commands = [item.channel for item in system.columns if item.command is not None]
+        self.command = commands[0] if commands else ""
+        self.resting_inputs = {
+            item.channel: math.nan
+            if item.default == -2
+            else system.parameters[item.default].default
+            for item in system.columns
+            if item.default != -1
+        }
+        self.can_lock = bool(system.locked)
+        self.has_bypass = system.has_bypass
+
+    def __reduce__(self) -> tuple[Callable[..., Plant], tuple[Any, ...]]:
+        """Travel to other processes as what was declared: each compiles, or loads, the kernel."""
+        from eha_bench.plants.network.file import plant_of
+
+        return plant_of, (dict(self.network.source),)
+
+    def _state_places(self) -> dict[str, int]:
+        """Return states by the channel that shows them, or by node and quantity."""
+        system = self.system
+        shown = {item.state: item.channel for item in system.outputs if item.state >= 0}
+        found = {}
+        for item in system.coordinates:
+            turning = item.node.kind.value == "rotation"
+            names = ("speed", "angle") if turning else ("velocity", "position")
+            for place, name in zip((item.speed, item.position), names, strict=True):
+                found[shown.get(place, f"{item.name}_{name}")] = place
+        for volume in system.volumes:
+            found[shown.get(volume.pressure, f"{volume.name}_pressure")] = volume.pressure
+        for number, (channel, _) in enumerate(self._imposable):
+            found[channel] = system.size + number
+        return found
+
+    @cached_property
+    def roles(self) -> ChannelRoles:
+        """What its channels are."""
+        return roles_of_channels(self)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """SI unit of every output, derived channel, state and input."""
+        system = self.system
+        found = {item.channel: item.unit for item in system.columns}
+        found |= {item.channel: item.unit for item in system.outputs}
+        found |= {channel: unit for channel, (_, _, unit) in system.derived.items()}
+        for name, place in self.state_places.items():
+            found.setdefault(name, self._unit_of_state(place))
+        return found
+
+    def _unit_of_state(self, place: int) -> str:
+        for item in self.system.coordinates:
+            turning = item.node.kind.value == "rotation"
+            if place in (item.speed, item.position):
+                unit = "rad" if turning else "m"
+                return unit if place == item.position else f"{unit}/s"
+        return "Pa"
+
+    # --- kernels -----------------------------------------------------------------------------
+
+    @cached_property
+    def _hooks(self) -> Hooks:
+        return Hooks(self.layout, self._first_memory)
+
+    @property
+    def _first_memory(self) -> int:
+        return len(self.system.signals) + 2 * len(self.system.loops)
+
+    @cached_property
+    def compiled(self) -> ModuleType:
+        """The kernel with all effects, compiled on first use."""
+        return self._compile(self.system, self.layout)
+
+    @cached_property
+    def bare(self) -> Layout:
+        """The layout without any effect; its parameters are the first of every vector."""
+        full = self.layout
+        return Layout(full.plant, full.parameters, synonyms=full.synonyms)
+
+    @cached_property
+    def _bare_compiled(self) -> ModuleType:
+        """The kernel without effects: bit for bit what the full one computes while all are off."""
+        return self._compile(self.system, self.bare)
+
+    def _compile(self, system: System, layout: Layout) -> ModuleType:
+        hooks = Hooks(layout, self._first_memory)
+        text = kernel_source(system, hooks)
+        functions = [*system.laws, *hooks.functions]
+        return compiled(self.id, text, functions)
+
+    @cached_property
+    def _strengths(self) -> tuple[NDArray[np.intp], FloatArray]:
+        """Places of the strengths of all effects that need the full kernel, and neutral values."""
+        effects = [effect for effect in self.layout.effects if effect.action.hooks]
+        places = [self.layout.index[f"{effect.id}.{effect.strength.name}"] for effect in effects]
+        return np.array(places, dtype=np.intp), np.array([effect.neutral for effect in effects])
+
+    @cached_property
+    def _adjusting(self) -> tuple[BoundEffect, ...]:
+        return tuple(effect for effect in self.layout.effects if effect.action.adjusts)
+
+    def adjusted(self, vector: FloatArray) -> FloatArray:
+        """Return a vector with the plant's parameters as effects adjust them."""
+        out = vector
+        index = self.layout.index
+        for effect in self._adjusting:
+            if vector[index[f"{effect.id}.{effect.strength.name}"]] == effect.neutral:
+                continue
+            out = vector.copy() if out is vector else out
+            own = {
+                item.name: float(vector[index[f"{effect.id}.{item.name}"]])
+                for item in effect.parameters
+            }
+            for spot in effect.spots_at(own):
+                for name, function in effect.action.adjusts.items():
+                    if name in spot.parameters:
+                        place = index[spot.parameters[name]]
+                        wanted = list(
+                            function.__code__.co_varnames[: function.__code__.co_argcount]
+                        )
+                        out[place] = function(float(out[place]), *(own[n] for n in wanted[1:]))
+        return out
+
+    def kernel_for(self, vector: FloatArray) -> tuple[ModuleType, FloatArray, FloatArray]:
+        """Return the fastest kernel for some parameters, and its own vectors `P` and `S`."""
+        places, neutral = self._strengths
+        vector = self.adjusted(vector)
+        if places.size and (vector[places] != neutral).any():
+            return self.compiled, vector, np.zeros(self._hooks.memory)
+        return self._bare_compiled, vector[: self.bare.size], np.zeros(self._first_memory + 1)
+
+    # --- simulation --------------------------------------------------------------------------
+
+    def at(self, vector: FloatArray) -> Parametrised:
+        """Return the plant with its parameters set, for many simulations with them."""
+        return _Fastest(self, vector)
+
+    def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
+        """Return what the sensors would read: (n, outputs), SI.
+
+        Raises:
+            InputError: an input or a first value that this plant does not have.
+        """
+        return _Fastest(self, vector).simulate(drive, drive.initial, step)
+
+    def start(
+        self, vector: FloatArray, initial: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the state vector behind what the sensors read first, and a memory."""
+        return _Fastest(self, vector).start(initial)
+
+    def advance(
+        self,
+        first: int,
+        last: int,
+        time: FloatArray,
+        inputs: FloatArray,
+        locked: bool,
+        bypass_open: bool,
+        step: float,
+        fresh: bool,
+        vector: FloatArray,
+        memory: FloatArray,
+        state: FloatArray,
+        out: FloatArray,
+    ) -> None:
+        """Go on from moment `first` to moment `last`, as `Plant.advance` says."""
+        _Fastest(self, vector).advance(
+            first, last, time, inputs, locked, bypass_open, step, fresh, memory, state, out
+        )
+
+    def settled(
+        self,
+        initial: Mapping[str, float],
+        kernel: ModuleType,
+        parameters: FloatArray,
+        memory: FloatArray,
+    ) -> FloatArray:
+        """Return the state behind what the sensors read first; the rest is at rest.
+
+        Raises:
+            InputError: a channel that is no state of this plant.
+        """
+        size = self.system.size
+        state = np.zeros(size + len(self._imposable))
+        state[size:] = self._resting_signals
+        for volume in self.system.volumes:
+            place = self.system.index[self.system.slot_of[f"{volume.name}.pressure"]]
+            state[volume.pressure] = parameters[place]
+        read = np.zeros(state.size, dtype=np.bool_)
+        for name, value in initial.items():
+            if name not in self.state_places:
+                raise InputError(
+                    f"'{name}' is not a state of {self.id}",
+                    hint=f"it has: {', '.join(self.states)}",
+                )
+            state[self.state_places[name]] = value
+            read[self.state_places[name]] = True
+        kernel.settle(read, parameters, memory, np.zeros(size + 1), state)
+        self._charge(parameters, state, read)
+        return state
+
+    @cached_property
+    def _resting_signals(self) -> FloatArray:
+        """What signals that a channel may set are where nothing was read: NaN for as commanded."""
+        commanded = {item.signal for item in self.system.columns if item.command is not None}
+        return np.array([0.0 if signal in commanded else math.nan for _, signal in self._imposable])
+
+    def _charge(self, parameters: FloatArray, state: FloatArray, read: NDArray[np.bool_]) -> None:
+        """Set pressures that follow from how much oil a closed circuit holds."""
+        system = self.system
+        for part in system.parts.values():
+            other = part.element.refers.get("mid_stroke_of")
+            if other is None:
+                continue
+            volume = system.volume_of[part.element.ports["on"]]
+            if read[volume.pressure]:
+                continue
+
+            def value(of: str, name: str) -> float:
+                return float(parameters[system.index[system.slot_of[f"{of}.{name}"]]])
+
+            rod = system.leader_of(system.parts[other].element.ports["on"])
+            given = value(other, "area_a") - value(other, "area_b")
+            atmosphere = value(part.name, "atmosphere")
+            charge = value(part.name, "precharge") + atmosphere
+            gas = value(part.name, "gas_volume")
+            # oil that the cylinder takes beyond mid-stroke comes out of the gas's volume
+            taken = max(gas + given * state[rod.position], 0.05 * gas)
+            index = value(part.name, "polytropic_index")
+            state[volume.pressure] = charge * (gas / taken) ** index - atmosphere
+
+    # --- sweeps ------------------------------------------------------------------------------
+
+    def sweep(self, vectors: FloatArray, drive: Drive, step: float) -> FloatArray:
+        """Return what `simulate` does for each row of parameters: (m, n, outputs), SI.
+
+        Sets without effects and without friction that creeps go through SIMD registers several at a
+        time, which differs from `simulate` by rounding only; the rest one by one.
+
+        Raises:
+            InputError: as `simulate`.
+        """
+        out = np.empty((len(vectors), drive.time.size, len(self.outputs)))
+        adjusted = [self.adjusted(vector) for vector in vectors]
+        rows = [row for row, vector in enumerate(adjusted) if self._goes_in_step(vector)]
+        sweep = None
+        if len(rows) >= _WORTH_A_BLOCK and self._drives_in_step(drive, adjusted[rows[0]]):
+            sweep = self.sweep_kernel
+        if sweep is None:
+            rows = []
+        for row in sorted(set(range(len(vectors))) - set(rows)):
+            out[row] = self.simulate(vectors[row], drive, step)
+        for first in range(0, len(rows), LANES):
+            block = rows[first : first + LANES]
+            assert sweep is not None
+            out[block] = self._in_step(sweep, [adjusted[row] for row in block], drive, step)
+        return out
+
+    def _goes_in_step(self, vector: FloatArray) -> bool:
+        """Whether a set has no effects on, and no friction that creeps."""
+        places, neutral = self._strengths
+        return bool((vector[places] == neutral).all() and (vector[self._creeps] <= 0.0).all())
+
+    @cached_property
+    def _creeps(self) -> NDArray[np.intp]:
+        """Places of the speeds over which frictions creep."""
+        system = self.system
+        keys = [
+            f"{part.name}.{term.creep}"
+            for item in system.coordinates
+            for part, term, _ in system.terms(item, Friction)
+            if term.creep
+        ]
+        return np.array([system.index[system.slot_of[key]] for key in keys], dtype=np.intp)
+
+    def _drives_in_step(self, drive: Drive, vector: FloatArray) -> bool:
+        """Whether nothing is imposed, and no controller inside the plant is used."""
+        inputs = self.inputs_of(drive, vector)
+        return not inputs.is_imposed.any() and inputs.period == 0.0
+
+    @cached_property
+    def sweep_kernel(self) -> Callable[..., None] | None:
+        """The kernel of sweeps, compiled on first use; None where it cannot be vectorised."""
+        from eha_bench.plants.network.lanes import sweep_source
+
+        scalar = self._bare_compiled
+        hooks = Hooks(self.bare, self._first_memory)
+        text = sweep_source(self.system, hooks, scalar.__name__, self.bare.size)
+        if text is None:
+            return None
+        kernel = compiled(self.id, text, [*self.system.laws], "sweep")
+        sweep: Callable[..., None] = kernel.sweep
+        return sweep
+
+    def _in_step(
+        self, sweep: Callable[..., None], vectors: list[FloatArray], drive: Drive, step: float
+    ) -> FloatArray:
+        """Return (m, n, outputs) for at most as many sets as there are lanes."""
+        inputs = self.inputs_of(drive, vectors[0])
+        first, count = int(inputs.ticks[drive.first]), len(self.outputs)
+        # lanes that are left over repeat the last set
+        spread = [vectors[min(lane, len(vectors) - 1)] for lane in range(LANES)]
+        parameters = np.stack([vector[: self.bare.size] for vector in spread])
+        memories = np.zeros((LANES, self._first_memory + 1))
+        states = np.zeros((LANES, self.system.size + len(self._imposable)))
+        out = np.full((drive.time.size, count * LANES), np.nan)
+        begin, shown = self._bare_compiled, np.zeros(self.system.size + 1)
+        for lane, own in enumerate(parameters):
+            states[lane] = self.settled(drive.initial, begin, own, memories[lane])
+            # the scalar kernel's first tick sets the signals
+            begin.simulate(
+                first, first, inputs.time, inputs.values, inputs.given, inputs.imposed,
+                inputs.is_imposed, drive.locked, drive.bypass_open, step, True, own,
+                memories[lane], shown, states[lane], np.empty((first + 1, count)),
+            )  # fmt: skip
+        sweep(
+            first, inputs.time, inputs.values, inputs.given, drive.locked, step, parameters,
+            memories, states, out,
+        )  # fmt: skip
+        return out.reshape(-1, count, LANES).transpose(2, 0, 1)[: len(vectors)]
+
+    # --- inputs ------------------------------------------------------------------------------
+
+    def inputs_of(self, drive: Drive, vector: FloatArray) -> Inputs:
+        """Return a drive's inputs as the kernels take them, laid out once.
+
+        Raises:
+            InputError: an input that this plant does not have.
+        """
+        period = self._period(drive, vector)
+        key = f"{self.id}:{id(self)}"
+        kept = drive.laid_out.get(key)
+        if not isinstance(kept, Inputs) or kept.period != period:
+            kept = drive.laid_out[key] = self._laid_out(drive, period)
+        return kept
+
+    def _period(self, drive: Drive, vector: FloatArray) -> float:
+        """Return the period of the controller inside the plant that is used, s; 0 for none."""
+        system = self.system
+        for name, (part, loop, driven, command) in system.loops.items():
+            place = system.signals[f"{name}.{loop.reference}"]
+            asked = [c.channel for c in system.columns if c.part is part and c.signal == place]
+            own = system.columns[system.column_for(driven, command)].channel
+            if asked and asked[0] in drive.inputs:
+                if own in drive.inputs:
+                    raise InputError(
+                        f"{self.id} takes either '{own}' (open loop) or '{asked[0]}' (closed loop)",
+                        hint="name one of them under inputs",
+                    )
+                return float(vector[system.index[system.slot_of[f"{name}.{loop.period}"]]])
+            known = set(drive.inputs) <= {*system.column_of, *self.states}
+            if own not in drive.inputs and known and not set(drive.inputs) & set(self.states):
+                raise InputError(
+                    f"{self.id} needs either '{own}' (open loop) or "
+                    f"'{asked[0] if asked else loop.reference}' (closed loop)",
+                    hint="name one of them under inputs",
+                )
+            more = system.signals[f"{name}.{loop.added}"]
+            for column in system.columns:
+                if column.part is part and column.signal == more and column.channel in drive.inputs:
+                    raise InputError(
+                        f"'{column.channel}' is part of '{own}' already",
+                        hint=f"name '{asked[0] if asked else 'the reference'}' and "
+                        f"'{column.channel}' under inputs for the closed loop",
+                    )
+        return 0.0
+
+    def _laid_out(self, drive: Drive, period: float) -> Inputs:
+        system = self.system
+        time, ticks = _controller_clock(drive.time, period) if period > 0.0 else _same(drive.time)
+        n = time.size
+        values = np.zeros((n, len(system.columns)))
+        given = np.zeros(len(system.columns), dtype=np.bool_)
+        count = system.size + len(self._imposable)
+        imposed = np.zeros((n, count))
+        is_imposed = np.zeros(count, dtype=np.bool_)
+        for name, series in drive.inputs.items():
+            column = system.column_of.get(name)
+            if column is not None:
+                held = system.columns[column].held
+                values[:, column] = _on_clock(np.asarray(series, dtype=np.float64), ticks, n, held)
+                given[column] = True
+            elif name in self.state_places:
+                place = self.state_places[name]
+                imposed[:, place] = _on_clock(np.asarray(series, dtype=np.float64), ticks, n, False)
+                is_imposed[place] = True
+            else:
+                known = ", ".join(dict.fromkeys((*system.column_of, *self.states)))
+                raise InputError(
+                    f"'{name}' cannot be an input of {self.id}", hint=f"inputs may be: {known}"
+                )
+        self._check_massless(is_imposed)
+        return Inputs(period, time, ticks, values, given, imposed, is_imposed)
+
+    def _check_massless(self, is_imposed: NDArray[np.bool_]) -> None:
+        for item in self.system.coordinates:
+            driven = is_imposed[item.speed] or is_imposed[item.position]
+            if not driven and not self.system.inertias(item):
+                name = next(n for n, place in self.state_places.items() if place == item.speed)
+                raise InputError(
+                    f"'{item.name}' of {self.id} has no inertia: its motion has to be an input",
+                    hint=f"name '{name}' under inputs, or give the node an inertia",
+                )
+
+    # --- what channels tell ------------------------------------------------------------------
+
+    def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
+        """Return the outputs that these inputs determine."""
+        nodes = determined_nodes(self.system, self.state_places, frozenset(inputs))
+        places = {self.state_places[name] for name in inputs if name in self.state_places}
+        # of what is imposed, a position follows from its rate, and nothing else is told
+        still = {
+            place
+            for item in self.system.coordinates
+            for place in (item.speed, item.position)
+            if {item.speed, item.position} & places
+            and not (item.speed in places and (place == item.position or item.turns))
+        }
+        return tuple(
+            item.channel
+            for item in self.system.outputs
+            if item.of in nodes and item.state not in still
+        )
+
+    def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
+        """Return pressures without a reading: a leak evens a volume out with its neighbour."""
+        found: dict[str, float] = {}
+        names = {place: name for name, place in self.state_places.items()}
+        for part, flow in self.system.flows():
+            if part.element.kind.id != "laminar_leakage":
+                continue
+            ends = [names[self.system.volume_of[n].pressure] for n in self.system.ends(part, flow)
+                    if n in self.system.volume_of]  # fmt: skip
+            read = [name for name in ends if name in measured]
+            if len(ends) == 2 and len(read) == 1:
+                other = ends[0] if ends[1] == read[0] else ends[1]
+                found.setdefault(other, measured[read[0]])
+        return found
+
+    def rest(self, vector: FloatArray) -> Mapping[str, float]:
+        """Return the pressures at rest, by channel, Pa."""
+        names = {place: name for name, place in self.state_places.items()}
+        return {
+            names[volume.pressure]: float(
+                vector[self.system.index[self.system.slot_of[f"{volume.name}.pressure"]]]
+            )
+            for volume in self.system.volumes
+        }
+
+    def command_limit(self, vector: FloatArray) -> float:
+        """Return the largest command that the plant follows, SI, either way."""
+        for column in self.system.columns:
+            if column.channel == self.command and column.command and column.command.limit:
+                assert column.part is not None
+                key = self.system.slot_of[f"{column.part.name}.{column.command.limit}"]
+                return float(vector[self.system.index[key]])
+        return math.inf
+
+    def position_range(self, vector: FloatArray) -> Mapping[str, tuple[float, float]]:
+        """Return the channels that are positions, with their ends, SI."""
+        linkage = self.linkage(vector)
+        found: dict[str, tuple[float, float]] = {}
+        for item in self.system.outputs:
+            for coordinate in self.system.coordinates:
+                if item.state == coordinate.position:
+                    found[item.channel] = self._ends(vector, coordinate.number, linkage)
+        if linkage is not None:
+            for channel in self.derived_channels:
+                half = linkage.half_stroke
+                found[channel] = (linkage.angle_at(-half), linkage.angle_at(half))
+        return found
+
+    def _ends(
+        self, vector: FloatArray, number: int, linkage: Linkage | None
+    ) -> tuple[float, float]:
+        system = self.system
+        item = system.coordinates[number]
+        keys = [f"{item.name}.stroke_{end}" for end in ("low", "high")]
+        if all(key in system.slot_of for key in keys):
+            low, high = (float(vector[system.index[system.slot_of[key]]]) for key in keys)
+            return low, high
+        if linkage is not None:
+            return -linkage.half_stroke, linkage.half_stroke
+        for part in system.parts.values():
+            if (
+                part.element.kind.id == "cylinder"
+                and system.leader_of(part.element.ports["on"]) is item
+            ):
+                half = min(
+                    self._value(vector, part.name, f"volume_{side}")
+                    / self._value(vector, part.name, f"area_{side}")
+                    for side in ("a", "b")
+                )
+                return -half, half
+        return -math.inf, math.inf
+
+    def _value(self, vector: FloatArray, of: str, name: str) -> float:
+        return float(vector[self.system.index[self.system.slot_of[f"{of}.{name}"]]])
+
+    def linkage(self, vector: FloatArray) -> Linkage | None:
+        """Return the triangle of links that the rod moves a joint with, None for none."""
+        for part in self.system.parts.values():
+            if part.element.kind.id == "knee_linkage":
+                a, b, c0 = (
+                    self._value(vector, part.name, name) for name in ("link_a", "link_b", "link_c0")
+                )
+                cylinder = part.element.refers["cylinder"]
+                volume = self._value(vector, cylinder, "volume_a")
+                return Linkage(a, b, c0, volume / self._value(vector, cylinder, "area_a"))
+        return None
+
+    def behind(self, vector: FloatArray, readings: Mapping[str, float]) -> dict[str, float]:
+        """Return the position behind a joint angle, and a pressure behind another and P1 - P2."""
+        found = {}
+        linkage = self.linkage(vector)
+        names = {place: name for name, place in self.state_places.items()}
+        for channel, (node, _, _) in self.system.derived.items():
+            if channel in readings and linkage is not None:
+                place = self.system.leader_of(node).position
+                found[names[place]] = linkage.position_at(readings[channel])
+        if "pressure_difference" in readings:
+            difference = readings["pressure_difference"]
+            if "pressure_a" in readings:
+                found["pressure_b"] = readings["pressure_a"] - difference
+            if "pressure_b" in readings:
+                found["pressure_a"] = readings["pressure_b"] + difference
+        return {name: value for name, value in found.items() if name in self.state_places}
+
+    def derived(
+        self, vector: FloatArray, outputs: Mapping[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return the joint's angle, NaN where the triangle does not close, (n,) rad."""
+        linkage = self.linkage(vector)
+        names = {place: name for name, place in self.state_places.items()}
+        found = {}
+        for channel, (node, quantity, _) in self.system.derived.items():
+            position = names[self.system.leader_of(node).position]
+            if linkage is not None and quantity == "angle" and position in outputs:
+                found[channel] = linkage.angle(outputs[position])
+        return found
+
+
+class _Fastest(Parametrised):
+    """A plant with its parameters set, and the kernel that is the fastest for them."""
+
+    plant: NetworkPlant
+
+    def __init__(self, plant: NetworkPlant, vector: FloatArray) -> None:
+        super().__init__(plant, vector)
+        self._kernel, self._parameters, memory = plant.kernel_for(vector)
+        self._memory = memory.size
+        self._look_back = plant.layout.look_back(vector)
+        self._shown = np.zeros(plant.system.size + 1)
+        count = plant.system.size + len(plant._imposable)
+        self._not_imposed = np.zeros(count, dtype=np.bool_)
+        self._imposed = np.zeros((2, count))
+        self._given = np.ones(len(plant.system.columns), dtype=np.bool_)
+        for name, (part, loop, _, _) in plant.system.loops.items():
+            # moment by moment it is the command that is given
+            for number, column in enumerate(plant.system.columns):
+                if column.part is part:
+                    self._given[number] = False
+            del name, loop
+
+    def simulate(self, drive: Drive, initial: Mapping[str, float], step: float) -> FloatArray:
+        """Return (n, outputs) in the order of the plant's outputs, SI."""
+        plant = self.plant
+        inputs = plant.inputs_of(drive, self.vector)
+        out = np.empty((inputs.time.size, len(plant.outputs)))
+        first = int(inputs.ticks[drive.first])
+        out[:first] = np.nan
+        memory = np.zeros(self._memory)
+        state = plant.settled(initial, self._kernel, self._parameters, memory)
+        # a controller inside the plant writes its command over
+        values = (
+            inputs.values.copy() if inputs.period > 0.0 or plant.system.loops else inputs.values
+        )
+        self._kernel.simulate(
+            first, inputs.time.size - 1, inputs.time, values, inputs.given, inputs.imposed,
+            inputs.is_imposed, drive.locked, drive.bypass_open, step, True, self._parameters,
+            memory, np.zeros(self._shown.size), state, out,
+        )  # fmt: skip
+        return out if inputs.period == 0.0 else out[inputs.ticks]
+
+    @property
+    def look_back(self) -> float:
+        """The delay of the command, s."""
+        return self._look_back
+
+    def start(self, initial: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+        """Return the state behind what the sensors read first, and the kernel's memory."""
+        memory = np.zeros(self._memory)
+        return self.plant.settled(initial, self._kernel, self._parameters, memory), memory
+
+    def advance(
+        self,
+        first: int,
+        last: int,
+        time: FloatArray,
+        inputs: FloatArray,
+        locked: bool,
+        bypass_open: bool,
+        step: float,
+        fresh: bool,
+        memory: FloatArray,
+        state: FloatArray,
+        out: FloatArray,
+    ) -> None:
+        """Go on as `Plant.advance` does."""
+        n = last + 1
+        if n > len(self._imposed):
+            self._imposed = np.zeros((2 * n, self._imposed.shape[1]))
+        self._kernel.simulate(
+            first, last, time, inputs, self._given, self._imposed, self._not_imposed, locked,
+            bypass_open, step, fresh, self._parameters, memory, self._shown, state, out,
+        )  # fmt: skip
+
+
+def _controller_clock(time: FloatArray, period: float) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return a clock on which the controller ticks, and where on it the samples are."""
+    parts = np.maximum(1, np.rint(np.diff(time) / period)).astype(np.intp)
+    ticks = np.concatenate(([0], np.cumsum(parts)))
+    return np.interp(np.arange(ticks[-1] + 1), ticks, time), ticks
+
+
+def _same(time: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    return np.ascontiguousarray(time, dtype=np.float64), np.arange(time.size)
+
+
+def _on_clock(values: FloatArray, ticks: NDArray[np.intp], n: int, held: bool) -> FloatArray:
+    """Return a series on the kernel's clock: held between samples, or linear."""
+    if values.size == n:
+        return values
+    if not held:
+        return np.interp(np.arange(n), ticks, values)
+    return np.ascontiguousarray(values[np.searchsorted(ticks, np.arange(n), side="right") - 1])

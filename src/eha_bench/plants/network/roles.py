@@ -1,0 +1,857 @@
+"""Where in a network an effect may act: a walk over its coordinates, volumes, drives and sensors.
+
+Each role is a function from a system to its places. What effects may name there is an expression
+over the state that is shown to them (`X`), signals (`S`) and parameters (`P`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+
+from eha_bench.plants.effect import Equation, Hook, Spot
+from eha_bench.plants.network.element import Friction, NodeKind
+from eha_bench.plants.network.network import UNITS
+from eha_bench.plants.network.system import Column, Coordinate, Part, System, Volume
+
+_STATE = re.compile(r"\b([vxp])(\d+)\b")
+_TIME = re.compile(r"\bt\b")
+_USUAL_PRESSURE = 1e6
+
+HOLDING = "holding"
+"""The role of a balance at standstill, which no network has: see `pump_hold`."""
+
+
+def roles_of(system: System) -> dict[str, tuple[Spot, ...]]:
+    """Return the places of every role in a system."""
+    return {name: tuple(find(system)) for name, find in _ROLES.items()}
+
+
+def role_summary(role: str) -> str:
+    """Return what plays a role, in a few words."""
+    if role == HOLDING:
+        return "a pump that holds a pressure at standstill"
+    text = (_ROLES[role].__doc__ or "").strip().splitlines()[0].removesuffix(".")
+    return text[:1].lower() + text[1:]
+
+
+# --- expressions -----------------------------------------------------------------------------
+
+
+def shown(system: System, expression: str) -> str:
+    """Return an expression over states as one over what is shown to effects."""
+    places = {name: place for place, name in enumerate(system.state_names)}
+    text = _STATE.sub(lambda m: f"X[{places[m[0]]}]", expression)
+    return _TIME.sub("S[1]", text)
+
+
+def _balance(item: Coordinate) -> Equation:
+    return Equation.TORQUE if item.node.kind is NodeKind.ROTATION else Equation.FORCE
+
+
+def _motion(system: System, item: Coordinate) -> dict[str, str]:
+    call = ", ".join([*system.state_names, "t", "X", "P", "S"])
+    return {
+        "speed": f"X[{item.speed}]",
+        "position": f"X[{item.position}]",
+        "t": "S[1]",
+        "inertia": shown(system, f"mass{item.number}({call})"),
+        "drive": shown(system, f"drive{item.number}({call})"),
+        "load": shown(system, f"outside{item.number}({call})"),
+        "slow": repr(25.0 * _usual_position(system, item)),
+        "oil_temperature": f"S[{system.signals['oil_temperature']}]",
+    }
+
+
+def _on(system: System, item: Coordinate, kind: str) -> list[Part]:
+    """Return the elements of a kind that act on a coordinate."""
+    return [
+        part
+        for part in system.parts.values()
+        if part.element.kind.id == kind
+        and "on" in part.element.ports
+        and system.leader_of(part.element.ports["on"]) is item
+    ]
+
+
+def _default(system: System, part: Part, name: str) -> float:
+    key = system.slot_of.get(f"{part.name}.{name}")
+    return system.parameters[system.index[key]].default if key is not None else 0.0
+
+
+def usual_effort(system: System, item: Coordinate) -> float:
+    """Return a force (or torque) that matters at a coordinate, N (or N*m)."""
+    levels = [_default(system, part, "coulomb") for part, _, _ in system.terms(item, Friction)]
+    if any(level > 0.0 for level in levels):
+        return sum(levels)
+    found = [0.0]
+    for part in system.parts.values():
+        port = part.element.ports.get("on", "")
+        if port not in system.network.nodes or system.network.nodes[port].kind not in UNITS:
+            continue
+        if system.leader_of(port) is not item:
+            continue
+        kind = part.element.kind.id
+        ratio = _ratio(system, port)
+        if kind == "motor":
+            torque = _default(system, part, "torque_constant")
+            resistance = _default(system, part, "resistance")
+            limit = _default(system, part, "current_limit")
+            supply = _default(system, part, "supply_voltage") or 12.0
+            current = supply / resistance if resistance else min(limit, 10.0) or 1.0
+            found.append(0.03 * torque * current * ratio)
+        elif kind == "linear_motor":
+            found.append(0.5 * _default(system, part, "force_constant") * ratio)
+        elif kind == "cylinder":
+            found.append(0.1 * _USUAL_PRESSURE * _default(system, part, "area_a") * ratio)
+        elif kind == "pump":
+            found.append(0.3 * _USUAL_PRESSURE * _default(system, part, "displacement") * ratio)
+        elif kind == "pendulum":
+            weight = _default(system, part, "mass") * _default(system, part, "gravity")
+            found.append(0.05 * weight * _default(system, part, "length") * ratio)
+    return max(found) or 1.0
+
+
+def usual_flow(system: System) -> float:
+    """Return a flow that matters, m^3/s: a hundredth of what pump or valve may move."""
+    found = []
+    for part in system.parts.values():
+        kind = part.element.kind.id
+        if kind == "pump":
+            found.append(0.01 * _default(system, part, "displacement") * 100.0)
+        elif kind == "spool_valve":
+            found.append(0.01 * _default(system, part, "flow_gain") * 0.1 * _USUAL_PRESSURE**0.5)
+        elif kind == "cylinder":
+            found.append(0.01 * _default(system, part, "area_a") * 0.05)
+    return found[0] if found else 1e-7
+
+
+def _ratio(system: System, node: str) -> float:
+    """Return how fast a node moves beside its coordinate, where a gear says so."""
+    ratio = 1.0
+    while node in system.leaders:
+        part, tie = system._ties[node]
+        ratio *= abs(_default(system, part, "ratio")) or 1.0
+        node = part.element.ports[tie.leader]
+    return ratio
+
+
+def _usual_position(system: System, item: Coordinate) -> float:
+    """Return a way over which dry friction may yield, m (or rad)."""
+    if item.node.kind is NodeKind.TRANSLATION:
+        return 2e-4
+    for part in _on(system, item, "pump"):
+        area = next(
+            (_default(system, other, "area_a") for other in system.parts.values()
+             if other.element.kind.id == "cylinder"), 0.0,
+        )  # fmt: skip
+        if area:
+            # the turn of the pump that moves its piston so far
+            return 2e-4 * area / _default(system, part, "displacement")
+    return 0.01
+
+
+def _usual(system: System, item: Coordinate) -> dict[str, float]:
+    stribeck = 5e-3 if item.node.kind is NodeKind.TRANSLATION else 0.3
+    declared = [_default(system, part, "stribeck_speed")
+                for part, _, _ in system.terms(item, Friction)]  # fmt: skip
+    return {
+        "effort": usual_effort(system, item),
+        "position": _usual_position(system, item),
+        "stribeck": max([stribeck if not any(declared) else 0.0, *declared]),
+    }
+
+
+def _coordinate_hooks(item: Coordinate) -> dict[str, tuple[Hook, ...]]:
+    name = item.name
+    return {
+        "dry": (Hook(f"dry:{name}"),),
+        "sticks": (Hook(f"sticks:{name}"),),
+        "viscous": (Hook(f"viscous:{name}"),),
+        "net": (Hook(f"net:{name}"),),
+        "load": (Hook(f"load:{name}"),),
+        "inertia": (Hook(f"inertia:{name}"),),
+    }
+
+
+def _frictions(system: System, item: Coordinate) -> tuple[str, ...]:
+    return tuple(part.name for part, _, _ in system.terms(item, Friction))
+
+
+def _spot(
+    system: System, item: Coordinate, more: Mapping[str, str] | None = None,
+    parameters: Mapping[str, str] | None = None,
+) -> Spot:  # fmt: skip
+    return Spot(
+        item.name,
+        _balance(item),
+        _coordinate_hooks(item),
+        {**_motion(system, item), **(more or {})},
+        {**UNITS[item.node.kind], "stribeck": UNITS[item.node.kind]["speed"]},
+        _usual(system, item),
+        parameters or {},
+        _frictions(system, item),
+    )
+
+
+# --- roles -----------------------------------------------------------------------------------
+
+
+def _friction(system: System) -> Iterator[Spot]:
+    """Everything that moves: its friction."""
+    for item in system.coordinates:
+        if not system.inertias(item):
+            continue
+        levels = [
+            system.slot_of[f"{part.name}.coulomb"]
+            for part, term, _ in system.terms(item, Friction)
+            if term.level is not None
+        ]
+        yield _spot(system, item, parameters={"coulomb": levels[0]} if levels else {})
+
+
+def _pump_friction(system: System) -> Iterator[Spot]:
+    """A shaft that turns a pump."""
+    for item in system.coordinates:
+        pumps = _on(system, item, "pump")
+        if pumps and system.inertias(item):
+            loads = [
+                f"abs({system.parameter(part.name, 'displacement')} * "
+                f"({system.pressure(part.element.ports['to'])} - "
+                f"{system.pressure(part.element.ports['from'])}))"
+                for part in pumps
+            ]
+            yield _spot(system, item, {"pump_load": shown(system, " + ".join(loads))})
+
+
+def _rod(system: System) -> Iterator[Spot]:
+    """A rod that a cylinder moves."""
+    for item in system.coordinates:
+        for part in _on(system, item, "cylinder")[:1]:
+            ports = part.element.ports
+            yield _spot(
+                system,
+                item,
+                {
+                    "p_a": shown(system, system.pressure(ports["a"])),
+                    "p_b": shown(system, system.pressure(ports["b"])),
+                    "area_a": str(system.parameter(part.name, "area_a")),
+                    "area_b": str(system.parameter(part.name, "area_b")),
+                },
+            )
+
+
+def _turning_motor(system: System) -> Iterator[Spot]:
+    """A motor with a rotor."""
+    for part, spot in _motors(system):
+        if part.element.kind.id == "motor":
+            yield spot
+
+
+def _motor(system: System) -> Iterator[Spot]:
+    """A motor: its torque, and the angle of its own shaft."""
+    for _, spot in _motors(system):
+        yield spot
+
+
+def _motors(system: System) -> Iterator[tuple[Part, Spot]]:
+    for part in system.parts.values():
+        if part.element.kind.id not in ("motor", "linear_motor"):
+            continue
+        node = part.element.ports["on"]
+        item = system.leader_of(node)
+        if not system.inertias(item):
+            continue
+        current = next(q for q in part.anatomy.quantities if q.name in ("current", "voltage"))
+        ratio = system.ratio(node)
+        names = {
+            **_motion(system, item),
+            "angle": shown(system, system.position(node)),
+            "current": shown(system, system.call(part, current.law)),
+            "ratio": shown(system, ratio) if ratio else "1.0",
+            "torque_constant": str(
+                system.parameter(part.name, "torque_constant")
+                or system.parameter(part.name, "force_constant")
+            ),
+        }
+        yield part, Spot(
+            part.name,
+            Equation.ACTUATION,
+            {
+                "torque": (Hook(f"torque:{part.name}"),),
+                "net": (Hook(f"net:{item.name}"),),
+            },
+            names,
+            {"current": current.unit, "effort": UNITS[system.network.nodes[node].kind]["effort"],
+             "per_current": f"1/{current.unit}"},
+            {"effort": usual_effort(system, item) / _ratio(system, node),
+             "per_current": 1.0 / _largest_current(system, part)},
+            also=(node,),
+        )  # fmt: skip
+
+
+def _largest_current(system: System, part: Part) -> float:
+    """Return about the largest current (or voltage) of a motor."""
+    resistance = _default(system, part, "resistance")
+    if resistance:
+        return (_default(system, part, "supply_voltage") or 12.0) / resistance
+    limit = _default(system, part, "current_limit") or _default(system, part, "voltage_limit")
+    return limit if limit < 1e4 else 10.0
+
+
+def _geared(system: System) -> Iterator[Spot]:
+    """A coordinate that a motor drives: what loads its gear or its screw."""
+    for item in system.coordinates:
+        driven = [*_on(system, item, "motor"), *_on(system, item, "linear_motor")]
+        if driven and system.inertias(item) and not _on(system, item, "pump"):
+            yield _spot(system, item)
+
+
+def _drives(system: System) -> Iterator[tuple[Column, Part]]:
+    for column in system.columns:
+        if column.command is not None and column.part is not None:
+            yield column, column.part
+
+
+def _motor_drive(system: System) -> Iterator[Spot]:
+    """The drive of a motor."""
+    kinds = {part.name: part.element.kind.id for part in system.parts.values()}
+    for spot in _drive(system):
+        if kinds[spot.name] in ("motor", "linear_motor"):
+            yield spot
+
+
+def _valve_drive(system: System) -> Iterator[Spot]:
+    """The drive of a valve."""
+    kinds = {part.name: part.element.kind.id for part in system.parts.values()}
+    for spot in _drive(system):
+        if kinds[spot.name] == "spool_valve":
+            yield spot
+
+
+def _drive(system: System) -> Iterator[Spot]:
+    """A drive: the way of a command until it acts."""
+    for column, part in _drives(system):
+        assert column.command is not None
+        name = part.name
+        hooks = {
+            "command": (Hook(f"command:{name}", {"t": "now", "commands": "inputs"}),),
+            "demand": (Hook(f"demand:{name}"),),
+            "drive": (Hook(f"drive:{name}"),),
+        }
+        if any(item.channel == column.channel for item in system.outputs if item.command >= 0):
+            hooks["asked"] = (Hook(f"asked:{column.channel}"),)
+        if part.element.kind.id in ("motor", "linear_motor"):
+            hooks["torque"] = (Hook(f"torque:{name}"),)
+        if part.element.kind.id == "spool_valve":
+            hooks["opening"] = (Hook(f"opening:{name}"),)
+        yield Spot(
+            name,
+            Equation.ACTUATION,
+            hooks,
+            {
+                "demanded": f"S[{system.demand(part, column.command)}]",
+                "asked": f"S[{system.asked(part, column.command)}]",
+                "current": f"S[{column.signal}]",
+                "t": "S[1]",
+            },
+            {"command": column.unit},
+            {"command": _usual_command(system, column, part)},
+        )
+
+
+def _usual_command(system: System, column: Column, part: Part) -> float:
+    """Return a command that matters, in its unit."""
+    if column.command is not None and column.command.limit:
+        limit = _default(system, part, column.command.limit)
+        if 0.0 < limit < 1e3:
+            return limit
+    return 10.0
+
+
+def _valve(system: System) -> Iterator[Spot]:
+    """A servo valve."""
+    for part in system.parts.values():
+        if part.element.kind.id != "spool_valve":
+            continue
+        ports = part.element.ports
+        hooks: dict[str, tuple[Hook, ...]] = {"opening": (Hook(f"opening:{part.name}"),)}
+        for port in ("supply", "tank", "a", "b"):
+            volume = system.volume_of.get(ports[port])
+            hooks[f"inflow_{port}"] = (Hook(f"inflow:{volume.name}"),) if volume else ()
+            hooks[f"ground_{port}"] = (Hook(f"ground:{volume.name}"),) if volume else ()
+        names = {f"p_{port}": shown(system, system.pressure(node)) for port, node in ports.items()}
+        names |= {
+            "opening": f"S[{system.signals[f'{part.name}.opening']}]",
+            "flow_gain": str(system.parameter(part.name, "flow_gain")),
+            "laminar_pressure": str(system.parameter(part.name, "laminar_pressure")),
+            "t": "S[1]",
+        }
+        yield Spot(part.name, Equation.FLOW, hooks, names)
+
+
+def _volume(system: System) -> Iterator[Spot]:
+    """A volume of oil under its own bulk modulus."""
+    for item in system.volumes:
+        if system.parameter(item.name, "bulk_modulus") is None:
+            continue
+        yield _volume_spot(system, item)
+
+
+def _volume_spot(system: System, item: Volume) -> Spot:
+    return Spot(
+        item.name,
+        Equation.FLOW,
+        {
+            "bulk": (Hook(f"bulk:{item.name}"),),
+            "inflow": (Hook(f"inflow:{item.name}"),),
+            "ground": (Hook(f"ground:{item.name}"),),
+        },
+        {
+            "pressure": f"X[{item.pressure}]",
+            "t": "S[1]",
+            "low_pressure": _drain(system),
+        },
+    )
+
+
+def _drain(system: System) -> str:
+    """Return the pressure where the machine keeps its low-pressure oil.
+
+    That is of a tank, of a charged volume, or what check valves charge the chambers to.
+    """
+    tanks = [node.name for node in system.network.nodes.values() if node.kind is NodeKind.RESERVOIR]
+    if tanks:
+        low = min(tanks, key=lambda name: system.network.nodes[name].values.get("pressure", 0.0))
+        return system.pressure(low)
+    charged = [item for item in system.volumes if system.compliances(item)]
+    if charged:
+        return f"X[{charged[0].pressure}]"
+    return "@anti_cavitation.charge_pressure"
+
+
+def _chamber(system: System) -> Iterator[Spot]:
+    """A chamber of a cylinder, or a volume that a pump serves: where leakage and air matter."""
+    found = {
+        part.element.ports[port]
+        for part in system.parts.values()
+        for port in ("a", "b", "from", "to")
+        if part.element.kind.id in ("cylinder", "pump") and port in part.element.ports
+    }
+    for item in system.volumes:
+        if item.name in found and system.parameter(item.name, "bulk_modulus") is not None:
+            yield _volume_spot(system, item)
+
+
+def _chambers(system: System) -> Iterator[Spot]:
+    """The two chambers of a cylinder, or the two sides of a pump, with what is between them."""
+    seen = set()
+    for part in system.parts.values():
+        if part.element.kind.id not in ("cylinder", "pump"):
+            continue
+        keys = ("a", "b") if part.element.kind.id == "cylinder" else ("to", "from")
+        first, second = (part.element.ports[key] for key in keys)
+        pair = frozenset((first, second))
+        if pair in seen or not pair <= set(system.volume_of) or len(pair) < 2:
+            continue
+        seen.add(pair)
+        a, b = system.volume_of[first], system.volume_of[second]
+        low, high = sorted((a, b), key=lambda item: item.number)
+        yield Spot(
+            part.name,
+            Equation.FLOW,
+            {
+                "into_a": (Hook(f"inflow:{a.name}"),),
+                "into_b": (Hook(f"inflow:{b.name}"),),
+                "ground_a": (Hook(f"ground:{a.name}"),),
+                "ground_b": (Hook(f"ground:{b.name}"),),
+                "link": (Hook(f"link:{low.name}:{high.name}"),),
+            },
+            {
+                "p_a": f"X[{a.pressure}]",
+                "p_b": f"X[{b.pressure}]",
+                "t": "S[1]",
+            },
+            also=tuple(name for name, other in system.parts.items()
+                       if frozenset(other.element.ports.values()) == pair),
+        )  # fmt: skip
+
+
+def _pump(system: System) -> Iterator[Spot]:
+    """A pump: what it delivers and what it asks of its shaft."""
+    for part in system.parts.values():
+        if part.element.kind.id != "pump":
+            continue
+        node = part.element.ports["on"]
+        item = system.leader_of(node)
+        ports = part.element.ports
+        ratio = system.ratio(node)
+        yield Spot(
+            part.name,
+            Equation.FLOW,
+            {"delivery": (Hook(f"delivery:{part.name}"),), "net": (Hook(f"net:{item.name}"),)},
+            {
+                "angle": shown(system, system.position(node)),
+                "speed": shown(system, system.speed(node)),
+                "difference": shown(
+                    system,
+                    f"({system.pressure(ports['to'])} - {system.pressure(ports['from'])})",
+                ),
+                "displacement": str(system.parameter(part.name, "displacement")),
+                "ratio": shown(system, ratio) if ratio else "1.0",
+                "t": "S[1]",
+            },
+        )
+
+
+def _cylinder(system: System) -> Iterator[Spot]:
+    """A cylinder: its areas and volumes, which an effect may adjust."""
+    for part in system.parts.values():
+        if part.element.kind.id == "cylinder":
+            keys = {
+                name: system.slot_of[f"{part.name}.{name}"]
+                for name in ("area_a", "area_b", "volume_a", "volume_b")
+                if f"{part.name}.{name}" in system.slot_of
+            }
+            yield Spot(part.name, Equation.FLOW, {}, parameters=keys)
+
+
+def _oil(system: System) -> Iterator[Spot]:
+    """All that viscosity changes: viscous friction of everything that moves, and laminar gaps."""
+    pumped = [i for i in system.coordinates if _on(system, i, "pump") or _on(system, i, "motor")]
+    moved = [i for i in system.coordinates if i not in pumped]
+    heavy = [item for item in system.coordinates if system.inertias(item)]
+    turning = [item for item in heavy if item in pumped]
+    sliding = [item for item in heavy if item in moved]
+    leaks = [p for p in system.parts.values() if p.element.kind.id == "laminar_leakage"]
+    if not heavy:
+        return
+    names = {"t": "S[1]", "oil_temperature": f"S[{system.signals['oil_temperature']}]"}
+    yield Spot(
+        (turning or sliding)[0].name,
+        _balance((turning or sliding)[0]),
+        {
+            "turning": tuple(Hook(f"viscous:{item.name}") for item in turning),
+            "sliding": tuple(Hook(f"viscous:{item.name}") for item in sliding),
+            "leakage": tuple(Hook(f"laminar:{part.name}") for part in leaks),
+            "leakage_slope": tuple(Hook(f"laminar_slope:{part.name}") for part in leaks),
+        },
+        names,
+        words={
+            "part": (
+                *(("all",) if turning and sliding else ()),
+                *(("shaft",) if turning else ()),
+                *(("rod",) if sliding else ()),
+                *(("oil",) if leaks else ()),
+            )
+        },
+    )
+
+
+def _pressure_sensor(system: System) -> Iterator[Spot]:
+    """A sensor of a pressure that is a state."""
+    for item in system.outputs:
+        if item.unit == "Pa" and item.state >= 0:
+            yield Spot(
+                item.channel,
+                Equation.MEASUREMENT,
+                {
+                    "reading": (Hook(f"reading:{item.channel}"),),
+                    "initial": (Hook(f"initial:{item.channel}"),),
+                },
+                {"pressure": f"X[{item.state}]", "t": "S[1]"},
+                also=(item.of,),
+            )
+
+
+def _sliding_joint(system: System) -> Iterator[Spot]:
+    """A rod whose position is measured: the joint between it and what it moves."""
+    return _joint(system, NodeKind.TRANSLATION)
+
+
+def _turning_joint(system: System) -> Iterator[Spot]:
+    """A shaft whose angle is measured: the coupling between it and its sensor."""
+    return _joint(system, NodeKind.ROTATION)
+
+
+def _joint(system: System, kind: NodeKind) -> Iterator[Spot]:
+    for item in system.coordinates:
+        if not system.inertias(item) or item.node.kind is not kind:
+            continue
+        shown_at = {
+            key: next((out.channel for out in system.outputs if out.state == place), "")
+            for key, place in (("position", item.position), ("speed", item.speed))
+        }
+        if not shown_at["position"]:
+            continue
+        hooks = {
+            **_coordinate_hooks(item),
+            "read_position": (Hook(f"reading:{shown_at['position']}"),),
+            "initial_position": (Hook(f"initial:{shown_at['position']}"),),
+            "read_speed": (Hook(f"reading:{shown_at['speed']}"),) if shown_at["speed"] else (),
+            "longest": (Hook("longest"),),
+        }
+        call = ", ".join([*system.state_names, "t", "X", "P", "S"])
+        frictions = [
+            str(system.parameter(part.name, "coulomb"))
+            for part, term, ratio in system.terms(item, Friction)
+            if term.level is not None and not ratio
+        ]
+        names = {
+            **_motion(system, item),
+            "pushed": shown(system, f"drive{item.number}({call})"),
+            "pulled": shown(system, f"outside{item.number}({call})"),
+            "viscous_force": _viscous(system, item),
+            "whole_mass": " + ".join(shown(system, text) for text in system.inertias(item)),
+            "coulomb": " + ".join(frictions) or "0.0",
+        }
+        units = {**UNITS[item.node.kind], "play": UNITS[item.node.kind]["position"]}
+        usual = {"play": 1.0 if kind is NodeKind.TRANSLATION else 30.0}
+        yield Spot(item.name, Equation.MEASUREMENT, hooks, names, units, usual)
+
+
+def _viscous(system: System, item: Coordinate) -> str:
+    terms = [
+        f"{system.parameter(part.name, term.viscous)} * X[{item.speed}]"
+        for part, term, ratio in system.terms(item, Friction)
+        if term.viscous and not ratio
+    ]
+    return " + ".join(terms) or "0.0"
+
+
+def _hanging(system: System) -> Iterator[Spot]:
+    """What a weight may turn: a joint behind a linkage, or a shaft that turns little."""
+    for node in system.leaders:
+        if system.network.nodes[node].kind is not NodeKind.ROTATION:
+            continue
+        part, _ = system._ties[node]
+        if part.element.kind.id == "gear":
+            continue
+        item = system.leader_of(node)
+        yield Spot(
+            node,
+            _balance(item),
+            {"net": (Hook(f"net:{item.name}"),)},
+            {
+                "angle": shown(system, system.position(node)),
+                "turns": shown(system, system.ratio(node)),
+            },
+            {"weight": "N*m"},
+            {"weight": 1.0},
+            also=(item.name,),
+        )
+    if any(system.network.nodes[n].kind is NodeKind.ROTATION for n in system.leaders
+           if system._ties[n][0].element.kind.id != "gear"):  # fmt: skip
+        return
+    for item in system.coordinates:
+        turning = item.node.kind is NodeKind.ROTATION and not _on(system, item, "pump")
+        if turning and system.inertias(item):
+            yield Spot(
+                item.name,
+                _balance(item),
+                {"net": (Hook(f"net:{item.name}"),)},
+                {"angle": f"X[{item.position}]", "turns": "-1.0"},
+                {"weight": "N*m"},
+                {"weight": 5.0 * usual_effort(system, item) / 20.0},
+                words={"posture": ("link",)},
+            )
+
+
+def _supply(system: System) -> Iterator[Spot]:
+    """A reservoir that oil is drawn from through a line or a valve."""
+    for node in system.network.nodes.values():
+        if node.kind is not NodeKind.RESERVOIR:
+            continue
+        pressure = node.values.get("pressure", 0.0)
+        others = [
+            other.values.get("pressure", 0.0)
+            for other in system.network.nodes.values()
+            if other.kind is NodeKind.RESERVOIR and other is not node
+        ]
+        if not others or pressure <= max(others):
+            continue
+        drawn = []
+        for part, flow in system.flows():
+            source, sink = system.ends(part, flow)
+            if node.name in (source, sink):
+                sign = "" if source == node.name else "-"
+                drawn.append(f"{sign}({system.call(part, flow.law)})")
+        yield Spot(
+            node.name,
+            Equation.FLOW,
+            {"pressure": (Hook(f"pressure:{node.name}"),)},
+            {"drawn": shown(system, " + ".join(drawn)) if drawn else "0.0", "t": "S[1]",
+             "pressure": f"S[{system.signals[f'{node.name}.pressure']}]"},
+        )  # fmt: skip
+
+
+def variables_of(system: System) -> dict[str, str]:
+    """Return what a learned curve may follow, by name, as expressions."""
+    found = {"time": "S[1]"}
+    for item in system.outputs:
+        if item.state >= 0:
+            found[item.channel] = f"X[{item.state}]"
+        elif item.command < 0:
+            found[item.channel] = shown(system, item.expression)
+    pairs = [(spot.names["p_a"], spot.names["p_b"]) for spot in _chambers(system)]
+    for a, b in pairs[:1]:
+        found["pressure_difference"] = f"{a} - {b}"
+        found["pressure_sum"] = f"{a} + {b}"
+    for moving in system.coordinates:
+        if moving.node.kind is NodeKind.ROTATION and not any(
+            out.state == moving.position for out in system.outputs
+        ):
+            found[f"{moving.name}_angle"] = f"X[{moving.position}]"
+    for column in system.columns:
+        if column.command is not None and column.part is not None:
+            found.setdefault(column.channel, f"S[{system.demand(column.part, column.command)}]")
+        elif column.channel not in found:
+            found[column.channel] = f"S[{column.signal}]"
+    return found
+
+
+def _anything(system: System) -> Iterator[Spot]:
+    """Every place where something unknown may act.
+
+    What it may follow is what that part of a machine can know: mechanics and oil do not know the
+    time, but a rod's load and a leak may change with it; nobody but a drive knows its command.
+    """
+    known = variables_of(system)
+    names = {"u": "variable(@learned.variable, X, P, S)"}
+    vocabulary = {"variable": tuple(known)}
+    channels = {item.state: item.channel for item in system.outputs if item.state >= 0}
+
+    def spot(
+        name: str,
+        equation: Equation,
+        hooks: Mapping[str, tuple[Hook, ...]],
+        follows: Mapping[str, tuple[str, ...]],
+        size: float = 1.0,
+        sensors: tuple[str, ...] = (),
+        torque_constant: str = "1.0",
+    ) -> Spot:
+        every = {
+            key: hooks.get(key, ())
+            for key in ("added", "taken", "changed", "torque", "level", "delivered")
+        }
+        return Spot(
+            name,
+            equation,
+            every,
+            {"torque_constant": torque_constant, **names},
+            usual={"size": size},
+            vocabulary=vocabulary,
+            follows={
+                form: tuple(dict.fromkeys(name for name in wanted if name in known))
+                for form, wanted in follows.items()
+            },
+            sensors=sensors,
+        )
+
+    for part, motor in _motors(system):
+        acting = [item.channel for item in system.outputs if item.of == part.name]
+        asked = [column.channel for column in system.columns if column.part is part]
+        follows = ("time", *(acting or asked)[:1])
+        yield spot(
+            part.name,
+            Equation.ACTUATION,
+            {"torque": motor.hooks["torque"]},
+            {"gain": follows, "additive": follows},
+            torque_constant=motor.names["torque_constant"],
+        )
+    for column, part in _drives(system):
+        drive = next(item for item in _drive(system) if item.name == part.name)
+        yield spot(
+            f"{part.name}.drive",
+            Equation.ACTUATION,
+            {"changed": drive.hooks.get("asked", drive.hooks["demand"])},
+            {"additive": ("time", column.channel)},
+        )
+    for item in system.coordinates:
+        if system.inertias(item):
+            own = tuple(channels.get(place, "") for place in (item.position, item.speed))
+            pumped = (own[1], "pressure_difference", "pressure_sum")
+            turns = bool(_on(system, item, "pump"))
+            yield spot(
+                item.name,
+                _balance(item),
+                {"added": (Hook(f"net:{item.name}"),), "level": (Hook(f"dry:{item.name}"),)},
+                {
+                    "additive": pumped if turns else ("time", *own),
+                    "friction": pumped if turns else ("time", own[0], "pressure_sum"),
+                },
+                0.1 * usual_effort(system, item),
+            )
+    for pair in _chambers(system):
+        pumps = [part for part in system.parts.values() if part.element.kind.id == "pump"]
+        speeds = tuple(
+            channels.get(system.leader_of(part.element.ports["on"]).speed, "") for part in pumps
+        )
+        flows = {"additive": ("time", "pressure_difference", *speeds)}
+        if pumps:
+            flows["gain"] = ("time", *speeds, "pressure_difference")
+        yield spot(
+            pair.name,
+            Equation.FLOW,
+            {
+                "taken": pair.hooks["into_a"],
+                "added": pair.hooks["into_b"],
+                "delivered": tuple(Hook(f"delivery:{part.name}") for part in pumps),
+            },
+            flows,
+            usual_flow(system),
+        )
+    for volume in system.volumes:
+        yield spot(
+            volume.name,
+            Equation.FLOW,
+            {"added": (Hook(f"inflow:{volume.name}"),)},
+            {"additive": ("time", channels.get(volume.pressure, ""))},
+            usual_flow(system),
+        )
+    sensors = [item for item in system.outputs if item.command < 0]
+    for sensor in sensors:
+        follows = ("time", sensor.channel)
+        yield spot(
+            f"{sensor.channel}.sensor",
+            Equation.MEASUREMENT,
+            {"changed": (Hook(f"reading:{sensor.channel}"),)},
+            {"additive": follows, "gain": follows},
+            sensors=(sensor.channel,),
+        )
+    pressures = tuple(item.channel for item in sensors if item.unit == "Pa" and item.state >= 0)
+    if len(pressures) > 1:
+        # sensors of one kind share supply, amplifier and oil
+        yield spot(
+            "pressures",
+            Equation.MEASUREMENT,
+            {"changed": tuple(Hook(f"reading:{name}") for name in pressures)},
+            {"gain": ("time", "pressure_sum"), "additive": ("time", "pressure_sum")},
+            sensors=pressures,
+        )
+
+
+_ROLES: Mapping[str, Callable[[System], Iterator[Spot]]] = {
+    "friction": _friction,
+    "pump_friction": _pump_friction,
+    "rod": _rod,
+    "geared": _geared,
+    "motor": _motor,
+    "turning_motor": _turning_motor,
+    "drive": _drive,
+    "motor_drive": _motor_drive,
+    "valve_drive": _valve_drive,
+    "valve": _valve,
+    "volume": _volume,
+    "chamber": _chamber,
+    "chambers": _chambers,
+    "pump": _pump,
+    "cylinder": _cylinder,
+    "oil": _oil,
+    "pressure_sensor": _pressure_sensor,
+    "sliding_joint": _sliding_joint,
+    "turning_joint": _turning_joint,
+    "hanging": _hanging,
+    "supply": _supply,
+    "anything": _anything,
+}

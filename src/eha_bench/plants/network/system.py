@@ -1,0 +1,797 @@
+"""A network laid flat: parameters, states, signals, inputs and outputs, each with its place.
+
+Every number that a kernel works on lives in one of three vectors: parameters in `P`, states in `Y`,
+signals (and flags, and effects' states) in `S`. Inside the kernel a state is a local name: `v0`,
+`x0` of the first coordinate, `p0` of the first volume. Laws are bound to these by the names of
+their arguments.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from eha_bench.core import units
+from eha_bench.core.channels import unit_of as unit_of_channel
+from eha_bench.core.errors import InputError, Place, PluginError, UnitError
+from eha_bench.core.near_miss import suggest
+from eha_bench.plants.network.element import (
+    MECHANICAL,
+    Anatomy,
+    Command,
+    Compliance,
+    Flow,
+    Inertia,
+    Input,
+    Law,
+    Loop,
+    NodeKind,
+    Oil,
+    Stops,
+    Tie,
+)
+from eha_bench.plants.network.network import (
+    NODE_PARAMETERS,
+    QUANTITIES,
+    UNITS,
+    Element,
+    Network,
+    Node,
+)
+from eha_bench.plants.network.plant_file import unit_of
+from eha_bench.plants.parameter import Parameter
+
+Locate = Callable[..., Place]
+
+BYPASS = "bypass"
+"""The signal that is 1 while the bypass is open."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """An element as it is bound: what it does, with the parameters it has."""
+
+    element: Element
+    anatomy: Anatomy
+    tokens: Mapping[str, str]
+
+    @property
+    def name(self) -> str:
+        """Name of the element."""
+        return self.element.name
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A node that moves by its own balance.
+
+    Attributes:
+        node: it. number: among the coordinates; its states are `v<number>` and `x<number>`.
+        speed, position: places in `Y`.
+        efforts, frictions, inertias: what acts on it, as (expression, ...) over the states.
+        low, high: expressions of the ends of its stroke, "" where it has none.
+    """
+
+    node: Node
+    number: int
+    speed: int
+    position: int
+
+    @property
+    def name(self) -> str:
+        """Name of the node."""
+        return self.node.name
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a rotation."""
+        return self.node.kind is NodeKind.ROTATION
+
+
+@dataclass(frozen=True)
+class Volume:
+    """A volume of oil: its pressure is `p<number>`."""
+
+    node: Node
+    number: int
+    pressure: int
+
+    @property
+    def name(self) -> str:
+        """Name of the node."""
+        return self.node.name
+
+
+@dataclass(frozen=True)
+class Column:
+    """An input of the plant.
+
+    Attributes:
+        channel: its name. unit: SI. held: whether it keeps its value between samples.
+        signal: place in `S` that it sets, where it is no command.
+        default: place in `P` of what stands in where it is not given, -1 for 0.
+        command: the command that it is, None where it is none. part: its element.
+        loop: whether a controller inside the plant sets it where it is not given.
+    """
+
+    channel: str
+    unit: str
+    held: bool
+    signal: int
+    default: int
+    command: Command | None
+    part: Part | None
+
+
+@dataclass(frozen=True)
+class Output:
+    """A channel that the plant computes.
+
+    Attributes:
+        channel, unit: name, SI. of, quantity: as declared.
+        state: place in `Y`, -1 where it is none. signal: place in `S` of what an imposed channel
+            of it sets, -1 where it cannot be.
+        expression: its value over states, signals and parameters.
+        command: number of the input column that it shows, -1 for none.
+    """
+
+    channel: str
+    unit: str
+    of: str
+    quantity: str
+    state: int
+    signal: int
+    expression: str
+    command: int = -1
+
+
+class System:
+    """A network laid flat.
+
+    Args:
+        network: what was declared. locate: keys -> place in the file, for messages.
+
+    Raises:
+        InputError: a mistake that needs the whole network to see.
+    """
+
+    def __init__(self, network: Network, locate: Locate | None = None) -> None:
+        self.network = network
+        self._locate = locate or (lambda *keys: Place(key=".".join(map(str, keys))))
+        self.parts = {name: self._part(item) for name, item in network.elements.items()}
+        self.laws: dict[Law, str] = {}
+        self._followers()
+        self._slots()
+        self._states()
+        self._signals()
+        self._loops()
+        self._inputs()
+        self._outputs()
+        self._refuse_massless()
+        self._refuse_empty()
+        self._bind_oils()
+
+    # --- what each element does --------------------------------------------------------------
+
+    def _part(self, element: Element) -> Part:
+        used = {
+            f"input:{item.port}" for item in self.network.inputs.values() if item.of == element.name
+        }
+        anatomy = element.kind.anatomy(frozenset(element.values) | used)
+        own = {item.name for item in anatomy.parameters}
+        for key in element.values:
+            if key not in own:
+                raise InputError(
+                    f"'{key}' does not go with what else '{element.name}' declares",
+                    where=self._locate("elements", element.name, key),
+                    hint=f"it then has: {', '.join(sorted(own))}",
+                )
+        kinds = [self.network.nodes[name].kind for name in element.ports.values()]
+        moving = [kind for kind in kinds if kind in UNITS]
+        tokens: dict[str, str] = {}
+        if moving:
+            tokens = dict(UNITS[moving[-1] if len(moving) > 1 else moving[0]])
+            positions = [UNITS[kind]["position"] for kind in moving]
+            tokens["ratio"] = "" if len(set(positions)) == 1 else "/".join(positions)
+        return Part(element, anatomy, tokens)
+
+    def _followers(self) -> None:
+        """Find the nodes that follow others, and the coordinates that lead."""
+        ties: dict[str, tuple[Part, Tie]] = {}
+        for part in self.parts.values():
+            for item in part.anatomy.contributions:
+                if isinstance(item, Tie):
+                    node = part.element.ports[item.port]
+                    if node in ties:
+                        raise InputError(
+                            f"'{node}' follows two other nodes",
+                            where=self._locate("elements", part.name),
+                            hint="a node behind a gear or a linkage follows one only",
+                        )
+                    ties[node] = part, item
+        self.coordinates: list[Coordinate] = []
+        for own in self.network.nodes.values():
+            if own.kind in MECHANICAL and own.name not in ties:
+                self.coordinates.append(Coordinate(own, len(self.coordinates), 0, 0))
+        self._ties = ties
+        self.leaders: dict[str, tuple[str, ...]] = {}
+        for name in ties:
+            chain = [name]
+            while chain[-1] in ties:
+                part, tie = ties[chain[-1]]
+                above = part.element.ports[tie.leader]
+                if above in chain:
+                    raise InputError(
+                        f"{' and '.join(chain)} follow one another in a loop: none has a motion of "
+                        "its own",
+                        where=self._locate("elements", part.name),
+                        hint="let one node with inertia lead",
+                    )
+                chain.append(above)
+            self.leaders[name] = tuple(chain[1:])
+
+    def leader_of(self, node: str) -> Coordinate:
+        """Return the coordinate that a mechanical node moves with."""
+        name = self.leaders[node][-1] if node in self.leaders else node
+        return next(item for item in self.coordinates if item.name == name)
+
+    # --- parameters --------------------------------------------------------------------------
+
+    def _slots(self) -> None:
+        """Give every parameter its place; names of the file stand for one or for several."""
+        found: dict[str, Parameter] = {}
+        for node in self.network.nodes.values():
+            for item in NODE_PARAMETERS[node.kind]:
+                always = node.kind is NodeKind.RESERVOIR or item.name == "pressure"
+                if item.name in node.values or always:
+                    value = node.values.get(item.name, item.default)
+                    found[f"{node.name}.{item.name}"] = replace(item, default=value)
+            if node.stroke is not None:
+                unit = UNITS[node.kind]["position"]
+                for end, value in zip(("stroke_low", "stroke_high"), node.stroke, strict=True):
+                    found[f"{node.name}.{end}"] = Parameter(
+                        end, unit, value, -math.inf, math.inf, source="end of the stroke",
+                        searched=False,
+                    )  # fmt: skip
+        for part in self.parts.values():
+            declared = part.element.values
+            for item in part.anatomy.parameters:
+                value = declared.get(item.name, item.default)
+                unit = self._unit(item.unit, part)
+                if "{command}" in item.unit and item.name in declared and self._driven(part):
+                    self._check_unit(part, item.name, unit)
+                found[f"{part.name}.{item.name}"] = replace(item, default=value, unit=unit)
+        self.slot_of: dict[str, str] = {}
+        parameters: list[Parameter] = []
+        for alias, targets in self.network.names.items():
+            first = None
+            for target in targets:
+                if target not in found:
+                    raise InputError(
+                        f"there is no parameter '{target}'",
+                        where=self._locate("names", alias),
+                        hint=suggest(target, found),
+                    )
+                if target in self.slot_of:
+                    raise InputError(
+                        f"'{target}' has two names: {self.slot_of[target]} and {alias}",
+                        where=self._locate("names", alias),
+                    )
+                item = found[target]
+                if first is not None and (item.unit, item.default) != (first.unit, first.default):
+                    raise InputError(
+                        f"'{targets[0]}' and '{target}' share the name '{alias}', but not their "
+                        "value or unit",
+                        where=self._locate("names", alias),
+                        hint="declare the same value for both",
+                    )
+                first = first or item
+                self.slot_of[target] = alias
+            if first is None:
+                raise InputError("names no parameter", where=self._locate("names", alias))
+            parameters.append(self._named(alias, first))
+        for key, item in found.items():
+            if key not in self.slot_of:
+                if key in self.network.names:
+                    raise InputError(
+                        f"'{key}' is the name of another parameter",
+                        where=self._locate("names", key),
+                    )
+                self.slot_of[key] = key
+                parameters.append(self._named(key, item))
+        for key in self.network.assumed:
+            if key not in {item.name for item in parameters}:
+                raise InputError(
+                    f"there is no parameter '{key}'",
+                    where=self._locate("assumed", key),
+                    hint=suggest(key, [item.name for item in parameters]),
+                )
+        self.parameters = tuple(parameters)
+        self.index = {item.name: place for place, item in enumerate(parameters)}
+
+    def _unit(self, unit: str, part: Part) -> str:
+        if "{command}" not in unit:
+            return unit_of(unit, part.tokens)
+        command = self._driven(part)
+        asked = command[0].unit if command else ""
+        text = unit_of(unit.replace("{command}", "{asked}"), {**part.tokens, "asked": asked or "1"})
+        return {"1": "", "1/(m/s)": "s/m", "V/(m/s)": "V*s/m", "V/(m)": "V/m"}.get(text, text)
+
+    def _driven(self, part: Part) -> tuple[Command, ...]:
+        """Return the commands of the motor that an element drives, () where it drives none."""
+        motor = self.parts.get(part.element.refers.get("motor", ""))
+        return motor.anatomy.commands if motor else ()
+
+    def _check_unit(self, part: Part, name: str, unit: str) -> None:
+        """Refuse a quantity whose unit depends on another element, where it is a wrong one."""
+        raw = self.network.source.get("elements", {}).get(part.name, {}).get(name)
+        if not isinstance(raw, str):
+            return
+        try:
+            units.parse(raw, unit)
+        except UnitError as error:
+            raise InputError(
+                error.what, where=self._locate("elements", part.name, name), hint=error.hint
+            ) from error
+
+    def _named(self, key: str, item: Parameter) -> Parameter:
+        why = self.network.assumed.get(key)
+        return replace(item, name=key, assumed=why is not None, source=why or item.source)
+
+    def parameter(self, of: str, name: str) -> str | None:
+        """Return the expression of a parameter of an element or node, None where it has none."""
+        key = self.slot_of.get(f"{of}.{name}")
+        return None if key is None else f"P[{self.index[key]}]"
+
+    # --- states and signals ------------------------------------------------------------------
+
+    def _states(self) -> None:
+        place = 0
+        placed = []
+        for item in self.coordinates:
+            placed.append(replace(item, speed=place, position=place + 1))
+            place += 2
+        self.coordinates = placed
+        self.volumes: list[Volume] = []
+        for node in self.network.nodes.values():
+            if node.kind is NodeKind.VOLUME:
+                self.volumes.append(Volume(node, len(self.volumes), place))
+                place += 1
+        self.size = place
+        self.state_names = [
+            *(name for c in self.coordinates for name in (f"v{c.number}", f"x{c.number}")),
+            *(f"p{item.number}" for item in self.volumes),
+        ]
+        self.volume_of = {item.name: item for item in self.volumes}
+
+    def _signals(self) -> None:
+        """Give every signal its place in `S`; the first ones tell of the setup and the time."""
+        self.signals: dict[str, int] = {BYPASS: 0, "t": 1, "any": 2}
+        for part in self.parts.values():
+            for item in part.anatomy.signals:
+                self.signals[f"{part.name}.{item.name}"] = len(self.signals)
+            for command in part.anatomy.commands:
+                self.signals[f"{part.name}.{command.port}?"] = len(self.signals)
+                self.signals[f"{part.name}.{command.port}!"] = len(self.signals)
+        for node in self.network.nodes.values():
+            if node.kind is NodeKind.RESERVOIR:
+                self.signals[f"{node.name}.pressure"] = len(self.signals)
+        self.signals["oil_temperature"] = len(self.signals)
+
+    def demand(self, part: Part, command: Command) -> int:
+        """Return the place in `S` of what a command asks for within its limit."""
+        return self.signals[f"{part.name}.{command.port}?"]
+
+    def asked(self, part: Part, command: Command) -> int:
+        """Return the place in `S` of what a drive makes of that before its dynamics."""
+        return self.signals[f"{part.name}.{command.port}!"]
+
+    def _loops(self) -> None:
+        """Find the controllers inside the plant, and the commands that they set."""
+        self.loops: dict[str, tuple[Part, Loop, Part, Command]] = {}
+        for part in self.parts.values():
+            loop = part.anatomy.loop
+            if loop is None:
+                continue
+            key = part.element.refers.get(loop.drives)
+            if key is None:
+                raise InputError(
+                    f"'{part.name}' needs '{loop.drives}': the element that it drives",
+                    where=self._locate("elements", part.name),
+                )
+            driven = self.parts[key]
+            if not driven.anatomy.commands:
+                raise InputError(
+                    f"'{key}' takes no command",
+                    where=self._locate("elements", part.name, loop.drives),
+                )
+            for other, _, also, _ in self.loops.values():
+                if also is driven:
+                    raise InputError(
+                        f"'{other.name}' and '{part.name}' both set the command of '{key}'",
+                        where=self._locate("elements", part.name, loop.drives),
+                        hint="leave one of them out",
+                    )
+            self.loops[part.name] = part, loop, driven, driven.anatomy.commands[0]
+
+    def _inputs(self) -> None:
+        self.columns: list[Column] = []
+        for channel, item in self.network.inputs.items():
+            where = self._locate("inputs", channel)
+            if item.of in self.network.nodes:
+                held = False if item.held is None else item.held
+                key = f"{item.of}.pressure"
+                self.columns.append(
+                    Column(channel, "Pa", held, self.signals[key], self.index[self.slot_of[key]],
+                           None, None)
+                )  # fmt: skip
+                continue
+            part = self.parts[item.of]
+            own = {port.port: port for port in part.anatomy.inputs}
+            if item.port not in own:
+                raise InputError(
+                    f"a {part.element.kind.id} has no input '{item.port}'",
+                    where=where,
+                    hint=f"it has: {', '.join(own)}" if own else "it takes none",
+                )
+            self.columns.append(self._column(channel, part, own[item.port], item.held))
+        self._complete_loops()
+        self.columns.append(
+            Column("oil_temperature", "K", False, self.signals["oil_temperature"], -2, None, None)
+        )
+        for column in self.columns:
+            self._check_known("inputs", column.channel, column.unit)
+        self.column_of = {item.channel: number for number, item in enumerate(self.columns)}
+
+    def _column(self, channel: str, part: Part, port: Input, held: bool | None) -> Column:
+        command = next((c for c in part.anatomy.commands if c.port == port.port), None)
+        default = -1
+        if port.default:
+            default = self.index[self.slot_of[f"{part.name}.{port.default}"]]
+        unit = self._unit(port.unit, part)
+        signal = self.signals[f"{part.name}.{port.signal}"]
+        return Column(
+            channel, unit, port.held if held is None else held, signal, default, command, part
+        )
+
+    def _complete_loops(self) -> None:
+        """A command that only a controller sets needs a column all the same."""
+        for part, _, driven, command in self.loops.values():
+            if not any(c.part is driven and c.command is command for c in self.columns):
+                port = next(p for p in driven.anatomy.inputs if p.port == command.port)
+                self.columns.append(
+                    self._column(f"{driven.name}.{command.port}", driven, port, None)
+                )
+            del part
+
+    def column_for(self, part: Part, command: Command) -> int:
+        """Return the input column of a command.
+
+        Raises:
+            InputError: nothing drives it.
+        """
+        for number, item in enumerate(self.columns):
+            if item.part is part and item.command is command:
+                return number
+        return -1
+
+    def _outputs(self) -> None:
+        self.outputs: list[Output] = []
+        self.derived: dict[str, tuple[str, str, str]] = {}
+        looped = {
+            self.columns[self.column_for(driven, command)].channel: self.column_for(driven, command)
+            for _, _, driven, command in self.loops.values()
+        }
+        looped = {channel: number for channel, number in looped.items() if "." not in channel}
+        for channel in looped:
+            if channel not in self.network.channels:
+                self._command_output(channel, looped[channel])
+        for channel, (of, quantity) in self.network.channels.items():
+            if channel in looped:
+                self._command_output(channel, looped[channel])
+            elif of in self.network.nodes:
+                self._node_output(channel, self.network.nodes[of], quantity)
+            else:
+                self._element_output(channel, self.parts[of], quantity)
+        for output in self.outputs:
+            self._check_known("channels", output.channel, output.unit)
+        self.output_of = {item.channel: number for number, item in enumerate(self.outputs)}
+
+    def _check_known(self, section: str, channel: str, unit: str) -> None:
+        """Refuse a channel that eha_bench knows by this name, but as another quantity."""
+        known = unit_of_channel(channel)
+        if known not in ("", unit):
+            raise InputError(
+                f"'{channel}' is a channel in {known}, but what it names here is in {unit or '1'}",
+                where=self._locate(section, channel),
+                hint="give it another name",
+            )
+
+    def _command_output(self, channel: str, number: int) -> None:
+        """Show what a controller inside the plant asks for, as its drive logs it."""
+        column = self.columns[number]
+        assert column.part is not None
+        assert column.command is not None
+        self.outputs.append(
+            Output(channel, column.unit, column.part.name, column.command.port, -1, column.signal,
+                   "", number)
+        )  # fmt: skip
+
+    def _node_output(self, channel: str, node: Node, quantity: str) -> None:
+        unit = QUANTITIES[node.kind][quantity]
+        if node.kind is NodeKind.VOLUME:
+            volume = self.volume_of[node.name]
+            self.outputs.append(
+                Output(channel, unit, node.name, quantity, volume.pressure, -1, f"p{volume.number}")
+            )
+        elif node.kind is NodeKind.RESERVOIR:
+            self.outputs.append(
+                Output(channel, unit, node.name, quantity, -1, -1, self.pressure(node.name))
+            )
+        elif node.name in self.leaders:
+            part, tie = self._ties[node.name]
+            if part.element.kind.id == "gear":
+                self.outputs.append(
+                    Output(channel, unit, node.name, quantity, -1, -1,
+                           self.speed(node.name) if quantity in ("speed", "velocity")
+                           else self.position(node.name))
+                )  # fmt: skip
+            else:
+                self.derived[channel] = node.name, quantity, unit
+            del tie
+        else:
+            item = self.leader_of(node.name)
+            moving = quantity in ("speed", "velocity")
+            self.outputs.append(
+                Output(channel, unit, node.name, quantity, item.speed if moving else item.position,
+                       -1, f"{'v' if moving else 'x'}{item.number}")
+            )  # fmt: skip
+
+    def _element_output(self, channel: str, part: Part, quantity: str) -> None:
+        own = {item.name: item for item in part.anatomy.quantities}
+        if quantity not in own:
+            raise InputError(
+                f"a {part.element.kind.id} has no '{quantity}'",
+                where=self._locate("channels", channel),
+                hint=f"it has: {', '.join(own)}" if own else "name a state of a node instead",
+            )
+        item = own[quantity]
+        signal = self.signals[f"{part.name}.{item.signal}"] if item.signal else -1
+        self.outputs.append(
+            Output(channel, self._unit(item.unit, part), part.name, quantity, -1, signal,
+                   self.call(part, item.law))
+        )  # fmt: skip
+
+    def _refuse_massless(self) -> None:
+        """Refuse nodes without inertia that nothing measures: their balance has no answer."""
+        for item in self.coordinates:
+            heavy = self.inertias(item)
+            shown = any(
+                of == item.name and quantity in ("speed", "velocity", "position", "angle")
+                for of, quantity in self.network.channels.values()
+            )
+            if not heavy and not shown:
+                raise InputError(
+                    f"'{item.name}' has no inertia, and no channel shows its motion: nothing says "
+                    "how it moves",
+                    where=self._locate("nodes", item.name),
+                    hint="give it an inertia (or mass), or a channel that is measured",
+                )
+
+    def _refuse_empty(self) -> None:
+        """Refuse volumes that hold nothing: their pressure would have no slope."""
+        for volume in self.volumes:
+            if volume.node.values.get("volume", 0.0) > 0.0:
+                continue
+            if not self.oils(volume) and not self.compliances(volume):
+                raise InputError(
+                    f"the volume '{volume.name}' holds no oil",
+                    where=self._locate("nodes", volume.name),
+                    hint="give it a `volume`, or join a cylinder or an accumulator to it",
+                )
+
+    def _bind_oils(self) -> None:
+        """Refuse a cylinder whose rod lacks the stroke that its dead volumes need."""
+        for volume in self.volumes:
+            for part, term in self.oils(volume):
+                self.call(part, term.law)
+
+    # --- binding -----------------------------------------------------------------------------
+
+    def law(self, law: Law) -> str:
+        """Return the name of a law in the kernel's source."""
+        function = getattr(law, "py_func", law)
+        if function not in self.laws:
+            self.laws[function] = f"_l{len(self.laws)}"
+        return self.laws[function]
+
+    def call(self, part: Part, law: Law, **extra: str) -> str:
+        """Return the text of a law's call with its arguments bound.
+
+        Raises:
+            PluginError: the law asks for something that there is not.
+        """
+        bound = [self.bound(part, name, extra) for name in inspect.signature(law).parameters]
+        return f"{self.law(law)}({', '.join(bound)})"
+
+    def bound(self, part: Part, name: str, extra: Mapping[str, str]) -> str:
+        """Return the expression that a law's argument stands for."""
+        if name in extra:
+            return extra[name]
+        found = self.parameter(part.name, name)
+        if found is not None:
+            return found
+        if f"{part.name}.{name}" in self.signals:
+            return f"S[{self.signals[f'{part.name}.{name}']}]"
+        if name.startswith("p_") and name[2:] in part.element.ports:
+            return self.pressure(part.element.ports[name[2:]])
+        found = self._of_motion(part, name) or self._of_other(part, name)
+        if found is not None:
+            return found
+        if name == "t":
+            return "t"
+        raise PluginError(
+            f"the element kind '{part.element.kind.id}' asks for '{name}', which it does not have"
+        )
+
+    def _of_motion(self, part: Part, name: str) -> str | None:
+        """Return the expression of a quantity of the nodes that an element moves, None for none."""
+        moving = {
+            port: node
+            for port, node in part.element.ports.items()
+            if self.network.nodes[node].kind in MECHANICAL
+        }
+        if not moving:
+            return None
+        own = next(iter(moving.values()))
+        plain = {"speed": self.speed, "position": self.position, "inertia": self.inertia}
+        what, _, port = name.partition("_")
+        if what in plain and (not port or port in moving):
+            return plain[what](moving[port] if port else own)
+        if name not in ("low", "high"):
+            return None
+        end = self.parameter(own, f"stroke_{name}")
+        if end is None:
+            raise InputError(
+                f"'{part.name}' declares dead volumes, so the rod '{own}' needs a stroke",
+                where=self._locate("nodes", own),
+                hint="add `stroke: [low, high]` to the node",
+            )
+        return end
+
+    def _of_other(self, part: Part, name: str) -> str | None:
+        """Return the expression of a parameter of an element that is referred to, None for none."""
+        for key, other in part.element.refers.items():
+            if name.startswith(f"{key}_"):
+                found = self.parameter(other, name[len(key) + 1 :])
+                if found is not None:
+                    return found
+        return None
+
+    def pressure(self, node: str) -> str:
+        """Return the expression of a hydraulic node's pressure."""
+        if node in self.volume_of:
+            return f"p{self.volume_of[node].number}"
+        return f"S[{self.signals[f'{node}.pressure']}]"
+
+    def speed(self, node: str) -> str:
+        """Return the expression of a mechanical node's speed."""
+        if node not in self.leaders:
+            return f"v{self.leader_of(node).number}"
+        return f"({self.ratio(node)} * v{self.leader_of(node).number})"
+
+    def position(self, node: str) -> str:
+        """Return the expression of a mechanical node's position."""
+        if node not in self.leaders:
+            return f"x{self.leader_of(node).number}"
+        part, tie = self._ties[node]
+        return self.call(part, tie.position, position=self.position(part.element.ports[tie.leader]))
+
+    def ratio(self, node: str) -> str:
+        """Return the expression of d(node)/d(its coordinate), "" for the coordinate itself."""
+        if node not in self.leaders:
+            return ""
+        part, tie = self._ties[node]
+        above = part.element.ports[tie.leader]
+        own = self.call(part, tie.ratio, position=self.position(above))
+        further = self.ratio(above)
+        return f"{own} * {further}" if further else own
+
+    def inertia(self, node: str) -> str:
+        """Return the expression of the whole inertia of a node's coordinate."""
+        item = self.leader_of(node)
+        return f"mass{item.number}({', '.join(self.state_names)}, t, X, P, S)"
+
+    # --- the terms of each balance -----------------------------------------------------------
+
+    def _on(self, item: Coordinate, node: str) -> bool:
+        kind = self.network.nodes[node].kind
+        return kind in MECHANICAL and self.leader_of(node) is item
+
+    def terms(self, item: Coordinate, kind: type) -> list[tuple[Part, Any, str]]:
+        """Return (part, contribution, ratio) of all that acts on a coordinate."""
+        found = []
+        for part in self.parts.values():
+            for term in part.anatomy.contributions:
+                if isinstance(term, kind):
+                    assert not isinstance(term, Tie | Flow)
+                    node = part.element.ports[term.port]
+                    if self._on(item, node):
+                        found.append((part, term, self.ratio(node)))
+        return found
+
+    def inertias(self, item: Coordinate) -> list[str]:
+        """Return the expressions whose sum is a coordinate's inertia."""
+        found = []
+        names = [item.name, *(n for n, c in self.leaders.items() if c[-1] == item.name)]
+        for name in names:
+            for key in ("inertia", "mass"):
+                value = self.parameter(name, key)
+                if value is not None:
+                    ratio = self.ratio(name)
+                    found.append(f"({ratio}) * ({ratio}) * {value}" if ratio else value)
+        for part, term, ratio in self.terms(item, Inertia):
+            value = self.call(part, term.law)
+            found.append(f"({ratio}) * ({ratio}) * {value}" if ratio else value)
+        return found
+
+    def flows(self) -> list[tuple[Part, Flow]]:
+        """Return every flow with its element, in the order of the file."""
+        return [
+            (part, term)
+            for part in self.parts.values()
+            for term in part.anatomy.contributions
+            if isinstance(term, Flow)
+        ]
+
+    def ends(self, part: Part, flow: Flow) -> tuple[str, str]:
+        """Return the nodes that a flow leaves and enters, "" for none."""
+        source = part.element.ports[flow.source] if flow.source else ""
+        sink = part.element.ports[flow.sink] if flow.sink else ""
+        return source, sink
+
+    def oils(self, volume: Volume) -> list[tuple[Part, Oil]]:
+        """Return what adds oil to a volume."""
+        return self._of_volume(volume, Oil)
+
+    def compliances(self, volume: Volume) -> list[tuple[Part, Compliance]]:
+        """Return what gives way beside the oil of a volume."""
+        return self._of_volume(volume, Compliance)
+
+    def _of_volume(self, volume: Volume, kind: type) -> list[tuple[Part, Any]]:
+        found = []
+        for part in self.parts.values():
+            for term in part.anatomy.contributions:
+                if isinstance(term, kind):
+                    assert not isinstance(term, Flow)
+                    if part.element.ports[term.port] == volume.name:
+                        found.append((part, term))
+        return found
+
+    def stroke(self, item: Coordinate) -> tuple[str, str] | None:
+        """Return the expressions of the ends of a coordinate's stroke, None where it has none."""
+        low, high = (self.parameter(item.name, f"stroke_{end}") for end in ("low", "high"))
+        if low is not None and high is not None:
+            return low, high
+        for part, term, _ in self.terms(item, Stops):
+            return self.call(part, term.low), self.call(part, term.high)
+        return None
+
+    @cached_property
+    def locked(self) -> tuple[int, ...]:
+        """Numbers of the coordinates that `piston: locked` holds: those that cylinders move."""
+        found = {
+            self.leader_of(part.element.ports["on"]).number
+            for part in self.parts.values()
+            if part.element.kind.id == "cylinder"
+        }
+        return tuple(sorted(found))
+
+    @cached_property
+    def has_bypass(self) -> bool:
+        """Whether a valve opens where a run's setup says so."""
+        return any(part.anatomy.opens_with_bypass for part in self.parts.values())

@@ -1,0 +1,117 @@
+"""`export`: a recording as CSV, Parquet or MDF 4, which other tools open."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from eha_bench.core.atomic_file import replacing
+from eha_bench.core.channels import CHANNELS
+from eha_bench.core.errors import InputError, Place, RecordingError
+from eha_bench.core.near_miss import suggest
+from eha_bench.core.recording import Recording
+from eha_bench.recordings.tables.library import reading_with
+from eha_bench.recordings.tables.mdf import OWN
+from eha_bench.recordings.tables.parquet import DESCRIPTION
+
+_SUFFIXES = (".csv", ".parquet", ".mf4")
+
+
+def export(path: str | Path, recording: Recording) -> Path:
+    """Write a recording in the format of the file's suffix, and return its path.
+
+    Time (s) and all channels are written in SI, bit for bit; `read` takes them back without a map.
+    Parquet and MDF hold the units and when time zero was; attachments are left out everywhere.
+
+    Args:
+        path: a file ending in .csv, .parquet or .mf4; its folder must exist.
+        recording: what to write.
+
+    Raises:
+        InputError: the suffix is none of these.
+        RecordingError: the file cannot be written, or the library for MDF is not installed.
+    """
+    target = Path(path)
+    suffix = target.suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise InputError(
+            f"'{target.name}' does not say a format to export to",
+            hint=f"end it in {', '.join(_SUFFIXES)} ({suggest(suffix or 'csv', _SUFFIXES)})",
+        )
+    write = {".csv": _csv, ".parquet": _parquet, ".mf4": _mdf}[suffix]
+    try:
+        with replacing(target) as part:
+            write(part, recording)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot be written ({error.strerror or error})",
+            where=Place(file=str(target)),
+            hint="check that the folder exists, is writable and has room",
+        ) from error
+    return target
+
+
+def _headings(recording: Recording) -> dict[str, str]:
+    """Return channel -> heading; one whose name does not say its unit carries it."""
+    headings = {}
+    for name in recording.values:
+        unit = recording.unit(name)
+        said = name in CHANNELS and CHANNELS[name].unit in ("", unit)
+        headings[name] = name if said else f"{name} [{unit}]"
+    return headings
+
+
+def _csv(path: Path, recording: Recording) -> None:
+    import pandas as pd
+
+    columns = {head: recording.values[name] for name, head in _headings(recording).items()}
+    frame = pd.DataFrame({"time": recording.time, **columns})
+    frame.to_csv(path, index=False, lineterminator="\n")
+
+
+def _description(recording: Recording) -> Mapping[str, Any]:
+    return {
+        "version": 1,
+        "epoch_ns": recording.epoch_ns,
+        "units": dict(recording.units),
+        "metadata": dict(recording.metadata),
+        "notes": list(recording.notes),
+    }
+
+
+def _parquet(path: Path, recording: Recording) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    names = list(recording.values)
+    columns = [recording.time, *(recording.values[name] for name in names)]
+    table = pa.table(dict(zip(["time", *names], columns, strict=True)))
+    described = json.dumps(_description(recording), ensure_ascii=False).encode()
+    pq.write_table(table.replace_schema_metadata({DESCRIPTION: described}), path)
+
+
+def _mdf(path: Path, recording: Recording) -> None:
+    with reading_with("asammdf", "mdf", str(path)):
+        from asammdf import MDF, Signal
+
+        log = MDF(version="4.10")
+        log.header.abs_time = recording.epoch_ns
+        log.header.comment = f"{OWN}: {json.dumps(dict(recording.metadata), ensure_ascii=False)}"
+        log.append(
+            [
+                Signal(values, recording.time, name=name, unit=recording.unit(name) or "1")
+                for name, values in recording.values.items()
+            ],
+            acq_source=None,
+            comment="recording",
+            common_timebase=True,
+        )
+        written = path.with_suffix(".mf4")  # the library puts its own suffix behind any other
+        try:
+            log.save(written, overwrite=True, compression=2)
+            written.replace(path)
+        finally:
+            log.close()
+            written.unlink(missing_ok=True)

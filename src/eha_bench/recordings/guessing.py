@@ -1,0 +1,218 @@
+"""`channels`: a first `channels.yaml` for a log, guessed from names, units and types."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+from pathlib import Path
+
+from eha_bench.core.channels import CHANNELS
+from eha_bench.core.errors import RecordingError, UnitError
+from eha_bench.core.units import base_unit, factor_and_offset
+from eha_bench.recordings.information import RecordingInformation, info
+from eha_bench.recordings.tables.self_description import named_unit
+from eha_bench.recordings.values import ValueInformation
+
+_WORDS = {
+    "current_command": ("current command", "current cmd", "current ref", "i cmd", "i ref", "cmd"),
+    "current": ("motor current", "current", "i meas", "amps", "effort"),
+    "motor_speed": ("motor speed", "speed", "velocity", "rpm", "omega", "shaft speed"),
+    "pressure_a": ("pressure a", "p a", "pa", "p1", "pressure 1", "press a", "chamber a"),
+    "pressure_b": ("pressure b", "p b", "pb", "p2", "pressure 2", "press b", "chamber b"),
+    "pressure_difference": ("pressure difference", "delta p", "dp", "diff pressure"),
+    "piston_position": ("piston position", "rod position", "stroke", "position", "pos", "x"),
+    "piston_velocity": ("piston velocity", "rod velocity", "rod speed"),
+    "joint_angle": ("joint angle", "knee angle", "knee", "angle", "theta"),
+    "force": ("force", "load cell", "load"),
+    "oil_temperature": ("oil temperature", "temperature", "temp", "t oil"),
+    "voltage": ("voltage", "volts", "u"),
+    "reference": ("reference", "setpoint", "set point", "target", "desired"),
+}
+_UNIT_AT_END = re.compile(
+    r"[_\s]+(bar|mbar|psi|pa|kpa|mpa|mm|cm|m|um|rad|deg|rpm|a|ma|v|mv|n|kn|s|ms|us|ns|degc|c|k)$",
+    re.I,
+)
+_SPELT = {
+    "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "ma": "mA", "v": "V", "mv": "mV", "n": "N", "kn": "kN",
+    "degc": "degC",
+}  # fmt: skip
+_TIMES = ("time", "timestamp", "t", "stamp", "zeit", "seconds", "sec")
+_LIKE = 0.75
+_THE_VALUE = ("data", "fluid_pressure", "temperature", "value")
+"""Fields that are all that a message is about: the topic's name tells what that is."""
+_BESIDE = ("variance", "data_offset")
+_PLAIN = re.compile(r"[A-Za-z/_][\w/.]*")
+_WORDS_OF_YAML = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"})
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A field or column, and the channel that it may be.
+
+    Attributes:
+        channel: name of the channel; the field's own name where none fits.
+        place: `topic: /f, field: data` or `column: p`.
+        unit: its unit; empty where nothing tells it.
+        reason: what the guess stands on.
+        likeness: how sure it is, 0 to 1.
+    """
+
+    channel: str
+    place: str
+    unit: str
+    reason: str
+    likeness: float
+
+
+def first_map(path: str | Path) -> str:
+    """Return a `channels.yaml` for a log, every guess marked as one.
+
+    Raises:
+        RecordingError: it is no recording, or holds no numbers.
+    """
+    found = info(path)
+    table = all(not topic.encoding for topic in found.topics)
+    guesses = _guesses(found, table=table)
+    if not guesses:
+        raise RecordingError(f"{path}: it holds no numbers that a channel could be")
+    lines = [
+        f"# A first channel map of {Path(path).name}, GUESSED from names and units:",
+        "# check every line. value = (raw * scale + offset) in `unit`, then SI",
+    ]
+    if table:
+        lines += _clock_lines(found)
+    lines.append("channels:")
+    owner: dict[str, Guess] = {}
+    for guess in sorted(guesses, key=lambda guess: -guess.likeness):
+        owner.setdefault(guess.channel, guess)
+    taken = set(owner)
+    for guess in guesses:
+        name = guess.channel
+        if owner[name] is not guess:
+            name = _unique(guess.place, taken)
+            taken.add(name)
+        known = name in CHANNELS
+        unit = guess.unit or (CHANNELS[name].unit if known else "")
+        why = guess.reason if known else "no channel is called like it"
+        said = "" if guess.unit else ", unit assumed"
+        entry = f"{{{guess.place}, unit: {_quoted(unit)}}}"
+        lines.append(f"  {_quoted(name)}: {entry}  # guessed: {why}{said}")
+    return "\n".join(lines) + "\n"
+
+
+def _guesses(found: RecordingInformation, *, table: bool) -> list[Guess]:
+    guesses = []
+    clocks = {name for name, _ in _clocks(found)} if table else set()
+    for topic in found.topics:
+        for value in topic.values:
+            if table and value.name in clocks:
+                continue
+            if table:
+                place, title = f"column: {_quoted(value.name)}", value.name
+            else:
+                place = f"topic: {_quoted(topic.name)}, field: {_quoted(value.name)}"
+                last = value.name.rpartition(".")[2]
+                if last in _BESIDE or value.name.startswith("layout."):
+                    continue
+                title = topic.name if last in _THE_VALUE else f"{topic.name} {value.name}"
+            guesses.append(_guess(title, value, place))
+    return guesses
+
+
+def _guess(title: str, value: ValueInformation, place: str) -> Guess:
+    name, unit = named_unit(title)
+    unit = value.unit or unit or ""
+    at_end = _UNIT_AT_END.search(name)
+    if at_end is not None and not unit:
+        word = at_end[1].lower()
+        unit, name = _SPELT.get(word, word), name[: at_end.start()]
+    words = re.sub(r"[^a-z0-9]+", " ", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower()).strip()
+    best, likeness = "", 0.0
+    for channel, aliases in _WORDS.items():
+        if unit and not _fits(unit, channel):
+            continue
+        for alias in (channel.replace("_", " "), *aliases):
+            ratio = _like(words, alias)
+            if ratio > likeness:
+                best, likeness = channel, ratio
+    if not _is_unit(unit):
+        unit = ""
+    if likeness < _LIKE:
+        return Guess(_unique(place, set()), place, unit, "", 0.0)
+    reason = f"'{title}' is like {best}" + (f", and {unit} fits" if unit else "")
+    return Guess(best, place, unit, reason.replace("\n", " "), likeness)
+
+
+def _like(words: str, alias: str) -> float:
+    if words == alias:
+        return 1.0
+    # whole words at the end tell most: `/drive/current_cmd`
+    if len(alias) > 2 and (words.endswith(f" {alias}") or words.startswith(f"{alias} ")):
+        return 0.95
+    if len(alias) > 3 and f" {alias} " in f" {words} ":
+        return 0.9
+    return SequenceMatcher(None, words, alias).ratio() * 0.9 if len(alias) > 3 else 0.0
+
+
+def _fits(unit: str, channel: str) -> bool:
+    wanted = CHANNELS[channel].unit
+    if not wanted:
+        return True
+    try:
+        factor_and_offset(unit, wanted)
+    except UnitError:
+        return False
+    return True
+
+
+def _is_unit(unit: str) -> bool:
+    try:
+        base_unit(unit)
+    except UnitError:
+        return False
+    return bool(unit)
+
+
+def _clocks(found: RecordingInformation) -> list[tuple[str, str]]:
+    """Return the columns that may hold the time, and their units, the likeliest first."""
+    clocks = []
+    for topic in found.topics:
+        for value in topic.values:
+            name, unit = named_unit(value.name)
+            at_end = _UNIT_AT_END.search(name)
+            stem = name[: at_end.start()] if at_end else name
+            if stem.rpartition("/")[2].lower() in _TIMES and not value.nan_share > 0:
+                said = value.unit or unit or (at_end[1].lower() if at_end else "")
+                clocks.append((value.name, said if said in ("s", "ms", "us", "ns", "min") else ""))
+    return sorted(clocks, key=lambda clock: not clock[0].lower().startswith("time"))
+
+
+def _clock_lines(found: RecordingInformation) -> list[str]:
+    clocks = _clocks(found)
+    if clocks:
+        name, unit = clocks[0]
+        said = f"its unit is {'said' if unit else 'assumed'}"
+        clock = f"time: {{column: {_quoted(name)}, unit: {unit or 's'}}}"
+        return [f"{clock}  # guessed: by its name; {said}"]
+    if found.format in ("mdf", "ulog", "tdms"):
+        return []
+    return ["sample_rate: 1 kHz  # ASSUMED: no column is called like a time"]
+
+
+def _unique(place: str, taken: set[str]) -> str:
+    """Return a channel's name for a place that is like no known channel."""
+    words = re.sub(r"\b(topic|field|column):", " ", place)
+    name = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_") or "channel"
+    unique, number = name, 2
+    while unique in taken or unique == "time":
+        unique, number = f"{name}_{number}", number + 1
+    return unique
+
+
+def _quoted(text: str) -> str:
+    """Return text as YAML reads it back."""
+    if _PLAIN.fullmatch(text) and text.lower() not in _WORDS_OF_YAML:
+        return text
+    return json.dumps(text)

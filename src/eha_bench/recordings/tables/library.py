@@ -1,0 +1,82 @@
+"""Reading with somebody else's library: its errors become a sentence, its time is limited."""
+
+from __future__ import annotations
+
+import io
+import logging
+import signal
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+
+from eha_bench.core.errors import EhaBenchError, Place, RecordingError
+from eha_bench.recordings.budget import budget
+
+
+@contextmanager
+def reading_with(library: str, extra: str, path: str) -> Iterator[None]:
+    """Run a library on a file that nobody vouches for.
+
+    Args:
+        library: its name, for messages.
+        extra: the extra of eha-bench that installs it.
+        path: the file.
+
+    Raises:
+        RecordingError: the library is not installed, or cannot read the file.
+        OverBudget: it takes longer than the file may take.
+    """
+    chatty = logging.getLogger(library.lower())
+    level = chatty.level
+    chatty.setLevel(logging.CRITICAL)
+    try:
+        with _in_time(), redirect_stdout(io.StringIO()), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except (EhaBenchError, MemoryError):
+        raise
+    except ImportError as error:
+        raise RecordingError(
+            f"reading this kind of file needs {library} ({error})",
+            where=Place(file=path),
+            hint=f"install it with: pip install 'eha-bench[{extra}]'",
+        ) from error
+    except Exception as error:  # a library meets what its authors never thought of
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise RecordingError(
+            f"the file is damaged, or {library} does not read its kind ({reason})",
+            where=Place(file=path),
+            hint="record or export it again",
+        ) from error
+    finally:
+        chatty.setLevel(level)
+
+
+@contextmanager
+def _in_time() -> Iterator[None]:
+    """Interrupt what loops: a timer of processor time, where nobody else uses it."""
+    allowed = budget()
+    free = (
+        threading.current_thread() is threading.main_thread()
+        and hasattr(signal, "SIGPROF")
+        and signal.getsignal(signal.SIGPROF) is signal.SIG_DFL
+    )
+    if not free:
+        yield
+        return
+
+    def look(*_: object) -> None:
+        allowed.tick()
+
+    signal.signal(signal.SIGPROF, look)
+    signal.setitimer(signal.ITIMER_PROF, _EVERY, _EVERY)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+
+
+_EVERY = 0.25
+"""Seconds of processor time between two looks."""

@@ -1,0 +1,68 @@
+"""What a trial asks of its channel, key by key, and whether that can be reached."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from eha_bench.core.errors import InputError
+from eha_bench.core.limit import Bounds
+from eha_bench.core.located import Located
+from eha_bench.core.trial import AskedLevel, Trial
+from eha_bench.suites.signals.signal_model import SignalModel
+
+ANYWHERE: Final[Mapping[str, Bounds]] = {"joint_angle": Bounds(0.0, math.pi)}
+"""What a channel can be by its definition: the angle between two links is between 0 and 180 deg."""
+
+_PLAIN: Final = ("initial", "final", "value", "low", "high", "levels")
+_SHOWN: Final = {"rad": ("deg", 180.0 / math.pi), "m": ("mm", 1e3)}
+_SLACK: Final = 1e-9
+
+
+def asked_levels(
+    trial: Trial, signal: SignalModel, wave: Located, setup: Located
+) -> tuple[AskedLevel, ...]:
+    """Return the levels that a trial names, each with the key it was written under."""
+    found: list[AskedLevel] = []
+    start = trial.setup.initial.get(trial.channel)
+    if start is not None:
+        found.append(AskedLevel(start, start, setup.place(("initial", trial.channel))))
+    for key in (key for key in _PLAIN if key in type(signal).model_fields):
+        for place, value in _numbers(getattr(signal, key)):
+            found.append(AskedLevel(value, value, wave.place((key, *place))))
+    if "amplitude" in type(signal).model_fields:
+        offset = float(getattr(signal, "offset", 0.0))
+        largest = max(abs(value) for _, value in _numbers(signal.__dict__["amplitude"]))
+        found.append(AskedLevel(offset, offset, wave.place(("offset",))))
+        found.append(AskedLevel(offset - largest, offset + largest, wave.place(("amplitude",))))
+    return tuple(found)
+
+
+def _numbers(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:
+    if isinstance(value, (list, tuple)):
+        for place, item in enumerate(value):
+            yield (place,), float(item)
+    elif isinstance(value, (int, float)):
+        yield (), float(value)
+
+
+def check_reach(trial: Trial, bounds: Bounds, why: str) -> None:
+    """Raise an InputError where a trial asks for what lies beyond the bounds (SI).
+
+    Args:
+        trial: its levels know where they were written.
+        bounds: of the channel that the trial controls.
+        why: what the bounds are, for the message: 'the knee of simulator goes from'.
+    """
+    low, high = bounds.low - _SLACK, bounds.high + _SLACK
+    for level in trial.levels:
+        if level.low < low or level.high > high:
+            wrong = level.low if level.low < low else level.high
+            unit, factor = _SHOWN.get(trial.mode.unit, (trial.mode.unit, 1.0))
+            raise InputError(
+                f"{factor * wrong:.4g} {unit} cannot be reached: {why} "
+                f"{factor * bounds.low:.4g} to {factor * bounds.high:.4g} {unit}",
+                where=level.where,
+                hint="ask for less, or name a target that goes that far",
+            )

@@ -1,0 +1,25 @@
+"""nightly.yaml as a kind of file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from eha_bench.core.file_kind import FileKind
+
+
+def _check(path: Path) -> object:
+    from eha_bench.trends.nightly_file import load_nightly
+
+    return load_nightly(path)
+
+
+def _schema() -> dict[str, Any]:
+    from eha_bench.trends.nightly_file import Nightly
+
+    return Nightly.model_json_schema()
+
+
+KIND = FileKind(
+    "nightly", frozenset({"send"}), 5, _check, _schema, use="eha-bench history DIR --config FILE"
+)

@@ -1,0 +1,98 @@
+"""What the console says is what the page shows: units, margins, reasons, what was not run."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from .conftest import SUITE, Cli
+
+DEGREES = """\
+name: knee
+trials:
+  - id: step
+    mode: joint_angle
+    setup: {initial: {joint_angle: 60 deg}}
+    duration: 0.5 s
+    repeats: 3
+    signal: {kind: step, initial: 60 deg, final: 80 deg, at: 1 ms}
+    accept: {tracking_max: <= 2 deg, tracking_nrmse: <= 10 %}
+  - id: still
+    mode: current
+    duration: 0.05 s
+    signal: {kind: constant, value: 0 A}
+"""
+
+
+def test_values_are_in_the_units_of_the_suite_and_those_of_the_page(
+    cli: Cli, tmp_path: Path
+) -> None:
+    (tmp_path / "knee.yaml").write_text(DEGREES)
+    told = cli("run", "knee.yaml", "--out", "out", check=1).stderr
+    (angle,) = [line for line in told.splitlines() if "tracking_max failed" in line]
+    (share,) = [line for line in told.splitlines() if "tracking_nrmse failed" in line]
+    assert " deg  (≤ 2 deg, " in angle
+    assert " points over, worst of 3 repeats)" in share
+    assert "rad" not in told
+    assert not re.search(r"e[+-]\d\d", told)
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
+    for line in (angle, share):
+        margin = re.search(r", ([^,]+ over)", line)
+        assert margin is not None
+        assert margin[1] in page
+    assert "still  passed   none" in told
+    assert told.splitlines()[-1] == "knee: failed, 0 of 6 limits kept"
+
+
+def test_five_of_a_kind_then_the_rest_is_counted(cli: Cli, tmp_path: Path) -> None:
+    trials = "".join(
+        f"  - {{id: t{i}, mode: current, setup: {{piston: locked}}, duration: 0.05 s, "
+        "signal: {kind: step, final: 8 A, at: 1 ms}, accept: {tracking_max: <= 1 A}}\n"
+        for i in range(7)
+    )
+    (tmp_path / "many.yaml").write_text(f"name: many\ntrials:\n{trials}")
+    told = cli("run", "many.yaml", "--out", "a", check=1).stderr
+    assert told.count("tracking_max failed") == 5
+    assert "  ... and 2 more: --verbose shows all" in told
+    assert cli("run", "many.yaml", "--out", "b", "-v", check=1).stderr.count("max failed") == 7
+
+
+def test_after_a_stop_what_was_not_run_is_shown(cli: Cli, tmp_path: Path) -> None:
+    text = SUITE.replace("    repeats: 2\n", "    repeats: 2\n    safety: {pressure_a: <= 1 MPa}\n")
+    (tmp_path / "tiny.yaml").write_text(text)
+    told = cli("run", "tiny.yaml", "--out", "out", check=3).stderr
+    assert re.search(r"^hold +fault +none +1 not run$", told, re.MULTILINE)
+    assert re.search(r"^sine +not run +none$", told, re.MULTILINE)
+    assert told.splitlines()[-1].endswith(", 2 runs not made")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "2 runs not made" in page
+    assert "<h3>Not run</h3>" in page
+
+
+def test_no_limits_are_no_success(
+    cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    (tmp_path / "none.yaml").write_text(
+        SUITE.replace("accept:", "matters:")
+        .replace("{channel: current, max: 12 A}", "1 A")
+        .replace("{channel: current, max: 2 A}", "1 A")
+    )
+    told = cli("run", "none.yaml", "--out", "out", check=0).stderr
+    assert "\x1b[33mnot judged\x1b[0m, no limits to keep" in told
+    assert "\x1b[32m" not in told
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert 'class="verdict unjudged"' in page
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "\x1b" not in cli("run", "none.yaml", "--out", "b", check=0).stderr
+
+
+def test_the_reason_of_a_score_is_why_it_has_none(cli: Cli, tmp_path: Path) -> None:
+    text = SUITE.replace("tracking_max: {channel: current, max: 12 A}",
+                         "settling_time: {channel: pressure_difference, max: 20 ms}")  # fmt: skip
+    (tmp_path / "tiny.yaml").write_text(text)
+    told = cli("run", "tiny.yaml", "--out", "out", check=1).stderr
+    (line,) = [line for line in told.splitlines() if "settling_time" in line]
+    assert "settling_time not scored" in line
+    assert "settled" in line or "drift" in line
+    assert "tracking_rms" not in told

@@ -1,0 +1,459 @@
+"""Typical mistakes: each is told with file, line, key and the way out, before anything is run."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from .conftest import Cli
+
+LOG = "t,p_ref,i_cmd,n,p_a,p_b\n0,0,0,0,6,6\n0.001,0,0,0,6,6\n"
+
+
+class Mistake(NamedTuple):
+    """A slip in a file of a new project, and what has to be told about it."""
+
+    file: str
+    old: str
+    new: str
+    key: str
+    told: str
+    way_out: str
+
+
+TO_CURRENT = """\
+    mode: current
+    signal: {kind: steps, levels: [5 A, 10 A, 15 A, 8 A, 0 A], hold: 0.3 s, at: 0.1 s}
+"""
+TO_ANGLE = """\
+    mode: joint_angle
+    signal: {kind: steps, levels: [600 deg], hold: 0.3 s, at: 0.1 s}
+"""
+
+MISTAKES = [
+    # --- suite.yaml: keys
+    Mistake(
+        "suite.yaml",
+        "mode: pressure",
+        "mod: pressure",
+        "defaults.mod",
+        "unknown key 'mod'",
+        "did you mean 'mode'",
+    ),
+    Mistake(
+        "suite.yaml",
+        "duration: 0.4 s",
+        "durtion: 0.4 s",
+        "trials.step.durtion",
+        "unknown key",
+        "did you mean 'duration'",
+    ),
+    Mistake(
+        "suite.yaml",
+        "    accept:\n      resp",
+        "    acept:\n      resp",
+        "trials.step.acept",
+        "unknown key",
+        "did you mean 'accept'",
+    ),
+    Mistake(
+        "suite.yaml",
+        "trials:",
+        "trails:",
+        "trails",
+        "tells no kind of file",
+        "did you mean 'trials'",
+    ),
+    Mistake(
+        "suite.yaml",
+        "mode: current",
+        "mode: curent",
+        "trials.stairs.mode",
+        "unknown mode 'curent'",
+        "current",
+    ),
+    Mistake(
+        "suite.yaml",
+        "piston: locked",
+        "piston: fixed",
+        "defaults.setup.piston",
+        "should be",
+        "locked",
+    ),
+    # --- suite.yaml: quantities
+    Mistake(
+        "suite.yaml",
+        "duration: 0.4 s",
+        "duration: 0.4 m",
+        "trials.step.duration",
+        "wrong dimension",
+        "dimension of s",
+    ),
+    Mistake(
+        "suite.yaml",
+        "duration: 0.4 s",
+        "duration: -0.4 s",
+        "trials.step.duration",
+        "not greater than 0",
+        "greater than 0",
+    ),
+    Mistake(
+        "suite.yaml",
+        "duration: 0.4 s",
+        "duration: 0.4 sceonds",
+        "trials.step.duration",
+        "unknown unit 'sceonds'",
+        "dimension of s",
+    ),
+    Mistake(
+        "suite.yaml",
+        "10 MPa, 20 MPa",
+        "10 mm, 20 MPa",
+        "trials.step.signal.final",
+        "wrong dimension",
+        "Pa|trial controls pressure",
+    ),
+    Mistake(
+        "suite.yaml",
+        "10 MPa, 20 MPa",
+        "ten MPa, 20 MPa",
+        "trials.step.signal.final",
+        "not a number with a unit",
+        "Pa",
+    ),
+    Mistake(
+        "suite.yaml",
+        "frequency: 4 Hz",
+        "frequency: 4 rad",
+        "trials.sine.signal.frequency",
+        "wrong dimension",
+        "Hz",
+    ),
+    Mistake(
+        "suite.yaml",
+        "frequency: 4 Hz",
+        "frequency: 600 Hz",
+        "trials.sine.sample_rate",
+        "reaches 600 Hz",
+        "more than twice",
+    ),
+    # --- suite.yaml: signals
+    Mistake(
+        "suite.yaml",
+        "kind: sine",
+        "kind: sinus",
+        "trials.sine.signal.kind",
+        "unknown signal 'sinus'",
+        "did you mean 'sine'",
+    ),
+    Mistake(
+        "suite.yaml",
+        "{kind: sine, ",
+        "{",
+        "trials.sine.signal.kind",
+        "key 'kind' is missing",
+        "known: ",
+    ),
+    Mistake(
+        "suite.yaml",
+        "amplitude: 5 MPa",
+        "amplitde: 5 MPa",
+        "trials.sine.signal.amplitde",
+        "unknown key",
+        "did you mean 'amplitude'",
+    ),
+    Mistake(
+        "suite.yaml",
+        "{kind: step, final",
+        "{kind: step, to",
+        "trials.step.signal.to",
+        "unknown key 'to'",
+        "known: |did you mean",
+    ),
+    Mistake(
+        "suite.yaml",
+        "levels: [5 A, 10 A, 15 A, 8 A, 0 A]",
+        "levels: []",
+        "trials.stairs.signal.levels",
+        "is empty",
+        "at least 1",
+    ),
+    Mistake(
+        "suite.yaml",
+        "    duration: 0.4 s\n",
+        "",
+        "trials.step.duration",
+        "key 'duration' is missing",
+        "duration: 1 s",
+    ),
+    Mistake(
+        "suite.yaml",
+        TO_CURRENT,
+        TO_ANGLE,
+        "trials.stairs.signal.levels.0",
+        "600 deg cannot be reached",
+        "ask for less",
+    ),
+    # --- suite.yaml: limits
+    Mistake(
+        "suite.yaml",
+        "overshoot: <=",
+        "overshot: <=",
+        "trials.step.accept.overshot",
+        "unknown metric",
+        "did you mean 'overshoot'",
+    ),
+    Mistake(
+        "suite.yaml",
+        "<= 60 ms",
+        "60 ms",
+        "trials.step.accept.response_time",
+        "is not a limit",
+        "write '<=",
+    ),
+    Mistake(
+        "suite.yaml",
+        "<= 60 ms",
+        "<= 60 MPa",
+        "trials.step.accept.response_time",
+        "wrong dimension",
+        "dimension of s",
+    ),
+    Mistake(
+        "suite.yaml",
+        "phase_lag: <= 60 deg",
+        "overshoot: <= 5 %",
+        "trials.sine.accept.overshoot",
+        "needs a step",
+        "take the limit out",
+    ),
+    Mistake(
+        "suite.yaml",
+        "phase_lag: <= 60 deg",
+        "bandwidth_3db: '>= 5 Hz'",
+        "trials.sine.accept.bandwidth_3db",
+        "needs a sweep",
+        "take the limit out",
+    ),
+    Mistake(
+        "suite.yaml",
+        "<= 40 %",
+        "50 % .. 40 %",
+        "trials.step.accept.overshoot",
+        "accepts no value",
+        "lower bound is above",
+    ),
+    Mistake(
+        "suite.yaml",
+        "{pressure_a: <= 60 MPa}",
+        "{presure_a: <= 60 MPa}",
+        "defaults.safety.presure_a",
+        "unknown channel",
+        "did you mean 'pressure_a'",
+    ),
+    Mistake(
+        "suite.yaml",
+        "- id: sine",
+        "- id: stairs",
+        "trials.stairs.id",
+        "two trials are called 'stairs'",
+        "an id of its own",
+    ),
+    Mistake(
+        "suite.yaml",
+        "- id: sine",
+        "- id: a/b",
+        "trials.a/b.id",
+        "cannot be a file name",
+        "use letters",
+    ),
+    Mistake(
+        "suite.yaml",
+        '"${pressure}"',
+        '"${presure}"',
+        "trials.step.signal.final",
+        "unknown parameter 'presure'",
+        "did you mean 'pressure'",
+    ),
+    Mistake(
+        "suite.yaml",
+        "name: knee",
+        "name: knee\nmodel: modell.yaml",
+        "model",
+        "there is no file 'modell.yaml'",
+        "relative to",
+    ),
+    # --- target.yaml, model.yaml, controller.yaml
+    Mistake(
+        "target.yaml",
+        "target: simulator",
+        "target: simulater",
+        "target",
+        "unknown target 'simulater'",
+        "did you mean 'simulator'",
+    ),
+    Mistake(
+        "target.yaml",
+        "model: model.yaml",
+        "model: models.yaml",
+        "model",
+        "there is no file 'models.yaml'",
+        "relative to",
+    ),
+    Mistake(
+        "target.yaml",
+        "controller: controller.yaml",
+        "controler: controller.yaml",
+        "controler",
+        "unknown key",
+        "did you mean 'controller'",
+    ),
+    Mistake(
+        "model.yaml",
+        "eha_knee",
+        "eha_nee",
+        "model",
+        "unknown plant 'eha_nee'",
+        "did you mean 'eha_knee'",
+    ),
+    Mistake(
+        "model.yaml",
+        "rotor_inertia: 0.0",
+        "rotor_inerta: 0.0",
+        "parameters.rotor_inerta",
+        "rotor_inerta",
+        "did you mean 'rotor_inertia'",
+    ),
+    Mistake(
+        "model.yaml",
+        "41 A",
+        "41 V",
+        "parameters.current_limit",
+        "wrong dimension",
+        "dimension of A",
+    ),
+    Mistake(
+        "model.yaml",
+        "effect: anti_cavitation",
+        "effect: anticavitation",
+        "effects.0.effect",
+        "anticavitation",
+        "anti_cavitation",
+    ),
+    Mistake(
+        "model.yaml",
+        "leakage, bulk",
+        "leekage, bulk",
+        "calibrate.3",
+        "leekage",
+        "did you mean 'leakage'",
+    ),
+    Mistake(
+        "controller.yaml",
+        "k_p: 5.41",
+        "kp: 5.41",
+        "pressure.kp",
+        "unknown key 'kp'",
+        "did you mean 'k_p'",
+    ),
+    Mistake("controller.yaml", "5.41 A/MPa", "5.41 A", "pressure.k_p", "wrong dimension", "A/Pa"),
+    Mistake(
+        "controller.yaml",
+        "pressure_law:PressureLaw",
+        "presure_law:PressureLaw",
+        "pressure.controller",
+        "cannot be loaded",
+        "beside the file",
+    ),
+    Mistake(
+        "controller.yaml",
+        "extends: physical",
+        "extends: phisical.yaml",
+        "extends",
+        "there is no file",
+        "relative to",
+    ),
+    # --- channels.yaml, dataset.yaml
+    Mistake(
+        "channels.yaml",
+        "unit: rpm",
+        "unit: rpn",
+        "channels.motor_speed.unit",
+        "unknown unit 'rpn'",
+        "rad/s",
+    ),
+    Mistake(
+        "channels.yaml",
+        "{column: p_a, unit: bar}",
+        "{column: p_a, unit: A}",
+        "channels.pressure_a.unit",
+        "wrong dimension",
+        "Pa",
+    ),
+    Mistake(
+        "channels.yaml",
+        "{column: i_cmd",
+        "{colum: i_cmd",
+        "channels.current_command.colum",
+        "unknown key 'colum'",
+        "did you mean 'column'",
+    ),
+    Mistake("dataset.yaml", "use: holdout", "use: holdot", "runs.3.use", "should be", "holdout"),
+    Mistake("dataset.yaml", "model: model.yaml", "model: modl.yaml", "model", "modl.yaml", "there"),
+    Mistake(
+        "dataset.yaml",
+        "inputs: [current_command]",
+        "inputs: [curent_command]",
+        "inputs.0",
+        "curent_command",
+        "did you mean 'current_command'",
+    ),
+    Mistake(
+        "dataset.yaml", "stairs-0.mcap", "stiars-0.mcap", "runs.0.log", "stiars-0.mcap", "there"
+    ),
+]
+
+
+@pytest.fixture
+def project(cli: Cli, tmp_path: Path) -> Path:
+    """A new project, with files where its recordings will be."""
+    cli("init", check=0)
+    for name in re.findall(r"log: (\S+?),", (tmp_path / "dataset.yaml").read_text()):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(LOG)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "mistake", MISTAKES, ids=[f"{m.file[:-5]}-{m.key}-{i}" for i, m in enumerate(MISTAKES)]
+)
+def test_a_typical_mistake_is_told_with_its_place_and_the_way_out(
+    cli: Cli, project: Path, mistake: Mistake
+) -> None:
+    path = project / mistake.file
+    text = path.read_text(encoding="utf-8")
+    assert mistake.old in text, "the project has changed: this is no mistake any more"
+    wrong = text.replace(mistake.old, mistake.new, 1)
+    path.write_text(wrong, encoding="utf-8")
+    command = ["validate", mistake.file]
+    if mistake.file == "controller.yaml":  # whose code validate does not load
+        command = ["run", "suite.yaml", "--target", "target.yaml", "--dry-run"]
+    told = cli(*command, check=2).stderr
+    first = told.splitlines()[0]
+    place = re.match(rf"eha-bench: \S*{re.escape(mistake.file)}:(\d+), key '([^']+)': ", first)
+    assert place, first
+    assert place[2] == mistake.key, first
+    assert mistake.told in first
+    assert re.search(mistake.way_out, first[place.end() :]), first
+    # the line holds what was written, or what lacks it
+    changed = {
+        number
+        for number, line in enumerate(wrong.splitlines(), 1)
+        if line not in text.splitlines() or mistake.old not in line
+    }
+    assert int(place[1]) in changed
+
+
+def test_there_are_at_least_forty() -> None:
+    assert len(MISTAKES) >= 40

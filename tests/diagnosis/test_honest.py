@@ -1,0 +1,136 @@
+"""An honest end: no effect against its own figures, and nothing lost where a stage fails."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from drive_data import write_drive
+from typer.testing import CliRunner
+
+from eha_bench.cli.app import app
+from eha_bench.core.errors import BUG
+from eha_bench.diagnosis import run as running
+from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.evidence import Comparison
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
+from eha_bench.diagnosis.outcome.honest import _against, curve_is_worse, worse
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+from eha_bench.diagnosis.run import diagnose
+from eha_bench.diagnosis.search.state import Accepted, Thresholds
+from eha_bench.plants.model import Model
+
+GOOD = Comparison(5e4, 5e4, 0.9, 0.9, 1e-9, 1.0, 0.9)
+
+
+def error(before: float, after: float, floor: float = 1.0, start: float = 0.0) -> ChannelError:
+    return ChannelError(before, before, after, floor, "Pa", start=start)
+
+
+def found(**groups: dict[str, ChannelError]) -> Diagnosis:
+    model = Model("linear_drive")
+    return Diagnosis(Verdict.EFFECT, model, model, **groups)
+
+
+def test_a_model_that_is_worse_on_runs_never_fitted_is_told():
+    better = {"pressure_a": error(5.0, 1.0)}
+    assert worse(found(holdout=better, unseen=better)) == ""
+    assert "held-out runs grows, 5.79 times" in worse(
+        found(holdout={"pressure_a": error(2.19, 12.67), "motor_speed": error(0.01, 0.01)})
+    )
+    assert "unseen" in worse(found(holdout=better, unseen={"pressure_a": error(2.0, 4.0)}))
+    assert "without end" in worse(found(holdout={"pressure_a": error(2.0, float("inf"))}))
+    # one that diverged before is no worse
+    assert worse(found(holdout={"pressure_a": error(float("inf"), 3.0)})) == ""
+
+
+def test_what_one_noisy_sample_makes_is_no_worsening():
+    shaken = error(1.0, 2.0, floor=0.01, start=50.0)
+    assert worse(found(holdout={"piston_position": shaken, "pressure_a": error(5.0, 1.0)})) == ""
+
+
+def test_a_curve_that_worsens_both_is_no_model():
+    larger, smaller = {"p": error(1.0, 1.5)}, {"p": error(1.0, 0.9)}
+    assert curve_is_worse(found(train=larger, holdout=larger))
+    assert not curve_is_worse(found(train=smaller, holdout=larger))
+
+
+@pytest.mark.parametrize(
+    ("strength", "comparison", "says"),
+    [
+        (0.02, GOOD, ""),
+        (0.5, GOOD, "stands at its bound, 0.5"),
+        (0.02, replace(GOOD, explained_out=-0.06, gain_out=-300.0), "explains nothing"),
+        (0.02, replace(GOOD, p_value=0.94), r"chance may have made its gain \(p 0.94\)"),
+        (0.02, replace(GOOD, share_out=0.1), "explains 10% only"),
+    ],
+)
+def test_an_effect_against_its_own_figures(strength, comparison, says):
+    import re
+
+    import numpy as np
+
+    start = Start("entrained_air", (), 0, 0.0, 0.02, 0.0, 0.5, ("entrained_air.air_fraction",),
+                  "flow")  # fmt: skip
+    item = Accepted(start, comparison, ())
+    search = SimpleNamespace(effects=[item], fit=SimpleNamespace(vector=np.array([strength])))
+    text = _against(search, item, Thresholds())  # type: ignore[arg-type]
+    assert re.search(says, text) if says else text == ""
+
+
+def break_stage(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    def fail(*_args: object, **_options: object) -> None:
+        raise ZeroDivisionError("float division by zero")
+
+    monkeypatch.setattr(running, name, fail)
+
+
+@pytest.mark.parametrize(
+    ("broken", "stage", "effects"),
+    [("decide", "decide", []), ("scored", "score", ["coulomb_friction"])],
+)
+def test_a_stage_that_fails_leaves_what_was_found_before(
+    tmp_path, monkeypatch, broken, stage, effects
+):
+    break_stage(monkeypatch, broken)
+    out = tmp_path / "out"
+    result = diagnose(write_drive(tmp_path, seconds=2.0), out)
+    assert result.failed is not None
+    assert result.failed.stage == stage
+    assert not result.complete
+    content = json.loads((out / "diagnosis.json").read_text())
+    assert content["failed"]["stage"] == stage
+    assert [item["id"] for item in content["effects"]] == effects
+    assert content["complete"] is False
+    assert any("failed (ZeroDivisionError" in note for note in content["notes"])
+    assert (out / "revised.yaml").exists()
+    assert (out / "recalibrated.yaml").exists()
+
+
+def test_the_command_names_the_stage_and_leaves_with_a_status_of_its_own(tmp_path, monkeypatch):
+    break_stage(monkeypatch, "decide")
+    arguments = ["diagnose", str(write_drive(tmp_path, seconds=2.0)), "--out", str(tmp_path / "o")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == BUG
+    assert "the stage 'decide' failed" in result.output
+    assert (tmp_path / "o" / "diagnosis.html").exists()
+
+
+def test_a_calibration_is_there_before_its_errors(tmp_path, monkeypatch):
+    break_stage(monkeypatch, "scores_of")
+    arguments = ["calibrate", str(write_drive(tmp_path, seconds=2.0)), "--out", str(tmp_path / "o")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == BUG
+    content = json.loads((tmp_path / "o" / "calibration.json").read_text())
+    assert content["failed"] == {"stage": "score",
+                                 "error": "ZeroDivisionError: float division by zero"}  # fmt: skip
+    assert content["complete"] is False
+    assert content["parameters"]["mass"]["value"] > 0.0
+    assert (tmp_path / "o" / "calibrated.yaml").exists()

@@ -1,0 +1,46 @@
+"""Noise read from what a model leaves: right in level and colour, also beside what it lacks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from eha_bench.diagnosis.fit.residual_colour import noise_of_stretches
+
+STRETCHES, SAMPLES = 200, 64
+
+
+def _noise(generator: np.random.Generator, a: float) -> np.ndarray:
+    """Noise of standard deviation 1 behind a first-order low-pass filter, (stretches, samples)."""
+    white = generator.standard_normal((STRETCHES, SAMPLES))
+    white[:, 1:] *= np.sqrt(1.0 - a * a)
+    return lfilter([1.0], [1.0, -a], white, axis=1)
+
+
+@pytest.mark.parametrize("a", [0.0, 0.4, 0.8])
+def test_level_and_colour_of_noise_alone(a: float) -> None:
+    level, colour = noise_of_stretches(list(_noise(np.random.default_rng(1), a)))
+    assert level == pytest.approx(1.0, rel=0.06)
+    assert (colour is not None) == (a > 0.0)
+    if colour is not None:
+        assert colour.correlations(2)[1] == pytest.approx(a, abs=0.06)
+
+
+@pytest.mark.parametrize("a", [0.0, 0.4])
+def test_what_the_model_lacks_in_a_third_of_the_stretches_is_no_noise(a: float) -> None:
+    generator = np.random.default_rng(2)
+    own = _noise(generator, a)
+    own[: STRETCHES // 3] += 5.0 * np.sin(np.linspace(0.0, 20.0, SAMPLES))
+    level, _ = noise_of_stretches(list(own))
+    # a lower quantile is of noise still, only a higher one of what is noise: a few percent too much
+    assert 0.95 < level < 1.15
+
+
+def test_a_coarse_resolution_adds_to_the_noise_in_squares() -> None:
+    generator = np.random.default_rng(3)
+    step = 3.0
+    slow = np.cumsum(generator.uniform(0.05, 0.3, (STRETCHES, 1)) * np.ones(SAMPLES), axis=1)
+    read = step * np.round((slow + _noise(generator, 0.0)) / step)
+    level, _ = noise_of_stretches(list(read - slow))
+    assert level == pytest.approx(np.sqrt(1.0 + step**2 / 12.0), rel=0.08)

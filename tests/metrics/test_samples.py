@@ -1,0 +1,195 @@
+"""Spikes, gaps, resolution, clipping: what is replaced, what is said, and what is left alone."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eha_bench.core.sensor import Sensor
+from eha_bench.metrics.outliers import spikes
+from eha_bench.metrics.resolution import dithering, resolution_of, rounding_sd
+from eha_bench.metrics.samples import samples
+
+STIFF = ([1.0], [(1 / 70.0) ** 2, 2 * 0.5 / 70.0, 1.0])
+
+
+@pytest.fixture
+def noisy_step(kit):
+    recording, trial = kit.step(STIFF, hold=0.6, initial=15e6, size=5e6)
+    return kit.noisy(recording, 1e4, 3), trial
+
+
+def changed(kit, recording, index, value):
+    values = np.array(recording[kit.channel])
+    values[index] = value
+    return recording.with_values({kit.channel: values})
+
+
+# --- spikes --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("index", [51, 80, 120, 131, 400, 698, 699])
+def test_a_spike_moves_no_score_and_is_said(kit, noisy_step, index):
+    recording, trial = noisy_step
+    spiked = changed(kit, recording, index, 5e6)
+    for name in ("rise_time", "overshoot", "settling_time", "steady_state_error"):
+        clean, found = (kit.measure(name, item, trial) for item in (recording, spiked))
+        assert found.value == pytest.approx(clean.value, rel=0.05, abs=2e3), found.reason
+    assert "1 outlier(s) replaced" in kit.measure("peak", spiked, trial).reason
+    assert "outlier" not in kit.measure("peak", recording, trial).reason
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        lambda t: (t > 0.1).astype(float),
+        lambda t: np.maximum(t - 0.1, 0.0) * 30,
+        lambda t: 1 - np.exp(-np.maximum(t - 0.1, 0.0) / 0.004),
+        lambda t: np.sin(2 * np.pi * 180 * t),
+        lambda t: np.exp(-(((t - 0.1) / 0.0015) ** 2)),
+        lambda t: np.round(np.sin(20 * t), 1),
+        lambda t: np.sign(np.sin(2 * np.pi * 47 * t)),
+    ],
+)
+@pytest.mark.parametrize("noise", [0.0, 0.002])
+def test_what_a_system_can_do_is_no_spike(curve, noise):
+    time = np.arange(400) / 1000.0
+    values = curve(time) + noise * np.random.default_rng(1).normal(size=time.size)
+    assert spikes(time, values, 0.0).size == 0
+
+
+def test_white_noise_has_no_spikes():
+    rng = np.random.default_rng(2)
+    time = np.arange(1000.0)
+    assert sum(spikes(time, rng.normal(size=1000), 0.0).size for _ in range(100)) == 0
+
+
+# --- samples without a value ------------------------------------------------------------------
+
+
+def test_a_gap_long_after_settling_removes_nothing(kit, noisy_step):
+    recording, trial = noisy_step
+    late = changed(kit, recording, 600, math.nan)
+    for name in ("rise_time", "overshoot", "settling_time", "steady_state_error", "peak"):
+        found = kit.measure(name, late, trial)
+        assert found.value == pytest.approx(
+            kit.measure(name, recording, trial).value, rel=0.02, abs=1e3
+        )
+        assert "1 sample(s) without a value not used, the first at 0.6 s" in found.reason
+
+
+def test_a_long_gap_still_does(kit, noisy_step):
+    recording, trial = noisy_step
+    assert math.isnan(kit.measure("rise_time", changed(kit, recording, slice(600, 640), math.nan),
+                                  trial).value)  # fmt: skip
+
+
+def test_lost_samples_are_said_and_move_no_edge(kit, noisy_step):
+    recording, trial = noisy_step
+    kept = np.ones(len(recording), dtype=bool)
+    kept[[100, 101, 300]] = False  # the edge's own sample among them
+    values = {name: array[kept] for name, array in recording.values.items()}
+    lossy = replace(recording, time=recording.time[kept], values=values)
+    found = kit.measure("delay_time", lossy, trial)
+    assert found.value == pytest.approx(kit.measure("delay_time", recording, trial).value, abs=2e-4)
+    assert "3 sample(s) lost (0.46 %)" in found.reason
+
+
+# --- resolution --------------------------------------------------------------------------------
+
+
+@given(st.floats(1e-3, 1e5), st.floats(-1e6, 1e6), st.integers(0, 1000))
+def test_the_step_of_a_sensor_is_seen(step, offset, seed):
+    values = np.cumsum(np.random.default_rng(seed).normal(size=500))
+    read = np.round(values / 0.3) * step + offset
+    assert resolution_of(read) == pytest.approx(step, rel=1e-3)
+
+
+def test_what_is_not_rounded_has_no_resolution():
+    rng = np.random.default_rng(1)
+    assert resolution_of(rng.normal(size=2000)) == 0.0
+    assert resolution_of(np.zeros(100)) == 0.0
+    assert resolution_of(np.repeat([0.0, 1.0], 200)) == 0.0
+    assert resolution_of(np.repeat(rng.normal(size=20), 10)) == 0.0
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.1, 0.2, 0.3, 0.5, 1.0])
+def test_rounding_of_a_mean_by_the_noise_that_dithers_it(ratio):
+    """The mean of rounded noise over levels of every kind, by numbers against the formula."""
+    rng = np.random.default_rng(4)
+    levels = rng.uniform(0.0, 1.0, 400)
+    noise = ratio * rng.normal(size=(400, 4000))
+    noise -= noise.mean(axis=1, keepdims=True)
+    errors = np.round(levels[:, None] + noise).mean(axis=1) - levels
+    assert np.sqrt(np.mean(errors**2)) == pytest.approx(rounding_sd(1.0, ratio), abs=0.02)
+
+
+def test_two_readings_tell_nothing_of_the_noise():
+    assert dithering([np.repeat([0.0, 1.0], 50)], 1.0) == 0.0
+    wide = np.round(np.random.default_rng(1).normal(0.0, 2.0, 4000))
+    assert dithering([wide], 1.0) == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_resolution_is_in_the_interval(kit):
+    recording, trial = kit.step(STIFF, hold=0.6, initial=15.0e6, size=5e6)
+    rough = recording.with_values({kit.channel: np.round(recording[kit.channel] / 5e4) * 5e4})
+    found = kit.measure("steady_state_error", rough, trial)
+    assert found.high - found.low == pytest.approx(2 * 0.95 * 2.5e4, rel=0.02)
+    assert [part.source for part in found.budget.parts] == ["resolution"]
+
+
+def test_what_the_recording_says_of_its_sensor_counts(kit, noisy_step):
+    recording, trial = noisy_step
+    sensor = Sensor(resolution=2e5, uncertainty=3e4, relative=0.002).to_metadata(kit.channel)
+    told = replace(recording, metadata={**recording.metadata, **sensor})
+    own = samples(told, trial, kit.channel)
+    assert (own.resolution, own.calibration(20e6)) == (2e5, pytest.approx(5e4))
+    sources = {
+        name: {part.source: part.standard for part in kit.measure(name, told, trial).budget.parts}
+        for name in ("steady_state_error", "peak", "rise_time", "overshoot")
+    }
+    assert sources["steady_state_error"]["sensor"] == pytest.approx(5e4, rel=1e-3)
+    assert sources["peak"]["sensor"] == pytest.approx(5.15e4, rel=1e-2)
+    # an offset or a gain of the sensor moves no time and no share of the step
+    assert "sensor" not in sources["rise_time"]
+    assert "sensor" not in sources["overshoot"]
+    assert all("resolution" in own for own in sources.values())
+    plain, wider = (kit.measure("peak", item, trial) for item in (recording, told))
+    assert wider.high - wider.low > 2 * (plain.high - plain.low)
+
+
+def test_metadata_that_are_no_number_say_nothing():
+    broken = {"sensor.force.resolution": "coarse", "sensor.force.uncertainty": "-1"}
+    assert Sensor.of(broken, "force") == Sensor()
+
+
+# --- notes ---------------------------------------------------------------------------------------
+
+
+def test_clipping_is_said(kit, noisy_step):
+    recording, trial = noisy_step
+    clipped = recording.with_values({kit.channel: np.minimum(recording[kit.channel], 20.3e6)})
+    reason = kit.measure("overshoot", clipped, trial).reason
+    assert "clipped: " in reason
+    assert "at exactly 2.03e+07 Pa" in reason
+    assert "clipped" not in kit.measure("overshoot", recording, trial).reason
+
+
+def test_a_value_that_no_sensor_reads_is_said(kit, noisy_step):
+    recording, trial = noisy_step
+    wrong = recording.with_values({kit.channel: recording[kit.channel] * 1e6})
+    assert "Pa is beyond what such a sensor can read" in kit.measure("peak", wrong, trial).reason
+
+
+def test_few_samples_a_rise_are_said_and_priced(kit):
+    for seed in range(10):
+        natural = 600.0 + 70.0 * seed  # 1.3 to 2.7 samples from 10 to 90 %
+        recording, trial = kit.step(
+            ([1.0], [(1 / natural) ** 2, 2 * 0.5 / natural, 1.0]), hold=0.3, before=0.1
+        )
+        found = kit.measure("rise_time", recording, trial)
+        assert found.low <= 1.63757 / natural <= found.high
+        assert "few samples: " in found.reason

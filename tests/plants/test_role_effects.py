@@ -1,0 +1,167 @@
+"""Effects that a plant's valve, supply or gear has, each against a case worked by hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from eha_bench.plants.effects import supply_sag, valve_deadband, valve_lag
+from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.plant import Drive, get_plant
+
+FloatArray = NDArray[np.float64]
+
+# a quick spool and a stiff supply line: what is left to see is the effect
+QUICK = {"valve.natural_frequency": 3e4, "valve.damping_ratio": 1.0}
+
+
+def run(
+    plant: str, time: FloatArray, inputs: Mapping[str, FloatArray], effect: str = "",
+    parameters: Mapping[str, float] | None = None, initial: Mapping[str, float] | None = None,
+    **values: Any,
+) -> dict[str, FloatArray]:  # fmt: skip
+    effects = (DeclaredEffect(effect, values),) if effect else ()
+    vector = Model(plant, dict(parameters or {}), (), effects).vector()
+    drive = Drive(time, inputs, initial or {})
+    found = get_plant(plant)
+    return dict(zip(found.outputs, found.simulate(vector, drive, 1e-4).T, strict=True))
+
+
+# --- load_dependent_friction: level + mu |load| -------------------------------------------------
+
+SERVO_WEIGHT = 0.8 * 9.80665 * 0.18  # m g l, N*m
+
+
+def held(angle: float, torque: float, **values: Any) -> bool:
+    """Whether a servo without friction of its own stays where its motor gives a torque."""
+    time = np.arange(0.0, 0.1, 1e-3)
+    voltage = torque * 2.3 / (193 * 0.0083)
+    inputs = {"duty": np.full(time.size, voltage / 12.0), "supply_voltage": np.full(100, 12.0)}
+    free = {"gear_friction.coulomb": 0.0, "gear_friction.viscous": 0.0}
+    start = {"angle": angle, "velocity": 0.0}
+    found = run("geared_servo", time, inputs, "load_dependent_friction", free, start, **values)
+    return bool(np.ptp(found["angle"]) == 0.0)
+
+
+@pytest.mark.parametrize("degrees", [30.0, 90.0, -60.0])
+def test_friction_under_load_holds_its_share_of_the_weight(degrees: float) -> None:
+    """It sticks while |drive - weight| <= mu |weight|, either way."""
+    angle = math.radians(degrees)
+    weight = SERVO_WEIGHT * math.sin(angle)
+    for sign in (-1.0, 1.0):
+        assert held(angle, weight * (1 + sign * 0.19), friction_coefficient=0.2, by="load")
+        assert not held(angle, weight * (1 + sign * 0.21), friction_coefficient=0.2, by="load")
+
+
+def test_friction_by_drive_lets_the_weight_back_drive_sooner() -> None:
+    """By the motor's torque T: it sticks while |T - W| <= mu |T|, so T >= W / (1 + mu)."""
+    angle = math.radians(60.0)
+    weight = SERVO_WEIGHT * math.sin(angle)
+    assert held(angle, weight / 1.2 * 1.01, friction_coefficient=0.2, by="drive")
+    assert not held(angle, weight / 1.2 * 0.99, friction_coefficient=0.2, by="drive")
+    # by what passes, (T + W) / 2: T >= W (1 - mu / 2) / (1 + mu / 2)
+    least = weight * 0.9 / 1.1
+    assert held(angle, least * 1.01, friction_coefficient=0.2, by="passed")
+    assert not held(angle, least * 0.99, friction_coefficient=0.2, by="passed")
+
+
+# --- valve_deadband -----------------------------------------------------------------------------
+
+
+def final_speed(volts: float, effect: str = "", **values: Any) -> float:
+    time = np.arange(0.0, 0.5, 1e-3)
+    found = run(
+        "valve_cylinder", time, {"valve_command": np.full(time.size, volts)}, effect,
+        {**QUICK, "rod_friction.coulomb": 0.0, "rod_friction.viscous": 18e3}, **values,
+    )  # fmt: skip
+    return float(found["piston_velocity"][-1])
+
+
+def test_dead_band_takes_its_width_off_the_opening() -> None:
+    """2 % of 10 V: nothing below 0.2 V; above, the speed of 0.2 V less."""
+    assert abs(final_speed(0.19, "valve_deadband", deadband=0.02)) < 1e-9
+    assert final_speed(1.0, "valve_deadband", deadband=0.02) == pytest.approx(
+        final_speed(0.8), rel=1e-6
+    )
+    # with asymmetry 0.5 the edges lie at +3 % and -1 %
+    lopsided = {"deadband": 0.02, "asymmetry": 0.5}
+    assert final_speed(1.0, "valve_deadband", **lopsided) == pytest.approx(
+        final_speed(0.7), rel=1e-6
+    )
+    assert final_speed(-1.0, "valve_deadband", **lopsided) == pytest.approx(
+        final_speed(-0.9), rel=1e-6
+    )
+
+
+def test_smooth_dead_band_meets_the_sharp_one_far_out_and_is_odd() -> None:
+    openings = np.linspace(-0.3, 0.3, 61)
+    smooth = np.array([valve_deadband.overlapped(s, 0.02, 0.0, 1.0) for s in openings])
+    sharp = np.array([valve_deadband.overlapped(s, 0.02, 0.0, 0.0) for s in openings])
+    np.testing.assert_allclose(smooth, -smooth[::-1], atol=1e-15)
+    far = np.abs(openings) > 0.15
+    np.testing.assert_allclose(smooth[far], sharp[far], atol=1e-10)
+    assert (np.diff(smooth) > 0).all()
+    # at the edge: w ln[2 / (1 + e^-6)], w = d / 3
+    edge = 0.02 / 3 * math.log(2 / (1 + math.exp(-6)))
+    assert valve_deadband.overlapped(0.02, 0.02, 0.0, 1.0) == pytest.approx(edge, rel=1e-12)
+
+
+# --- valve_lag ----------------------------------------------------------------------------------
+
+
+def test_lagging_valve_has_63_percent_after_its_time_constant() -> None:
+    """A spool that follows at once shows the lag alone: 1 - exp(-t / tau) of the step."""
+    time = np.arange(0.0, 0.05, 1e-3)
+    command = np.where(time >= 9.5e-3, 5.0, 0.0)
+    found = run("valve_cylinder", time, {"valve_command": command}, "valve_lag", QUICK,
+                {"spool_position": 0.0}, time_constant=5e-3)  # fmt: skip
+    spool = found["spool_position"]
+    since = time[11:] - time[10]
+    # the spool's own lag is 2 / w = 0.07 ms
+    np.testing.assert_allclose(spool[11:], 0.5 * (1 - np.exp(-since / 5e-3)), atol=0.01)
+    assert valve_lag.follow(0.0, 1.0, 5e-3, 5e-3) == pytest.approx(1 - math.exp(-1))
+
+
+# --- valve_leakage ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", ["null", "constant"])
+def test_leaking_valve_at_null_brings_both_chambers_halfway(form: str) -> None:
+    """Equal clearances to supply and tank: (14 + 0.3) / 2 MPa less what the line drops."""
+    time = np.arange(0.0, 2.0, 1e-2)
+    start = {"pressure_a": 5e6, "pressure_b": 9e6, "supply_pressure": 14e6}
+    leak = 2e-11
+    found = run("valve_cylinder", time, {"valve_command": np.zeros(time.size)}, "valve_leakage",
+                {"rod_friction.coulomb": 1e4}, start,
+                leakage_coefficient=leak, form=form)  # fmt: skip
+    # two paths of two clearances each: g (p_s - p_t) through the line of conductance G
+    inlet = (8.3e-10 * 14e6 + leak * 3e5) / (8.3e-10 + leak)
+    assert found["supply_pressure"][-1] == pytest.approx(inlet, rel=1e-6)
+    for name in ("pressure_a", "pressure_b"):
+        assert found[name][-1] == pytest.approx((inlet + 3e5) / 2, rel=1e-4)
+
+
+# --- supply_sag ---------------------------------------------------------------------------------
+
+
+def test_sagging_supply_falls_by_resistance_times_flow() -> None:
+    """A steady flow q: the supply falls by R q, the inlet by the line's drop more."""
+    time = np.arange(0.0, 1.0, 1e-3)
+    resistance, line, area = 5e9, 8.3e-10, 12e-4
+    found = run(
+        "valve_cylinder", time, {"valve_command": np.full(time.size, 2.0)}, "supply_sag",
+        {"rod_friction.coulomb": 0.0, "rod_friction.viscous": 18e3,
+         "piston_leakage.conductance": 0.0},
+        {"piston_position": -0.05}, resistance=resistance, recovery_time=0.05,
+    )  # fmt: skip
+    drawn = area * found["piston_velocity"][-1]
+    assert drawn > 1e-5
+    fallen = 14e6 - found["supply_pressure"][-1]
+    assert fallen == pytest.approx(drawn * (resistance + 1 / line), rel=1e-3)
+    # after one recovery time 1 - 1/e of the way
+    assert supply_sag.follow(0.0, 1e-4, 0.05, 5e9, 0.05) == pytest.approx(5e5 * (1 - math.exp(-1)))

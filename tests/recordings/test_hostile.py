@@ -1,0 +1,222 @@
+"""The hostile and damaged files of `shared/data/hostile`: each with what has to happen.
+
+Every file is read, described and recovered in a process of its own, so that its memory and time are
+its own as well.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eha_bench import recordings
+from eha_bench.core.errors import InputError, RecordingError
+from eha_bench.recordings import info, recover
+
+FORCE = {"channels": {"force": {"topic": "/f", "field": "data", "unit": "N"}}}
+TABLE = {
+    "time": {"column": "t", "unit": "s"},
+    "channels": {
+        "pressure_a": {"column": "p", "unit": "bar"},
+        "current": {"column": "n", "unit": "A"},
+    },
+}
+SECONDS, MEGABYTES = 5.0, 500
+
+ALONE = """
+import json, re, sys, time
+from pathlib import Path
+from eha_bench import recordings
+from eha_bench.core.errors import EhaBenchError
+path, mapping, target = sys.argv[1], json.loads(sys.argv[2]), sys.argv[3]
+for act in (lambda: recordings.read(path, channels=mapping), lambda: recordings.info(path),
+            lambda: recordings.recover(path, target)):
+    start = time.process_time()
+    try:
+        act()
+    except EhaBenchError as error:
+        assert "\\n" not in str(error), error
+    # ru_maxrss would begin at what the process that started this one held
+    peak = re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())
+    print(time.process_time() - start, int(peak[1]) / 1024)
+"""
+
+
+@pytest.fixture
+def hostile(shared_data: Path) -> Path:
+    return shared_data / "hostile"
+
+
+def mapping(name: str) -> Any:
+    if name.startswith("one_bit"):
+        return None
+    if name.endswith((".csv", ".mat", ".parquet")):
+        return TABLE
+    topic = {"topic": "/t", "field": "x", "unit": "N"}
+    return {"channels": {"force": topic}} if name.startswith("walker") else FORCE
+
+
+BUDGETS = {
+    "dupe60k.csv": 2.0,
+    "markspam.mcap": 2.0,
+    **dict.fromkeys(
+        (
+            "walker.mcap", "walker_str.mcap", "view.db3", "idl_shift.mcap", "bomb3.mcap",
+            "bomb_torn.mcap", "bigmsg.mcap", "case-1-c.csv", "case-4-plain.mat", "case-60-two.db3",
+            "case-1494-a.parquet", "redefine.mcap", "case-15-LZ4.bag",
+        ),
+        SECONDS,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BUDGETS)
+def test_no_file_takes_more_than_its_budget(hostile: Path, tmp_path: Path, name: str) -> None:
+    done = subprocess.run(
+        [
+            sys.executable, "-c", ALONE, str(hostile / name), json.dumps(mapping(name)),
+            str(tmp_path / "clean.mcap"),
+        ],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    for line in done.stdout.splitlines():
+        seconds, megabytes = map(float, line.split())
+        assert seconds < BUDGETS[name]
+        assert megabytes < MEGABYTES
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("one_bit.mcap", "trial.json is damaged"),
+        ("one_bit_name.mcap", "names of its channels are damaged"),
+        ("one_bit_unit.mcap", "names or units of its channels are damaged"),
+        ("wrong_data_crc.mcap", "checksum of its data is wrong"),
+        ("removed_chunk.mcap", "100 messages, it holds 50"),
+        ("case-1285-plain.bag", "3 messages, not 60"),
+    ],
+)
+def test_damage_is_said(hostile: Path, name: str, said: str) -> None:
+    found = recordings.read(hostile / name, channels=mapping(name))
+    assert any(said in note for note in found.notes)
+    described = info(hostile / name)
+    assert described.health == "damaged"
+    assert any(said in note for note in described.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("lz4short.mcap", "more than the 430 bytes that are declared"),
+        ("case-15-LZ4.bag", "more than the 255 bytes that are declared"),
+        ("redefine.mcap", "channel 1 is declared twice, as '/f' and '/other'"),
+    ],
+)
+def test_what_cannot_be_believed_is_not_read(hostile: Path, name: str, said: str) -> None:
+    with pytest.raises(RecordingError, match=said):
+        recordings.read(hostile / name, channels=FORCE)
+    described = info(hostile / name)
+    assert described.health == "damaged"
+    assert any(said in note for note in described.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("view.db3", "its 'topics' is a view"),
+        ("idl_shift.mcap", "its IDL computes a constant"),
+        ("bomb3.mcap", "--max-memory"),
+        ("bomb_torn.mcap", "--max-memory"),
+        ("bigmsg.mcap", "--max-memory"),
+        ("walker.mcap", "--max-memory"),
+        ("walker_str.mcap", "--max-memory"),
+        ("dupe60k.csv", "60001 columns"),
+        ("case-1-c.csv", "is not a number"),
+        ("case-4-plain.mat", "no whole numbers"),
+        ("case-60-two.db3", "no time or no data"),
+        ("case-1494-a.parquet", "does not hold numbers|there is no column"),
+    ],
+)
+def test_what_is_refused(hostile: Path, name: str, said: str) -> None:
+    with pytest.raises(RecordingError, match=said):
+        recordings.read(hostile / name, channels=mapping(name))
+
+
+def test_score_refuses_a_damaged_trial(hostile: Path, tmp_path: Path) -> None:
+    from eha_bench.bench.scoring import score_recordings
+
+    with pytest.raises(InputError, match="trial that it carries is damaged"):
+        score_recordings([hostile / "one_bit.mcap"])
+
+
+@pytest.mark.parametrize(
+    "name", ["one_bit.mcap", "one_bit_name.mcap", "one_bit_unit.mcap", "wrong_data_crc.mcap"]
+)
+def test_recover_makes_nothing_right(hostile: Path, tmp_path: Path, name: str) -> None:
+    report = recover(hostile / name, tmp_path / "clean.mcap")
+    assert report.notes
+    described = info(tmp_path / "clean.mcap")
+    assert described.health == "damaged"
+    assert any("damaged" in note for note in described.notes)
+    assert any("damaged" in n for n in recordings.read(
+        tmp_path / "clean.mcap", channels=mapping(name)).notes)  # fmt: skip
+
+
+def test_a_marked_file_without_chunks_is_torn(hostile: Path) -> None:
+    described = info(hostile / "markspam.mcap")
+    assert described.health == "damaged"
+
+
+@pytest.mark.parametrize("act", [recordings.read, info])
+def test_pipes_and_devices_are_no_recordings(tmp_path: Path, act: Any) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(RecordingError, match="a pipe or a device"):
+            act(path)
+        with pytest.raises(RecordingError, match="a pipe or a device"):
+            recover(path, tmp_path / "clean.mcap")
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "eha_bench", *arguments],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+
+
+def test_a_quantity_of_400_digits_is_one_sentence(hostile: Path) -> None:
+    done = run("validate", str(hostile / "huge5.yaml"))
+    assert done.returncode == 2
+    assert "huge5.yaml:3" in done.stderr
+    assert "is not finite" in done.stderr
+
+
+def test_an_unknown_unit_in_a_result_does_not_stop_a_comparison(
+    hostile: Path, tmp_path: Path
+) -> None:
+    sides = [str(hostile / "compare" / side) for side in ("r1", "r2")]
+    done = run("compare", *sides, "--out", str(tmp_path))
+    assert done.returncode in {0, 1, 2}
+    assert "Traceback" not in done.stderr
+
+
+def test_validate_runs_nothing(hostile: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(hostile / "validate_exec", tmp_path / "it")
+    for file in folder.iterdir():
+        file.chmod(0o644)
+    (folder / "target.yaml").write_text(
+        "target: simulator\nmodel: model.yaml\ncontroller: controller.yaml\n"
+    )
+    (folder / "model.yaml").write_text("model: eha_knee\n")
+    files = [str(folder / f"{name}.yaml") for name in ("controller", "suite", "target")]
+    done = run("validate", *files, "--json")
+    assert done.returncode == 0, done.stderr
+    assert not (folder / "executed").exists()
+    assert "did not look into evil:C" in done.stderr
+    assert json.loads(done.stdout)["files"][0]["not_checked"] == ["evil:C"]

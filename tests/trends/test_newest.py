@@ -1,0 +1,131 @@
+"""The newest nights: found from the eighth night on, and left alone where nothing happened."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from eha_bench.trends.newest import newest_of, spread_of
+from eha_bench.trends.swing import swing_of
+from eha_bench.trends.trend import State, judge
+
+
+def test_known_independent_scatter_gives_the_normal_test() -> None:
+    # many nights with a known standard deviation: two of them at d have z = d / sqrt(1/2 + 1/n)
+    rng = np.random.default_rng(1)
+    nights = rng.normal(size=118)
+    nights = (nights - nights.mean()) / nights.std()
+    nights = np.append(nights, [1.6, 1.6])
+    found = newest_of(nights, 1.0)
+    z = 1.6 / math.sqrt(1.0 / 2.0 + 1.0 / 118.0)
+    assert found.span == 2
+    # correlated nights are thought of, so that it is somewhat more; the share of two nights is 0.8
+    theirs = 2.0 * float(stats.norm.sf(z)) / 0.8
+    assert theirs < found.p_value < 2.5 * theirs
+
+
+def test_one_wild_night_counts_as_little_more_than_its_neighbour() -> None:
+    rng = np.random.default_rng(2)
+    before = rng.normal(size=30)
+    assert newest_of(np.append(before, [40.0, 0.3]), math.nan).p_value > 0.01
+    assert newest_of(np.append(before, [40.0, -0.3]), math.nan).p_value == 1.0
+    assert newest_of(np.append(before, [40.0, 39.0]), math.nan).p_value < 1e-6
+
+
+def test_own_intervals_keep_nights_that_lie_close_by_chance_from_an_alarm() -> None:
+    close = np.array([0.0, 0.01, -0.01, 0.02, 0.0, -0.02, 0.01, 0.3, 0.35])
+    assert newest_of(close, math.nan).p_value < 0.005
+    assert newest_of(close, 0.4).p_value > 0.1
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=7, max_size=40), st.floats(1e-3, 1e3))
+def test_units_do_not_matter(values: list[float], factor: float) -> None:
+    nights = np.array(values)
+    one, other = newest_of(nights, math.nan), newest_of(factor * nights, math.nan)
+    assert 0.0 <= one.p_value <= 1.0
+    assert one.p_value == pytest.approx(other.p_value, rel=1e-6, abs=1e-9)
+
+
+def test_an_outlier_does_not_widen_the_limits() -> None:
+    rng = np.random.default_rng(3)
+    values = 0.40 + 0.01 * rng.normal(size=12)
+    limits = judge(values, family=1, margin=0.001).limits
+    wild = values.copy()
+    wild[4] = 0.95
+    with_outlier = judge(wild, family=1, margin=0.001).limits
+    width = limits[1] - limits[0]
+    assert with_outlier[1] - with_outlier[0] < 3.0 * width
+    assert with_outlier[0] > 0.3
+    assert with_outlier[1] < 0.5
+    quiet = np.random.default_rng(4).normal(size=30)
+    quiet[10] = 60.0
+    assert spread_of(quiet, math.nan) < 12.0
+
+
+def test_a_step_is_found_by_the_second_night_after_it() -> None:
+    rng = np.random.default_rng(5)
+    found = 0
+    for _ in range(40):
+        values = rng.normal(100.0, 1.0, 32)
+        values[30:] += 5.0
+        judged = judge(values, family=1, margin=0.5, own=1.0)
+        found += judged.state.drifted
+        if judged.state is State.STEPPED:
+            assert judged.since in (28, 30)
+    assert found >= 36
+
+
+def test_a_single_night_outside_has_to_be_borne_out() -> None:
+    rng = np.random.default_rng(6)
+    values = rng.normal(100.0, 1.0, 40)
+    values[-1] = 105.0
+    judged = judge(values, family=20, margin=0.5)
+    assert judged.state is State.ONE_NIGHT_OUT
+    assert not judged.state.drifted
+    again = judge(np.append(values, 105.2), family=20, margin=0.5)
+    assert again.state is State.STEPPED
+    assert again.since == 39
+
+
+@pytest.mark.parametrize(
+    ("missing", "state"),
+    [
+        ((10, 0), State.LOST),
+        ((2, 0), State.LOST),
+        ((1, 0), State.NOT_SCORED),
+        ((2, 10), State.NOT_SCORED),  # it often has no value
+        ((40, 10), State.LOST),
+    ],
+)
+def test_a_metric_that_is_not_scored_any_more_has_drifted(
+    missing: tuple[int, int], state: State
+) -> None:
+    values = np.random.default_rng(7).normal(size=12)
+    assert judge(values, family=50, margin=0.0, missing=missing).state is state
+
+
+def test_a_season_that_comes_round_is_a_swing_and_a_drift_beside_it_one() -> None:
+    rng = np.random.default_rng(8)
+    night = np.arange(300)
+    values = 50.0 + rng.normal(size=300) + 3.0 * np.sin(2.0 * math.pi * night / 90.0)
+    judged = judge(values, family=1, margin=0.5)
+    assert judged.swing is not None
+    assert judged.swing.period == pytest.approx(90.0, rel=0.05)
+    assert judged.swing.amplitude == pytest.approx(3.0, rel=0.15)
+    assert judged.state is State.STEADY
+    worn = values.copy()
+    worn[-50:] += 0.15 * np.arange(1, 51)
+    assert judge(worn, family=1, margin=0.5).state.drifted
+
+
+def test_steps_and_flat_series_are_no_swing() -> None:
+    rng = np.random.default_rng(9)
+    flat = rng.normal(size=200)
+    assert swing_of(flat, 1.0) is None
+    stepped = flat + np.where(np.arange(200) < 120, 0.0, 4.0)
+    judged = judge(stepped, family=1, margin=0.5)
+    assert judged.swing is None
+    assert [change.start for change in judged.course.changes] == [120]
