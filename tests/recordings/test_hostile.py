@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -220,3 +221,19 @@ def test_validate_runs_nothing(hostile: Path, tmp_path: Path) -> None:
     assert not (folder / "executed").exists()
     assert "did not look into evil:C" in done.stderr
     assert json.loads(done.stdout)["files"][0]["not_checked"] == ["evil:C"]
+
+
+def test_a_long_last_line_takes_no_memory(tmp_path: Path) -> None:
+    """A million cells in a line that is no row: as text, not as a list of cells."""
+    path = tmp_path / "long.csv"
+    rows = "".join(f"0.{k},2.5,3\n" for k in range(10, 60))
+    path.write_text("t,p,n\n" + rows + 100_000 * "0.1,2.5,3," + "4\n")
+    short = tmp_path / "short.csv"
+    short.write_text("t,p,n\n" + rows)
+    recordings.read(short, channels=TABLE)  # libraries are loaded before memory is counted
+    tracemalloc.start()
+    with pytest.raises(RecordingError, match="more cells than the line of names"):
+        recordings.read(path, channels=TABLE)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 8 * path.stat().st_size

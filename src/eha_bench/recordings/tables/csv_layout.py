@@ -12,6 +12,7 @@ from eha_bench.core.units import base_unit
 
 _DELIMITERS = ";\t|,"
 """Tried in this order: a comma may also be a decimal one."""
+_MOST_COLUMNS = 10_000
 _WINDOW = 200
 _HEADERS = 4
 """Lines above the numbers that may hold names, units and descriptions."""
@@ -183,6 +184,9 @@ def _is_comment(line: str) -> bool:
 def _split(line: str, delimiter: str) -> list[str]:
     if delimiter == " ":
         return line.split()
+    if '"' not in line and _width(line, delimiter) > _MOST_COLUMNS:
+        # no row of a table that is read: a million cells would take ten times their text
+        return line.split(delimiter, _MOST_COLUMNS + 1)[:-1]
     try:
         cells = next(csv.reader([line], delimiter=delimiter), [])
     except csv.Error:
@@ -190,17 +194,31 @@ def _split(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
+def _width(line: str, delimiter: str) -> int:
+    """Return the number of a line's cells."""
+    if delimiter == " " or '"' in line:
+        return len(_split(line, delimiter))
+    return line.count(delimiter) + 1
+
+
 def _delimiter(lines: list[str]) -> tuple[str, int]:
     """Return the delimiter that most lines have equally often, and the number of cells."""
     # the last line may have been cut
     body = lines[:-1] if len(lines) > 3 else lines
     for delimiter in (*_DELIMITERS, " "):
-        counts = Counter(len(_split(line, delimiter)) for line in body[len(body) // 4 :])
+        counts = Counter(_width(line, delimiter) for line in body[len(body) // 4 :])
         cells, times = max(counts.items(), key=lambda item: item[1], default=(0, 0))
         if cells > 1 and times > 0.6 * counts.total():
             numbers = sum(any(map(_is_number, _split(line, delimiter))) for line in lines)
-            if delimiter != " " or numbers > 0.5 * len(lines):
-                return delimiter, cells
+            if delimiter == " " and numbers <= 0.5 * len(lines):
+                continue
+            if cells > _MOST_COLUMNS:
+                raise NoTable(
+                    f"it has {cells} columns, more than the {_MOST_COLUMNS} that are read",
+                    1,
+                    "check the file, or leave columns out",
+                )
+            return delimiter, cells
     return "", 0
 
 
