@@ -8,6 +8,7 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NoReturn
 
 from eha_bench.core.errors import BUG, EhaBenchError
@@ -87,6 +88,19 @@ def _leave_with_a_bug(error: Exception) -> NoReturn:
     say("".join(traceback.format_exception(error)).rstrip())
     say("eha-bench: this is a bug in eha-bench or in a plug-in of yours; please report it")
     raise SystemExit(BUG) from error
+
+
+def write_out(out: Path, text: str) -> None:
+    """Write the file of `--out`, its folder too, or say that another one must be named.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    from eha_bench.core.atomic_file import write_text, writing_to
+
+    with writing_to(out, hint="name another file with --out"):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_text(out, text)
 
 
 class TerminalProgress:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from eha_bench.cli.console import write_out
+
 
 def layout(
     source: Annotated[
@@ -22,23 +24,13 @@ def layout(
     """Write a Foxglove layout (JSON) that plots our topics, units in the labels."""
     import json
 
-    from eha_bench.core.atomic_file import write_text
-    from eha_bench.core.errors import InputError, Place
     from eha_bench.report.foxglove import layout_for
 
     text = json.dumps(layout_for(source), indent=2, ensure_ascii=False) + "\n"
     if out is None:
         typer.echo(text, nl=False)
         return
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_text(out, text)
-    except OSError as error:
-        raise InputError(
-            f"cannot be written ({error.strerror or error})",
-            where=Place(file=str(out)),
-            hint="name another file with --out",
-        ) from error
+    write_out(out, text)
     typer.echo(str(out))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eha_bench.cli.console import say
+from eha_bench.cli.console import say, write_out
 from eha_bench.cli.reading_limits import MaxMemory, MaxTime, reading_limits
 
 if TYPE_CHECKING:
@@ -53,17 +53,7 @@ def channels(
     if out is None:
         typer.echo(text, nl=False)
         return
-    from eha_bench.core.atomic_file import write_text
-    from eha_bench.core.errors import InputError, Place
-
-    try:
-        write_text(out, text)
-    except OSError as error:
-        raise InputError(
-            f"cannot be written ({error.strerror or error})",
-            where=Place(file=str(out)),
-            hint="name another file with --out",
-        ) from error
+    write_out(out, text)
     say("every line is guessed: check it before you score by it")
     typer.echo(str(out))
 

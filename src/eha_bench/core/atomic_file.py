@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from eha_bench.core.errors import InputError, Place
+
 
 @contextmanager
 def replacing(target: Path, *, durable: bool = False) -> Iterator[Path]:
@@ -44,6 +46,27 @@ def write_text(path: Path, text: str) -> None:
     """Write a whole text file or nothing; raises OSError."""
     with replacing(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def writing_to(
+    target: Path,
+    kind: type[InputError] = InputError,
+    hint: str = "check that the folder exists, is writable and has room",
+) -> Iterator[None]:
+    """Turn an `OSError` while `target` is written into an error that names it and the way out.
+
+    Raises:
+        InputError: of that kind; the file cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise kind(
+            f"cannot be written ({error.strerror or error})",
+            where=Place(file=str(target)),
+            hint=hint,
+        ) from error
 
 
 def _to_disk(path: Path) -> None:

@@ -19,7 +19,7 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption, checkpoints
 from eha_bench.core.output_folder import writable
 from eha_bench.core.workers import HERE, Workers
-from eha_bench.diagnosis.data.dataset import Dataset, Use, load_dataset
+from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.fit.baseline import (
     COARSE,
     Baseline,
@@ -253,14 +253,7 @@ def _with_errors(found: Calibration, base: Baseline, fit: Fit, progress: Progres
         (base.problem.places.lengthened(declared.vector()), fit.vector),
         progress,
     )
-    return replace(
-        found,
-        train=scores.errors[Use.TRAIN],
-        holdout=scores.errors[Use.HOLDOUT],
-        unseen=scores.errors[Use.UNSEEN],
-        per_run={**found.per_run, **scores.per_run},
-        notes=(*found.notes, *scores.notes),
-    )
+    return replace(found, **scores.fields(found.per_run, found.notes))
 
 
 def _ended_in(found: Calibration, stage: str, error: Exception) -> Calibration:

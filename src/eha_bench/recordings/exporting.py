@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from eha_bench.core.atomic_file import replacing
+from eha_bench.core.atomic_file import replacing, writing_to
 from eha_bench.core.channels import CHANNELS
-from eha_bench.core.errors import InputError, Place, RecordingError
+from eha_bench.core.errors import InputError, RecordingError
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.recording import Recording
 from eha_bench.recordings.tables.library import reading_with
@@ -41,15 +41,8 @@ def export(path: str | Path, recording: Recording) -> Path:
             hint=f"end it in {', '.join(_SUFFIXES)} ({suggest(suffix or 'csv', _SUFFIXES)})",
         )
     write = {".csv": _csv, ".parquet": _parquet, ".mf4": _mdf}[suffix]
-    try:
-        with replacing(target) as part:
-            write(part, recording)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot be written ({error.strerror or error})",
-            where=Place(file=str(target)),
-            hint="check that the folder exists, is writable and has room",
-        ) from error
+    with writing_to(target, RecordingError), replacing(target) as part:
+        write(part, recording)
     return target
 
 

@@ -11,8 +11,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from eha_bench.core.atomic_file import replacing
-from eha_bench.core.errors import Place, RecordingError
+from eha_bench.core.atomic_file import replacing, writing_to
+from eha_bench.core.errors import RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
 from eha_bench.recordings.mcap.sink import Compressed, McapSink, compressed
@@ -125,12 +125,9 @@ def writing(target: Path) -> Iterator[BinaryIO]:
     Raises:
         RecordingError: the file cannot be written.
     """
-    try:
-        with replacing(target) as part, part.open("wb") as stream:
-            yield stream
-    except OSError as error:
-        raise RecordingError(
-            f"cannot be written ({error.strerror or error})",
-            where=Place(file=str(target)),
-            hint="check that the folder exists, is writable and has room",
-        ) from error
+    with (
+        writing_to(target, RecordingError),
+        replacing(target) as part,
+        part.open("wb") as stream,
+    ):
+        yield stream

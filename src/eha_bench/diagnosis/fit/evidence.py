@@ -100,8 +100,8 @@ def _by_channel(problem: Problem, residual: FloatArray) -> Iterator[tuple[int, i
     """Yield windows and channels, by number, with their part of a stacked residual."""
     for piece in problem.pieces:
         rows = residual[piece.rows]
-        for channel in np.unique(piece.channels):
-            yield piece.window, int(channel), rows[piece.channels == channel]
+        for channel, mask in piece.by_channel():
+            yield piece.window, channel, rows[mask]
 
 
 @dataclass(frozen=True)

@@ -68,12 +68,11 @@ def _shares(problem: Problem, residual: FloatArray) -> dict[str, dict[str, float
     for piece in problem.pieces:
         window = problem.windows[piece.window]
         run = window.measured.run.name
-        for channel in np.unique(piece.channels):
+        for channel, mask in piece.by_channel():
             name = names[channel]
-            mine = piece.channels == channel
-            own = window.measured.values[window.first + piece.ticks[mine],
+            own = window.measured.values[window.first + piece.ticks[mask],
                                          window.measured.outputs.index(name)]  # fmt: skip
-            pair = np.stack([own / problem.noise[name], residual[piece.rows][mine]])
+            pair = np.stack([own / problem.noise[name], residual[piece.rows][mask]])
             errors.setdefault(run, {}).setdefault(name, []).append(pair)
     found: dict[str, dict[str, float]] = {}
     for run, channels in errors.items():

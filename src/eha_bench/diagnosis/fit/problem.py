@@ -11,7 +11,7 @@ Ljung 1999, section 5.3). Where inputs were measured, U holds what their noise d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
@@ -78,6 +78,11 @@ class Piece:
     rows: slice
     ticks: NDArray[np.intp]
     channels: NDArray[np.intp]
+
+    def by_channel(self) -> Iterator[tuple[int, NDArray[np.bool_]]]:
+        """Yield each channel, by number, with the mask of its rows within this piece."""
+        for channel in np.unique(self.channels):
+            yield int(channel), self.channels == channel
 
 
 class Problem:

@@ -98,8 +98,7 @@ def _stretches(problem: Problem, vector: FloatArray) -> dict[str, list[FloatArra
     names = problem.plant.outputs
     for piece in problem.pieces:
         rows = residual[piece.rows]
-        for channel in np.unique(piece.channels):
-            mask = piece.channels == channel
+        for channel, mask in piece.by_channel():
             own, ticks = rows[mask] * problem.noise[names[channel]], piece.ticks[mask]
             for first in range(0, own.size - _STRETCH + 1, _STRETCH):
                 span = slice(first, first + _STRETCH)

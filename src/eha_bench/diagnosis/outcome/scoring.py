@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,18 @@ class Scores:
     per_run: Mapping[str, Mapping[str, Estimate]]
     notes: tuple[str, ...]
 
+    def fields(
+        self, per_run: Mapping[str, Mapping[str, Estimate]], notes: Sequence[str]
+    ) -> dict[str, Any]:
+        """Return fields of a diagnosis or calibration; `per_run` and `notes` are what it has."""
+        return {
+            "train": self.errors[Use.TRAIN],
+            "holdout": self.errors[Use.HOLDOUT],
+            "unseen": self.errors[Use.UNSEEN],
+            "per_run": {**per_run, **self.per_run},
+            "notes": (*notes, *self.notes),
+        }
+
 
 def scored(
     found: Diagnosis,
@@ -75,15 +88,7 @@ def scored(
     )
     models = (dataset.model, found.recalibrated, found.revised)
     scores = scores_of(dataset, base, models, vectors, progress)
-    return replace(
-        found,
-        train=scores.errors[Use.TRAIN],
-        holdout=scores.errors[Use.HOLDOUT],
-        unseen=scores.errors[Use.UNSEEN],
-        per_run={**found.per_run, **scores.per_run},
-        replays=scores.replays,
-        notes=(*found.notes, *scores.notes),
-    )
+    return replace(found, replays=scores.replays, **scores.fields(found.per_run, found.notes))
 
 
 def scores_of(

@@ -130,8 +130,7 @@ def rms_by_channel(problem: Problem, vector: FloatArray) -> dict[str, float]:
     for piece in problem.pieces:
         rows = residual[piece.rows]
         by_name: dict[str, tuple[NDArray[np.intp], FloatArray]] = {}
-        for channel in np.unique(piece.channels):
-            mask = piece.channels == channel
+        for channel, mask in piece.by_channel():
             name = names[channel]
             error = rows[mask] * problem.noise[name]
             by_name[name] = (piece.ticks[mask], error)

@@ -11,41 +11,32 @@ Thoma, Simulation Modelling Practice and Theory 10 (2002) 141, doi:10.1016/S1569
 
 from __future__ import annotations
 
-import math
-
-from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
-
-
-@njit()
-def _orifice(difference: float, coefficient: float, transition: float) -> float:
-    """Return the flow through the orifice, m^3/s."""
-    size = math.sqrt(math.sqrt(difference * difference + transition * transition))
-    return coefficient * difference / size
+from eha_bench.plants.smooth_root import smooth_root
 
 
 def into_a(
     flow: float, p_a: float, p_b: float, orifice_coefficient: float, transition_pressure: float
 ) -> float:
     """Return the flow into chamber A less what leaks to B, m^3/s."""
-    return flow - _orifice(p_a - p_b, orifice_coefficient, transition_pressure)
+    d = p_a - p_b
+    return flow - orifice_coefficient * d / smooth_root(d, transition_pressure)
 
 
 def into_b(
     flow: float, p_a: float, p_b: float, orifice_coefficient: float, transition_pressure: float
 ) -> float:
     """Return the flow into chamber B with what leaks from A, m^3/s."""
-    return flow + _orifice(p_a - p_b, orifice_coefficient, transition_pressure)
+    d = p_a - p_b
+    return flow + orifice_coefficient * d / smooth_root(d, transition_pressure)
 
 
 def slope(
     value: float, p_a: float, p_b: float, orifice_coefficient: float, transition_pressure: float
 ) -> float:
     """Return the conductance between the chambers, never less than the true slope."""
-    d = p_a - p_b
-    size = math.sqrt(math.sqrt(d * d + transition_pressure * transition_pressure))
-    return value + orifice_coefficient / size
+    return value + orifice_coefficient / smooth_root(p_a - p_b, transition_pressure)
 
 
 EFFECT = Effect(

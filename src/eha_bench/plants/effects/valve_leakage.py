@@ -25,6 +25,11 @@ def _share(opening: float, form: float) -> float:
     return 1.0 if form == _CONSTANT else 1.0 / (1.0 + abs(opening) / _NULL)
 
 
+@njit()
+def _into(flow: float, p: float, p_supply: float, p_tank: float, conductance: float) -> float:
+    return flow + conductance * (p_supply - p) - conductance * (p - p_tank)
+
+
 def into_a(
     flow: float,
     p_a: float,
@@ -35,8 +40,7 @@ def into_a(
     form: float,
 ) -> float:
     """Return the flow into a with what leaks from supply, less what leaks to tank, m^3/s."""
-    own = leakage_coefficient * _share(opening, form)
-    return flow + own * (p_supply - p_a) - own * (p_a - p_tank)
+    return _into(flow, p_a, p_supply, p_tank, leakage_coefficient * _share(opening, form))
 
 
 def into_b(
@@ -49,8 +53,7 @@ def into_b(
     form: float,
 ) -> float:
     """Return the flow into b with what leaks from supply, less what leaks to tank, m^3/s."""
-    own = leakage_coefficient * _share(opening, form)
-    return flow + own * (p_supply - p_b) - own * (p_b - p_tank)
+    return _into(flow, p_b, p_supply, p_tank, leakage_coefficient * _share(opening, form))
 
 
 def from_supply(

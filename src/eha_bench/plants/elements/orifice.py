@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import math
 
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.network.element import HYDRAULIC, Anatomy, ElementKind, Flow, Port
 from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.smooth_root import smooth_root
 
 _AREA = Parameter("area", "m^2", 1e-6, 0.0, math.inf, "A")
 _DISCHARGE = Parameter("discharge_coefficient", "", 0.61, 0.01, 1.0, "C_d", "sharp edges")
@@ -19,6 +21,11 @@ _DENSITY = Parameter("density", "kg/m^3", 860.0, 100.0, 3000.0, "rho", "mineral 
 _TRANSITION = Parameter(
     "transition_pressure", "Pa", 1e4, 1.0, math.inf, "p_t", "small beside what matters"
 )
+
+
+@njit()
+def _coefficient(area: float, discharge_coefficient: float, density: float) -> float:
+    return discharge_coefficient * area * math.sqrt(2.0 / density)
 
 
 def flow(
@@ -31,8 +38,8 @@ def flow(
 ) -> float:
     """Return the flow from the first to the second, m^3/s."""
     d = p_first - p_second
-    k = discharge_coefficient * area * math.sqrt(2.0 / density)
-    return k * d / math.sqrt(math.sqrt(d * d + transition_pressure * transition_pressure))
+    k = _coefficient(area, discharge_coefficient, density)
+    return k * d / smooth_root(d, transition_pressure)
 
 
 def slope(
@@ -44,9 +51,8 @@ def slope(
     transition_pressure: float,
 ) -> float:
     """Return its conductance, never less than the true slope, m^3/(s*Pa)."""
-    d = p_first - p_second
-    k = discharge_coefficient * area * math.sqrt(2.0 / density)
-    return k / math.sqrt(math.sqrt(d * d + transition_pressure * transition_pressure))
+    k = _coefficient(area, discharge_coefficient, density)
+    return k / smooth_root(p_first - p_second, transition_pressure)
 
 
 def _anatomy(declared: frozenset[str]) -> Anatomy:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.network.element import HYDRAULIC, Anatomy, ElementKind, Flow, Port
 from eha_bench.plants.parameter import Parameter
 
@@ -20,6 +21,12 @@ _RATIO = Parameter("ratio", "", 3.0, 0.1, 100.0, "r")
 _CONDUCTANCE = Parameter("conductance", "m^3/(s*Pa)", 6e-10, 0.0, math.inf, "G")
 _CRACKING = Parameter("cracking_pressure", "Pa", 0.0, 0.0, math.inf, "p_c")
 _RANGE = Parameter("opening_range", "Pa", 1e5, 1.0, math.inf, "", "opens over one bar")
+
+
+@njit()
+def _share(opening: float) -> float:
+    s = min(1.0, max(0.0, opening))
+    return s * s * (3.0 - 2.0 * s)
 
 
 def flow(
@@ -32,9 +39,9 @@ def flow(
     opening_range: float,
 ) -> float:
     """Return the flow through it, m^3/s."""
-    over = ratio * (p_pilot - p_to) - (p_from - p_to) - cracking_pressure
-    s = min(1.0, max(0.0, over / opening_range))
-    return s * s * (3.0 - 2.0 * s) * conductance * (p_from - p_to)
+    through = p_from - p_to
+    over = ratio * (p_pilot - p_to) - through - cracking_pressure
+    return _share(over / opening_range) * conductance * through
 
 
 def slope(
@@ -48,8 +55,7 @@ def slope(
 ) -> float:
     """Return its conductance, m^3/(s*Pa)."""
     over = ratio * (p_pilot - p_to) - (p_from - p_to) - cracking_pressure
-    s = min(1.0, max(0.0, over / opening_range))
-    return s * s * (3.0 - 2.0 * s) * conductance
+    return _share(over / opening_range) * conductance
 
 
 def _anatomy(declared: frozenset[str]) -> Anatomy:

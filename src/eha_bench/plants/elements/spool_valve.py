@@ -32,6 +32,7 @@ from eha_bench.plants.network.element import (
     Signal,
 )
 from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.smooth_root import smooth_root
 
 _INF = math.inf
 _GAIN = Parameter("flow_gain", "m^3/(s*Pa^0.5)", 1e-7, 0.0, _INF, "K", "flow of the full travel")
@@ -131,75 +132,47 @@ def seen(spool: float) -> float:
 
 @njit()
 def _root(d: float, laminar_pressure: float) -> float:
-    return d / math.sqrt(math.sqrt(d * d + laminar_pressure * laminar_pressure))
+    return d / smooth_root(d, laminar_pressure)
 
 
 @njit()
 def _steep(d: float, laminar_pressure: float) -> float:
-    return 1.0 / math.sqrt(math.sqrt(d * d + laminar_pressure * laminar_pressure))
+    return 1.0 / smooth_root(d, laminar_pressure)
 
 
-def supply_to_a(
-    p_supply: float, p_a: float, opening: float, flow_gain: float, laminar_pressure: float
+def forward(
+    p_source: float, p_sink: float, opening: float, flow_gain: float, laminar_pressure: float
 ) -> float:
-    """Return the flow from supply to a, m^3/s."""
-    return flow_gain * max(0.0, opening) * _root(p_supply - p_a, laminar_pressure)
+    """Return the flow over a land that a positive command opens, m^3/s."""
+    return flow_gain * max(0.0, opening) * _root(p_source - p_sink, laminar_pressure)
 
 
-def supply_to_b(
-    p_supply: float, p_b: float, opening: float, flow_gain: float, laminar_pressure: float
+def backward(
+    p_source: float, p_sink: float, opening: float, flow_gain: float, laminar_pressure: float
 ) -> float:
-    """Return the flow from supply to b, m^3/s."""
-    return flow_gain * max(0.0, -opening) * _root(p_supply - p_b, laminar_pressure)
+    """Return the flow over a land that a negative command opens, m^3/s."""
+    return flow_gain * max(0.0, -opening) * _root(p_source - p_sink, laminar_pressure)
 
 
-def a_to_tank(
-    p_a: float, p_tank: float, opening: float, flow_gain: float, laminar_pressure: float
+def forward_slope(
+    p_source: float, p_sink: float, opening: float, flow_gain: float, laminar_pressure: float
 ) -> float:
-    """Return the flow from a to tank, m^3/s."""
-    return flow_gain * max(0.0, -opening) * _root(p_a - p_tank, laminar_pressure)
+    """Return the conductance of a land that a positive command opens, m^3/(s*Pa)."""
+    return flow_gain * max(0.0, opening) * _steep(p_source - p_sink, laminar_pressure)
 
 
-def b_to_tank(
-    p_b: float, p_tank: float, opening: float, flow_gain: float, laminar_pressure: float
+def backward_slope(
+    p_source: float, p_sink: float, opening: float, flow_gain: float, laminar_pressure: float
 ) -> float:
-    """Return the flow from b to tank, m^3/s."""
-    return flow_gain * max(0.0, opening) * _root(p_b - p_tank, laminar_pressure)
-
-
-def slope_supply_a(
-    p_supply: float, p_a: float, opening: float, flow_gain: float, laminar_pressure: float
-) -> float:
-    """Return the conductance from supply to a, m^3/(s*Pa)."""
-    return flow_gain * max(0.0, opening) * _steep(p_supply - p_a, laminar_pressure)
-
-
-def slope_supply_b(
-    p_supply: float, p_b: float, opening: float, flow_gain: float, laminar_pressure: float
-) -> float:
-    """Return the conductance from supply to b, m^3/(s*Pa)."""
-    return flow_gain * max(0.0, -opening) * _steep(p_supply - p_b, laminar_pressure)
-
-
-def slope_a_tank(
-    p_a: float, p_tank: float, opening: float, flow_gain: float, laminar_pressure: float
-) -> float:
-    """Return the conductance from a to tank, m^3/(s*Pa)."""
-    return flow_gain * max(0.0, -opening) * _steep(p_a - p_tank, laminar_pressure)
-
-
-def slope_b_tank(
-    p_b: float, p_tank: float, opening: float, flow_gain: float, laminar_pressure: float
-) -> float:
-    """Return the conductance from b to tank, m^3/(s*Pa)."""
-    return flow_gain * max(0.0, opening) * _steep(p_b - p_tank, laminar_pressure)
+    """Return the conductance of a land that a negative command opens, m^3/(s*Pa)."""
+    return flow_gain * max(0.0, -opening) * _steep(p_source - p_sink, laminar_pressure)
 
 
 _LANDS = (
-    Flow("supply", "a", supply_to_a, slope_supply_a),
-    Flow("supply", "b", supply_to_b, slope_supply_b),
-    Flow("a", "tank", a_to_tank, slope_a_tank),
-    Flow("b", "tank", b_to_tank, slope_b_tank),
+    Flow("supply", "a", forward, forward_slope),
+    Flow("supply", "b", backward, backward_slope),
+    Flow("a", "tank", backward, backward_slope),
+    Flow("b", "tank", forward, forward_slope),
 )
 
 

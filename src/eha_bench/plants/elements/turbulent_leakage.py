@@ -14,6 +14,7 @@ import math
 
 from eha_bench.plants.network.element import HYDRAULIC, Anatomy, ElementKind, Flow, Port
 from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.smooth_root import smooth_root
 
 _COEFFICIENT = Parameter("coefficient", "m^3/(s*Pa^0.5)", 1e-9, 0.0, math.inf, "k")
 _TRANSITION = Parameter(
@@ -24,13 +25,13 @@ _TRANSITION = Parameter(
 def flow(p_first: float, p_second: float, coefficient: float, transition_pressure: float) -> float:
     """Return the flow from the first to the second, m^3/s."""
     d = p_first - p_second
-    return coefficient * d / math.sqrt(math.sqrt(d * d + transition_pressure * transition_pressure))
+    return coefficient * d / smooth_root(d, transition_pressure)
 
 
 def slope(p_first: float, p_second: float, coefficient: float, transition_pressure: float) -> float:
     """Return its conductance, never less than the true slope, m^3/(s*Pa)."""
     d = p_first - p_second
-    return coefficient / math.sqrt(math.sqrt(d * d + transition_pressure * transition_pressure))
+    return coefficient / smooth_root(d, transition_pressure)
 
 
 def _anatomy(declared: frozenset[str]) -> Anatomy:

@@ -6,7 +6,8 @@ arguments:
 * an own parameter, or an own signal;
 * `speed` and `position` of the node on its mechanical port; with more than one such port
   `speed_<port>` and `position_<port>`;
-* `p_<port>`: pressure of the node on a hydraulic port;
+* `p_<port>`: pressure of the node on a hydraulic port; in a flow's law and slope also `p_source`
+  and `p_sink`, the pressures of its own two ends;
 * `t`: time, s.
 
 So an element sees its nodes' states and says what goes into each: torque, force, flow (Karnopp,

@@ -675,7 +675,7 @@ def _supply(system: System) -> Iterator[Spot]:
             source, sink = system.ends(part, flow)
             if node.name in (source, sink):
                 sign = "" if source == node.name else "-"
-                drawn.append(f"{sign}({system.call(part, flow.law)})")
+                drawn.append(f"{sign}({system.through(part, flow, flow.law)})")
         yield Spot(
             node.name,
             Equation.FLOW,

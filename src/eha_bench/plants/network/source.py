@@ -207,7 +207,7 @@ class Writer:
             if not ends or (len(ends) == 2 and ends[0] == ends[1]):
                 continue
             key = (ends[0], ends[1]) if len(ends) == 2 else (ends[0], -1)
-            value = system.call(part, flow.slope)
+            value = system.through(part, flow, flow.slope)
             if part.anatomy.opens_with_bypass:
                 value = f"S[{system.signals[BYPASS]}] * {value}"
             if flow.hook:
@@ -254,7 +254,7 @@ class Writer:
             source, sink = system.ends(part, flow)
             if source not in into and sink not in into:
                 continue
-            value = system.call(part, flow.law)
+            value = system.through(part, flow, flow.law)
             if part.anatomy.opens_with_bypass:
                 value = f"S[{system.signals[BYPASS]}] * {value}"
             if flow.hook:

@@ -618,6 +618,17 @@ class System:
         bound = [self.bound(part, name, extra) for name in inspect.signature(law).parameters]
         return f"{self.law(law)}({', '.join(bound)})"
 
+    def through(self, part: Part, flow: Flow, law: Law) -> str:
+        """Return the text of a call of a flow's law or slope, which may name the flow's own ends.
+
+        Raises:
+            PluginError: the law asks for something that there is not.
+        """
+        ports = part.element.ports
+        ends = {"p_source": flow.source, "p_sink": flow.sink}
+        own = {name: self.pressure(ports[port]) for name, port in ends.items() if port in ports}
+        return self.call(part, law, **own)
+
     def bound(self, part: Part, name: str, extra: Mapping[str, str]) -> str:
         """Return the expression that a law's argument stands for."""
         if name in extra:

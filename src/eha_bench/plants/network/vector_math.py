@@ -15,7 +15,7 @@ import dis
 import math
 from collections.abc import Callable, Mapping
 from types import FunctionType
-from typing import Any
+from typing import Any, cast
 
 from llvmlite import ir
 from numba import types
@@ -29,58 +29,54 @@ sqrt, fabs, copysign = math.sqrt, math.fabs, math.copysign
 _SHIFT = 6755399441055744.0
 """1.5 * 2^52: added and taken away again, it rounds to the nearest integer."""
 
+_WORD = ir.IntType(64)
+
 _LARGEST_ANGLE = 1e5
 """Beyond it the reduction of an angle loses digits, rad."""
 
 
-def _of_a_number(typing: Callable[..., Any]) -> Callable[[float], float]:
-    """Return `intrinsic(typing)` with the type that it has inside compiled code."""
-    found: Callable[[float], float] = intrinsic(typing)
-    return found
+def _on_bits(change: Callable[[Any, Any], Any]) -> Callable[[float], float]:
+    """Return a function of a number that changes its bits, as compiled code calls it.
+
+    Args:
+        change: called with LLVM's builder and the number's 64 bits; returns those of the result.
+    """
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        bits = change(builder, builder.bitcast(arguments[0], _WORD))
+        return builder.bitcast(bits, ir.DoubleType())
+
+    def typing(context: Any, x: Any) -> Any:
+        return types.float64(types.float64), generate
+
+    made: Any = intrinsic(typing)  # its type outside compiled code is another
+    return cast("Callable[[float], float]", made)
 
 
-@_of_a_number
-def _power_of_two(context: Any, shifted: Any) -> Any:
+@_on_bits
+def _power_of_two(builder: Any, bits: Any) -> Any:
     """2^k of k + 1.5 * 2^52: k stands in the last bits of that number."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        word = ir.IntType(64)
-        bits = builder.bitcast(arguments[0], word)
-        bits = builder.add(bits, ir.Constant(word, 1023))
-        bits = builder.shl(bits, ir.Constant(word, 52))
-        return builder.bitcast(bits, ir.DoubleType())
-
-    return types.float64(types.float64), generate
+    return builder.shl(builder.add(bits, ir.Constant(_WORD, 1023)), ir.Constant(_WORD, 52))
 
 
-@_of_a_number
-def _mantissa(context: Any, x: Any) -> Any:
+@_on_bits
+def _mantissa(builder: Any, bits: Any) -> Any:
     """The m of x = m * 2^k with m from 1 to 2, for x > 0 that is not subnormal."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        word = ir.IntType(64)
-        bits = builder.bitcast(arguments[0], word)
-        bits = builder.and_(bits, ir.Constant(word, 0x000FFFFFFFFFFFFF))
-        bits = builder.or_(bits, ir.Constant(word, 0x3FF0000000000000))
-        return builder.bitcast(bits, ir.DoubleType())
-
-    return types.float64(types.float64), generate
+    bits = builder.and_(bits, ir.Constant(_WORD, 0x000FFFFFFFFFFFFF))
+    return builder.or_(bits, ir.Constant(_WORD, 0x3FF0000000000000))
 
 
-@_of_a_number
-def _exponent(context: Any, x: Any) -> Any:
+@_on_bits
+def _shifted_exponent(builder: Any, bits: Any) -> Any:
+    """2^52 + 1023 + k of x = m * 2^k: a whole number in the last bits needs no conversion."""
+    bits = builder.lshr(bits, ir.Constant(_WORD, 52))
+    return builder.or_(bits, ir.Constant(_WORD, 0x4330000000000000))
+
+
+@njit(forceinline=True)
+def _exponent(x: float) -> float:
     """The k of x = m * 2^k with m from 1 to 2, for x > 0 that is not subnormal."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        word = ir.IntType(64)
-        bits = builder.bitcast(arguments[0], word)
-        bits = builder.lshr(bits, ir.Constant(word, 52))
-        # the integer stands in the last bits of 2^52 + k, so no conversion is needed
-        bits = builder.or_(bits, ir.Constant(word, 0x4330000000000000))
-        number = builder.bitcast(bits, ir.DoubleType())
-        return builder.fsub(number, ir.Constant(ir.DoubleType(), 4503599627370496.0 + 1023.0))
-
-    return types.float64(types.float64), generate
+    return _shifted_exponent(x) - (4503599627370496.0 + 1023.0)
 
 
 @njit(forceinline=True, fastmath={"contract"})
