@@ -19,6 +19,8 @@ from eha_bench.metrics.acceptance import judge
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.recorded import bind
 
+_BEYOND = "the value is beyond the largest number"
+
 
 @cache
 def metric(name: str) -> Metric:
@@ -132,10 +134,12 @@ def measure_safely(found: Metric, recording: Recording, trial: Trial, channel: s
         return Measure.none(f"no {error.channel}")
     except EhaBenchError as error:
         return Measure.none(str(error))
+    except OverflowError:  # of Python's own numbers; NumPy's become infinite
+        return Measure.none(_BEYOND)
     except Exception as error:  # a plug-in's fault must not cost the run's other scores
         return Measure.none(f"metric '{found.spec.id}' failed ({type(error).__name__}: {error})")
     if measure.value == measure.value and abs(measure.value) == float("inf"):
-        return Measure.none("the value is beyond the largest number")
+        return Measure.none(_BEYOND)
     if measure.value != measure.value and not measure.reason:
         return replace(measure, reason="the metric gave no value and no reason")
     return measure

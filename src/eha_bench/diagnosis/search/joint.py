@@ -22,7 +22,7 @@ from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
 _FIRSTS = 4
 _SECONDS = 3
-_FINALISTS = 2
+_FINALISTS = 4
 _STARTS = 3
 _PLAUSIBLE = 0.5
 """Share of what the short windows hold that a pair must explain there to be taken further."""
