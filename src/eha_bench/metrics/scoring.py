@@ -118,6 +118,21 @@ def _score(
     )
 
 
+def _reason(found: Metric, error: Exception) -> str:
+    """Return why a metric that raised an error has no value."""
+    match error:
+        case NotScored():
+            return error.reason
+        case MissingChannelError():
+            return f"no {error.channel}"
+        case EhaBenchError():
+            return str(error)
+        case OverflowError():  # of Python's own numbers; NumPy's become infinite
+            return _BEYOND
+        case _:
+            return f"metric '{found.spec.id}' failed ({type(error).__name__}: {error})"
+
+
 def measure_safely(found: Metric, recording: Recording, trial: Trial, channel: str) -> Measure:
     """Return what a metric finds; whatever goes wrong becomes a reason."""
     if isinstance(trial.signal, FromRecording):
@@ -128,16 +143,8 @@ def measure_safely(found: Metric, recording: Recording, trial: Trial, channel: s
             # in the end is not scored, so the warning would say it twice
             warnings.simplefilter("ignore", RuntimeWarning)
             measure = found.measure(recording, trial, channel)
-    except NotScored as error:
-        return Measure.none(error.reason)
-    except MissingChannelError as error:
-        return Measure.none(f"no {error.channel}")
-    except EhaBenchError as error:
-        return Measure.none(str(error))
-    except OverflowError:  # of Python's own numbers; NumPy's become infinite
-        return Measure.none(_BEYOND)
     except Exception as error:  # a plug-in's fault must not cost the run's other scores
-        return Measure.none(f"metric '{found.spec.id}' failed ({type(error).__name__}: {error})")
+        return Measure.none(_reason(found, error))
     if measure.value == measure.value and abs(measure.value) == float("inf"):
         return Measure.none(_BEYOND)
     if measure.value != measure.value and not measure.reason:
