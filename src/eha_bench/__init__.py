@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eha_bench.api import diagnose, run, score_files
+    from eha_bench.api import diagnose, next_experiment, run, score_files
     from eha_bench.comparing import ab, compare, history
     from eha_bench.core.recording import Recording
     from eha_bench.core.result import Result
@@ -33,6 +33,7 @@ _HOME = {
     "history": "eha_bench.comparing",
     "predict": "eha_bench.diagnosis.replay.prediction",
     "load_suite": "eha_bench.suites",
+    "next_experiment": "eha_bench.api",
     "Result": "eha_bench.core.result",
     "run": "eha_bench.api",
     "score_files": "eha_bench.api",
@@ -49,6 +50,7 @@ __all__ = [
     "diagnose",
     "history",
     "load_suite",
+    "next_experiment",
     "predict",
     "read",
     "run",

@@ -24,9 +24,13 @@ from eha_bench.core.workers import workers_from
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.run import diagnose as close_the_loop
+from eha_bench.experiment.files import suite_path, write_proposal
+from eha_bench.experiment.proposal import Proposal
+from eha_bench.experiment.propose import ASKED, WITHIN, propose
 from eha_bench.recordings import read
 from eha_bench.report import append_step_summary, markdown_summary, write_junit, write_report
 from eha_bench.report.diagnosis_report import write_diagnosis_report
+from eha_bench.report.experiment_report import write_experiment_report
 from eha_bench.suites import Suite, load_suite
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.resolve import open_target
@@ -242,4 +246,44 @@ def diagnose(
         source = Path(loaded.source)
         name = f"{source.resolve().parent.name}/{source.name}" if loaded.source else "dataset"
         write_diagnosis_report(Path(out), found, name, loaded.model)
+    return found
+
+
+def next_experiment(
+    diagnosis: str | Path,
+    out: str | Path | None = None,
+    *,
+    budget: float = 30.0,
+    safety: str | Path | None = None,
+    probability: float = ASKED,
+    within: float = WITHIN,
+    seed: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+) -> Proposal:
+    """Find the cheapest permitted experiment that separates what a diagnosis leaves open.
+
+    Args:
+        diagnosis: diagnosis.json, or the folder it is in.
+        out: the suite to write; beside it a dataset that takes its recordings (`-dataset.yaml`),
+            a page and the figures as JSON. Nothing is written if None.
+        budget: bench time allowed, s.
+        safety: target.yaml of a drive, or a suite, whose limits hold; None: nothing goes beyond
+            what the recordings have been to.
+        probability: of naming the right rival that is asked for.
+        within: half of a 95 % interval, as a share of the parameter, that is asked for where
+            parameters are what is open.
+        seed: of all draws. progress: called with the stage and the fraction of it done.
+
+    Raises:
+        InputError: a file is wrong or missing, or the model has no command.
+    """
+    path = None if out is None else suite_path(out)
+    tell = progress or (lambda _stage, _fraction: None)
+    found = propose(
+        diagnosis, budget=budget, safety=safety, probability=probability, within=within, seed=seed,
+        progress=tell,
+    )  # fmt: skip
+    if path is not None:
+        write_proposal(found, path)
+        write_experiment_report(path.with_suffix(".html"), found, path.name)
     return found

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Groups, compare, left_out
 from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import soften
-from eha_bench.diagnosis.fit.uncertainty import estimates, spreads, undetermined
+from eha_bench.diagnosis.fit.uncertainty import estimates, posterior, spreads, undetermined
 
 
 def linear_fit(matrix: np.ndarray, residual: np.ndarray, names: list[str], values: np.ndarray):
@@ -185,3 +185,22 @@ def test_soft_loss_is_quadratic_for_noise_and_linear_for_outliers():
     assert soft[1] == pytest.approx(0.5, rel=0.01)
     assert soft[2] ** 2 == pytest.approx(2 * 5 * 500, rel=0.02)
     assert weight[0] == pytest.approx(1.0)
+
+
+def test_the_posterior_is_finite_and_as_wide_as_the_intervals_where_data_tell():
+    rng = np.random.default_rng(7)
+    matrix = rng.standard_normal((600, 2))
+    # the second number is not in any reading
+    matrix[:, 1] = 0.0
+    residual = rng.standard_normal(600)
+    free = (Free("told", 0, 0.0, 100.0, 2.0), Free("open", 1, 0.0, 100.0, 4.0))
+    fit = Fit(np.array([2.0, 4.0]), free, residual, matrix, float(residual @ residual))
+    blocks = tuple(np.split(np.arange(600), 60))
+    groups = Groups(tuple(np.split(np.arange(600), 6)), blocks)
+    found = posterior(fit, groups)
+    assert found.parameters == ("told", "open")
+    deviation = np.sqrt(np.diag(found.matrix))
+    assert deviation[0] == pytest.approx(spreads(fit, groups)["told"].deviation, rel=0.01)
+    # half of its size, or less where bounds leave less
+    assert deviation[1] == pytest.approx(2.0)
+    assert abs(found.matrix[0, 1]) < 1e-12

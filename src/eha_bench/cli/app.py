@@ -7,6 +7,7 @@ import typer
 from eha_bench.cli import (
     closing,
     comparing,
+    experiment,
     exporting,
     files,
     layout,
@@ -57,6 +58,7 @@ running.register(app)
 files.register(app)
 recording_files.register(app)
 closing.register(app)
+experiment.register(app)
 comparing.register(app)
 exporting.register(app)
 layout.register(app)

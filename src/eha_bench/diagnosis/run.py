@@ -10,9 +10,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
@@ -36,6 +33,7 @@ from eha_bench.diagnosis.fit.profile import profile_interval
 from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
 from eha_bench.diagnosis.fit.start_angles import said, starts_of
 from eha_bench.diagnosis.fit.uncertainty import (
+    Covariance,
     Direction,
     Estimate,
     covariance,
@@ -60,6 +58,7 @@ from eha_bench.diagnosis.outcome.diagnosis import (
 from eha_bench.diagnosis.outcome.findings import assemble, own_estimates, units_of
 from eha_bench.diagnosis.outcome.honest import curve_is_worse, pruned, worse
 from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.outcome.scoring import scored, scores_of
 from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -68,18 +67,9 @@ from eha_bench.diagnosis.search.backward import drop, without
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 _NOTHING = 5.0
-
-
-@dataclass(frozen=True)
-class Covariance:
-    """Of fitted numbers: their keys in order, and the matrix, (p, p) SI."""
-
-    parameters: tuple[str, ...]
-    matrix: FloatArray
 
 
 @dataclass(frozen=True)
@@ -126,11 +116,7 @@ class Calibration:
                 for item in self.weakest
             ],
             "convergence": None if self.convergence is None else self.convergence.to_dict(),
-            "covariance": None if self.covariance is None else {
-                "parameters": list(self.covariance.parameters),
-                "matrix": [[finite_or_none(float(x)) for x in row]
-                           for row in self.covariance.matrix],
-            },
+            "covariance": None if self.covariance is None else self.covariance.to_dict(),
             "seconds": finite_or_none(self.seconds),
             "per_run": own_to_dict(self.per_run),
             "error": {
@@ -375,7 +361,21 @@ class _Closing:
             found = self._without_the_weakest(why)
         if found.complete and self.decision.learned and curve_is_worse(found):
             found = self._without_the_curve()
-        return found
+        return self._with_rivals(found, asked, workers) if found.complete else found
+
+    def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
+        """Fit what these data cannot tell from what was found."""
+        self.stage = "rivals"
+        self.progress(self.stage, 0.0)
+        try:
+            with checkpoints(asked), fits_by(workers):
+                rivals = other_rivals(self.search, self.decision, found)
+        except KeyboardInterrupt:
+            note = "interrupted before the rivals of what was found were fitted"
+            self.found = replace(found, notes=(*found.notes, note), complete=False)
+        else:
+            self.found = replace(found, rivals=(*found.rivals, *rivals))
+        return self.found
 
     def interrupted(self) -> Diagnosis:
         """Return what there is where the calibration was interrupted."""

@@ -28,11 +28,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, stdtrit
 
+from eha_bench.core.finite import finite_or_none
 from eha_bench.diagnosis.fit.evidence import Groups
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
@@ -53,6 +55,8 @@ _INEXACT = 1e-3
 """Standard uncertainty of an effect's equation, of the size that is fitted."""
 _OPEN = 1e3
 """Half of an interval, in sizes of the parameter, from which there is none."""
+_BELIEVED = 0.5
+"""Standard deviation of what is believed of a parameter that data leave open, as a share of it."""
 _ALONE = 0.1
 """Below this many degrees of freedom one run says nearly all, and no other can disagree."""
 
@@ -243,6 +247,52 @@ def covariance(fit: Fit, groups: Groups) -> FloatArray:
     root = np.sqrt(np.diag(inverse))
     deviations = np.array([item.deviation for item in spreads(fit, groups).values()])
     return np.asarray(inverse / np.outer(root, root) * np.outer(deviations, deviations))
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Of fitted numbers: their keys in order, and the matrix, (p, p) SI."""
+
+    parameters: tuple[str, ...]
+    matrix: FloatArray
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as it stands in JSON; what is not determined is null."""
+        rows = [[finite_or_none(float(x)) for x in row] for row in self.matrix]
+        return {"parameters": list(self.parameters), "matrix": rows}
+
+
+def posterior(fit: Fit, groups: Groups) -> Covariance:
+    """Return the covariance of what all runs share, finite also where data determine nothing.
+
+    The information of the data, each parameter's as much smaller as its interval is wider than
+    white noise makes it (`spreads`), and a Gaussian belief beside it: half a parameter's size, or
+    a uniform distribution's deviation between its bounds where that is less. Draws from it move
+    along what data leave open, and nowhere else. What one run has of its own is left out
+    (marginal).
+
+    Args:
+        fit: with a Jacobian of its own place. groups: rows by block and by run.
+    """
+    keep = [k for k, item in enumerate(fit.free) if not item.run]
+    keys = tuple(fit.free[k].key for k in keep)
+    if not keys:
+        return Covariance((), np.zeros((0, 0)))
+    _, weight = soften(fit.residual, fit.soft)
+    weighted = fit.jacobian * weight[:, None]
+    normal = weighted.T @ weighted
+    scale = np.array([item.scale for item in fit.free])
+    size = np.maximum(np.abs([fit.vector[item.at] for item in fit.free]), scale)
+    width = np.array([item.high - item.low for item in fit.free])
+    belief = np.minimum(_BELIEVED * size, np.where(width > 0.0, width, np.inf) / np.sqrt(12.0))
+    belief = belief / scale
+    usual = np.sqrt(np.diag(np.linalg.inv(normal + np.diag(belief**-2.0))))
+    given = np.array([item.deviation for item in spreads(fit, groups).values()]) / scale
+    # what is open stays open: only where data tell a parameter may they tell it less well
+    ratio = np.where(np.isfinite(given), np.minimum(usual / np.maximum(given, 1e-300), 1.0), 1.0)
+    inverse = np.linalg.inv(normal * np.outer(ratio, ratio) + np.diag(belief**-2.0))
+    matrix = (inverse * np.outer(scale, scale))[np.ix_(keep, keep)]
+    return Covariance(keys, np.asarray(0.5 * (matrix + matrix.T)))
 
 
 @dataclass(frozen=True)

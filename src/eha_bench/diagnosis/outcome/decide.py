@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN, is_unexplained
@@ -32,6 +32,7 @@ class Decision:
         verdict: effect, none or unknown. fit: of the revised model.
         notes: sentences for the report. unknown: where something unexplained acts.
         learned: whether the revised model carries a learned curve.
+        locator: what weighed the places, and `located`: the curves it found, the best first.
     """
 
     verdict: Verdict
@@ -39,6 +40,8 @@ class Decision:
     notes: tuple[str, ...]
     unknown: Unknown | None
     learned: bool = False
+    locator: Locator | None = None
+    located: tuple[Located, ...] = ()
 
 
 def decide(search: Search, step: float, progress: Progress, said: Sequence[str] = ()) -> Decision:
@@ -83,7 +86,8 @@ def decide(search: Search, step: float, progress: Progress, said: Sequence[str] 
         unknown = Unknown(equation or None, (), text)
         return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
     progress("learn", 0.0)
-    return _learned(search, locator, located[0], step, tuple(notes))
+    found = _learned(search, locator, located[0], step, tuple(notes))
+    return replace(found, locator=locator, located=tuple(located))
 
 
 def _learned(

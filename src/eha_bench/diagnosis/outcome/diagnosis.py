@@ -17,6 +17,7 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.showing import html_table
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
+from eha_bench.diagnosis.outcome.rival import Covered, Rival
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
@@ -137,6 +138,8 @@ class Diagnosis:
             what the errors are computed from. Not in diagnosis.json: `predict` gives them again.
         complete: False where it was interrupted, or a stage failed.
         failed: the stage that failed, if any: what was found before it stands.
+        rivals: what was found, and what it was held against, each as a model with its covariance.
+        covered: where the training recordings have been.
         seconds: how long it took.
         simulations: how many simulations of all training data that equals, by simulated time.
     """
@@ -160,6 +163,8 @@ class Diagnosis:
     replays: tuple[Replay, ...] = ()
     complete: bool = True
     failed: FailedStage | None = None
+    rivals: tuple[Rival, ...] = ()
+    covered: Covered | None = None
     seconds: float = math.nan
     simulations: float = math.nan
 
@@ -226,6 +231,8 @@ class Diagnosis:
                 "unseen": errors_to_dict(self.unseen),
             },
             "model": "revised.yaml",
+            "rivals": [item.to_dict() for item in self.rivals],
+            "covered": None if self.covered is None else self.covered.to_dict(),
             "calibrated": {name: estimate_to_dict(e) for name, e in self.calibrated.items()},
             "per_run": own_to_dict(self.per_run),
             "undetermined": list(self.undetermined),
@@ -242,7 +249,7 @@ class Diagnosis:
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
     def write(self, folder: Path) -> None:
-        """Write diagnosis.json, revised.yaml and recalibrated.yaml into a folder."""
+        """Write diagnosis.json, revised.yaml, recalibrated.yaml and each rival's model."""
         folder.mkdir(parents=True, exist_ok=True)
         names = ", ".join(item.id for item in self.effects) or "nothing"
         self.revised.write(
@@ -251,6 +258,11 @@ class Diagnosis:
         self.recalibrated.write(
             folder / "recalibrated.yaml", "Recalibrated by eha-bench diagnose; nothing added"
         )
+        for rival in self.rivals:
+            (folder / rival.file).parent.mkdir(exist_ok=True)
+            rival.model.write(
+                folder / rival.file, f"A rival by eha-bench diagnose ({rival.standing.value})"
+            )
         write_text(folder / "diagnosis.json", self.to_json())
 
 

@@ -25,6 +25,7 @@ from eha_bench.diagnosis.fit.uncertainty import (
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.rivals import found_rival
 from eha_bench.diagnosis.search.state import Ranked
 from eha_bench.diagnosis.search.stepwise import Search
 from eha_bench.plants.effect import AT, BoundEffect
@@ -101,9 +102,10 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         model, {key: float(fit.vector[layout.index[key]]) for key in keys if key in layout.index},
         ended.at_bounds,
     )  # fmt: skip
+    final = revised(model, fit.vector, keys, added)
     return Diagnosis(
         decision.verdict,
-        revised(model, fit.vector, keys, added),
+        final,
         revised(model, search.base.vector, base.keys),
         tuple(effects) if decision.verdict is not Verdict.NONE else (),
         decision.unknown,
@@ -115,6 +117,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         undetermined=undetermined(fit),
         convergence=ended,
         notes=tuple(notes),
+        rivals=(found_rival(search, fit, final, added),),
     )
 
 

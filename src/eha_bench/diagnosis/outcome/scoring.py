@@ -24,6 +24,7 @@ from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import angles_of, counts_on, estimated, said, starts_of
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+from eha_bench.diagnosis.outcome.rivals import covered
 from eha_bench.diagnosis.replay.errors_by_channel import (
     ChannelError,
     floors,
@@ -88,7 +89,9 @@ def scored(
     )
     models = (dataset.model, found.recalibrated, found.revised)
     scores = scores_of(dataset, base, models, vectors, progress)
-    return replace(found, replays=scores.replays, **scores.fields(found.per_run, found.notes))
+    seen = covered(base.measured, base.problem.noise, scores.errors[Use.TRAIN], dataset.source)
+    fields = scores.fields(found.per_run, found.notes)
+    return replace(found, replays=scores.replays, covered=seen, **fields)
 
 
 def scores_of(

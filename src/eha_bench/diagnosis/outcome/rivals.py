@@ -1,0 +1,197 @@
+"""Fits what the data cannot tell from what was found, so that an experiment can be planned for it.
+
+An equivalent candidate takes the place of the effect that it equals, the others are fitted with it
+again. What came next in the same look stays as it was fitted there. Where a curve was learned, so
+are those of other variables that explain nearly as much.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from eha_bench.core.trial import Bypass, Piston
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.fit.baseline import COARSE
+from eha_bench.diagnosis.fit.candidates import LEARNED
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.uncertainty import posterior
+from eha_bench.diagnosis.outcome.decide import Decision
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
+from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Rival, Standing
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+from eha_bench.diagnosis.search.refit import free_of
+from eha_bench.diagnosis.search.state import Accepted, Search, Trial
+from eha_bench.diagnosis.unknown.curves import Located
+from eha_bench.diagnosis.unknown.learn import learn
+from eha_bench.plants.model import Model
+
+_RUNNERS_UP = 2
+_WORTH = 0.5
+"""Share of the best one's gain from which a runner-up is kept."""
+_NEARLY = 0.7
+"""Share of what the best curve explains from which another variable's is a rival."""
+_CURVES = 2
+
+
+def name_of(model: Model, added: Sequence[str]) -> str:
+    """Return a rival's id: its effects, and what a learned curve of them follows."""
+    words = []
+    for name in added:
+        values = next((item.values for item in model.effects if item.id == name), {})
+        words.append(f"{name} of {values['variable']}" if name == LEARNED else name)
+    return "+".join(words) or "none"
+
+
+def found_rival(search: Search, fit: Fit, model: Model, added: Sequence[str]) -> Rival:
+    """Return what was found as a rival of the others."""
+    covariance = posterior(fit, search.groups)
+    name = name_of(model, added)
+    return Rival(name, tuple(added), Standing.FOUND, 0.0, model, covariance)
+
+
+def other_rivals(search: Search, decision: Decision, found: Diagnosis) -> tuple[Rival, ...]:
+    """Fit the rivals of what was found, the nearest first.
+
+    Args:
+        search: finished. decision: on it. found: what came of it.
+    """
+    if found.verdict is Verdict.EFFECT:
+        rivals = [rival for item in search.effects for rival in _in_place_of(search, item, found)]
+    elif found.verdict is Verdict.UNKNOWN and decision.learned:
+        rivals = list(_other_curves(search, decision, found))
+    else:
+        rivals = []
+    taken = {item.id for item in found.rivals}
+    unique = {item.id: item for item in reversed(rivals) if item.id not in taken}
+    return tuple(sorted(unique.values(), key=lambda item: (item.standing.value, item.behind)))
+
+
+def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[Rival]:
+    """Yield what could stand in the place of an effect that was added."""
+    name = item.start.candidate
+    look = next((look for look in search.looks if any(t.candidate == name for t in look)), [])
+    own = next((trial for trial in look if trial.candidate == name), None)
+    model = found.revised
+    others = [other for other in search.effects if other is not item]
+    for trial in look:
+        if trial.candidate in item.equivalent:
+            fit = _swapped(search, item, trial)
+            added = [*(other.start.candidate for other in others), trial.candidate]
+            behind = fit.cost - search.fit.cost
+            yield _rival(search, fit, model, added, Standing.EQUIVALENT, behind)
+    if own is None:
+        return
+    before = search.effects[: search.effects.index(item)]
+    next_best = [
+        trial
+        for trial in look
+        if trial.candidate != name
+        and trial.candidate not in item.equivalent
+        and not trial.start.mundane
+        and trial.comparison.gain > _WORTH * own.comparison.gain
+        and trial.fit.residual.size == search.fit.residual.size
+    ]
+    for trial in next_best[:_RUNNERS_UP]:
+        added = [*(other.start.candidate for other in before), trial.candidate]
+        behind = trial.fit.cost - own.fit.cost
+        yield _rival(search, trial.fit, model, added, Standing.RUNNER_UP, behind)
+
+
+def _swapped(search: Search, item: Accepted, trial: Trial) -> Fit:
+    """Return the fit with a candidate in the place of what was added."""
+    vector = search.fit.vector.copy()
+    vector[item.start.strength_at] = item.start.neutral
+    for at, _ in trial.start.settings:
+        vector[at] = trial.fit.vector[at]
+    if len(search.effects) == 1:
+        # nothing came after it: its parameters are those of its own fit
+        vector = trial.fit.vector.copy()
+    free = tuple(
+        free
+        for free in free_of(search, vector, [trial.start])
+        if free.key not in item.start.keys or free.key in trial.start.keys
+    )
+    return levenberg_marquardt(search.problem, vector, free, iterations=6, refresh=1)
+
+
+def _rival(
+    search: Search, fit: Fit, declared: Model, added: Sequence[str], standing: Standing,
+    behind: float,
+) -> Rival:  # fmt: skip
+    kept = tuple(item for item in declared.effects if item.id in search.declared)
+    plain = Model(declared.plant_id, declared.parameters, declared.calibrate, kept,
+                  declared.within, declared.per_run, declared.network)  # fmt: skip
+    layout = plain.plant.layout
+    plants_own = {item.name for item in layout.parameters}
+    keys = [item.key for item in fit.free if item.key in plants_own]
+    keys += [item.key for item in fit.free if item.key.rpartition(".")[0] in search.declared]
+    model = revised(plain, fit.vector, keys, added)
+    covariance = posterior(fit, search.groups)
+    return Rival(name_of(model, added), tuple(added), standing, behind, model, covariance)
+
+
+def _other_curves(search: Search, decision: Decision, found: Diagnosis) -> Iterator[Rival]:
+    """Yield curves of other variables that explain nearly as much."""
+    if decision.locator is None or not decision.located:
+        return
+    best, *rest = decision.located
+    tried = {_followed(best)}
+    for item in rest:
+        if item.share < _NEARLY * best.share or len(tried) > _CURVES:
+            break
+        if _followed(item) in tried:
+            continue
+        tried.add(_followed(item))
+        _, fit = learn(search.problem, decision.locator.short, search.fit, item, COARSE)
+        behind = fit.cost - decision.fit.cost
+        yield _rival(search, fit, found.revised, [LEARNED], Standing.EQUIVALENT, behind)
+
+
+def _followed(item: Located) -> str:
+    return item.template.variable
+
+
+def covered(
+    runs: Sequence[Measured],
+    noise: Mapping[str, float],
+    errors: Mapping[str, ChannelError],
+    dataset: str = "",
+) -> Covered:
+    """Return where training recordings have been.
+
+    Args:
+        runs: that passed the gate. noise: channel -> standard deviation, SI.
+        errors: of the revised model on them. dataset: that names them.
+    """
+    setups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
+    inputs: dict[str, list[np.ndarray]] = {}
+    for item in runs:
+        piston = Piston.LOCKED if item.run.locked else Piston.FREE
+        bypass = Bypass.OPEN if item.run.bypass_open else Bypass.CLOSED
+        own = setups.setdefault((piston.value, bypass.value), {})
+        columns = {name: item.values[item.valid[:, k], k] for k, name in enumerate(item.outputs)}
+        for name, values in {**columns, **item.inputs}.items():
+            if values.size:
+                low, high = own.get(name, (math.inf, -math.inf))
+                own[name] = min(low, float(values.min())), max(high, float(values.max()))
+        for name, values in item.inputs.items():
+            inputs.setdefault(name, []).append(values)
+    together = {name: np.concatenate(parts) for name, parts in inputs.items()}
+    left = {}
+    for name, error in errors.items():
+        after = error.after_windows if math.isfinite(error.after_windows) else error.after
+        left[name] = math.sqrt(max(after**2 - error.noise_floor**2, 0.0))
+    return Covered(
+        min((1.0 / float(np.median(np.diff(item.time))) for item in runs), default=math.nan),
+        sum(float(item.time[-1]) for item in runs),
+        {name: (float(v.min()), float(v.max()), float(v.mean())) for name, v in together.items()},
+        {name: float(value) for name, value in noise.items()},
+        left,
+        tuple(CoveredSetup(*key, extremes) for key, extremes in setups.items()),
+        str(Path(dataset).resolve()) if Path(dataset).is_file() else "",
+    )

@@ -1,0 +1,1 @@
+"""Plans the experiment that separates what a diagnosis leaves open."""

@@ -1,0 +1,113 @@
+"""A proposal in words, and what its rivals predict as bands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.trial import Bypass, Piston
+from eha_bench.experiment.candidates import Candidate, Plan
+from eha_bench.experiment.decision import Layout, distances
+from eha_bench.experiment.hypothesis import Hypothesis
+from eha_bench.experiment.proposal import NEAR, Band, PlannedTrial, Proposal
+from eha_bench.experiment.response import Bench, Responses
+
+FloatArray = NDArray[np.float64]
+
+_POINTS = 800
+_OUTSIDE = 0.05
+
+
+def words_of(candidate: Candidate, plan: Plan) -> str:
+    """Say what a trial does."""
+    signal = candidate.signal(plan.command[candidate.setup], plan.unit)
+    told = {
+        "steps": "steps of {hold}",
+        "ramp": "a ramp to {final} over {over}",
+        "sine": "a sine of {amplitude} at {frequency}",
+        "chirp": "a chirp of {amplitude} from {f_start} to {f_stop}",
+        "multisine": "a multisine of {amplitude} from {f_min} to {f_max}",
+        "prbs": "a random binary sequence between {low} and {high}, {bit} a bit",
+    }[signal["kind"]].format(**signal)
+    piston, bypass = candidate.setup
+    setup = "piston locked" if piston is Piston.LOCKED else "free to move"
+    if bypass is Bypass.OPEN:
+        setup += ", bypass open"
+    return f"{told}, {setup}, {candidate.seconds:.3g} s"
+
+
+def sentence_of(proposal: Proposal) -> str:
+    """Say what a proposal is worth."""
+    what = "; then ".join(trial.words for trial in proposal.trials)
+    seconds = f"{proposal.bench_seconds:.3g} s of bench time"
+    near = sorted({
+        room.channel for trial in proposal.trials for room in trial.rooms if room.used > NEAR
+    })  # fmt: skip
+    close = f" It comes near the limit of {', '.join(near)}." if near else ""
+    if proposal.odds is not None:
+        right, wrong = proposal.odds.right, proposal.odds.wrong
+        short = "" if right >= proposal.asked else (
+            f" (less than the {proposal.asked:.0%} asked for)"
+        )  # fmt: skip
+        return (
+            f"{what}: {seconds} name the right one of {', '.join(proposal.rivals)} in "
+            f"{right:.0%}{short}, a wrong one in {wrong:.1%}.{close}"
+        )
+    worst = proposal.widths[0]
+    after = max(proposal.widths, key=lambda item: item.after)
+    return (
+        f"{what}: {seconds} bring the interval of {worst.parameter} from "
+        f"+-{worst.before:.2g} to +-{worst.after:.2g} of its value; the widest is then "
+        f"{after.parameter}, +-{after.after:.2g}.{close}"
+    )
+
+
+def planned(
+    name: str,
+    candidate: Candidate,
+    plan: Plan,
+    rivals: Sequence[Hypothesis],
+    layout: Layout,
+    responses: Responses,
+    bench: Bench,
+    ticks: Sequence[int],
+    grams: FloatArray,
+) -> PlannedTrial:
+    """Return a trial with what each rival predicts of it.
+
+    Args:
+        name: its id. candidate, plan: what it is. rivals, layout: what was simulated.
+        responses: the simulation. bench: sensors. ticks, grams: inner products up to each tick.
+    """
+    plant = rivals[0].model.plant
+    clock = responses.trial.clock()
+    every = max(1, clock.size // _POINTS)
+    bands = {}
+    for rival, outputs, z in zip(rivals, responses.outputs, layout.draws, strict=True):
+        own = {}
+        for channel in bench.channels:
+            curves = outputs[: len(z), ::every, plant.outputs.index(channel)]
+            low, high = np.quantile(curves, [_OUTSIDE, 1.0 - _OUTSIDE], axis=0)
+            own[channel] = Band(curves[0], low, high)
+        bands[rival.id] = own
+    if len(rivals) > 1:
+        reached = np.array([float(distances(layout, gram).min()) for gram in grams])
+    else:
+        reached = np.zeros(len(ticks))
+    time = clock[::every] - clock[0]
+    parts = np.interp(time, [clock[min(t, clock.size) - 1] - clock[0] for t in ticks], reached)
+    piston, bypass = candidate.setup
+    return PlannedTrial(
+        name,
+        words_of(candidate, plan),
+        responses.trial.duration,
+        time,
+        responses.trial.reference(clock)[::every],
+        bands,
+        parts,
+        responses.rooms,
+        (piston.value, bypass.value),
+        dict(plant.units),
+    )

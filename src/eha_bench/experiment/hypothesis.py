@@ -1,0 +1,183 @@
+"""What a diagnosis leaves open: its rivals, each a model with the covariance of what was fitted."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import InputError, Place
+from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Standing
+from eha_bench.plants.model import Model, load_model
+
+FloatArray = NDArray[np.float64]
+
+NAME = "diagnosis.json"
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One rival explanation, ready to be simulated for draws of its posterior.
+
+    Attributes:
+        id: as in diagnosis.json. standing, behind: what the data say of it already.
+        model: as fitted. keys: of what was fitted, (p,). covariance: (p, p) SI.
+    """
+
+    id: str
+    standing: Standing
+    behind: float
+    model: Model
+    keys: tuple[str, ...]
+    covariance: FloatArray
+
+    @cached_property
+    def vector(self) -> FloatArray:
+        """The plant's parameters as fitted, SI."""
+        return self.model.vector()
+
+    @cached_property
+    def _places(self) -> NDArray[np.intp]:
+        index = self.model.plant.layout.index
+        found = []
+        for key in self.keys:
+            name, _, number = key.partition("[")
+            found.append(index[name] + (int(number[:-1]) if number else 0))
+        return np.array(found, dtype=np.intp)
+
+    @cached_property
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
+        known = self.model.plant.layout.by_key
+        own = [known[key.partition("[")[0]] for key in self.keys]
+        return np.array([item.low for item in own]), np.array([item.high for item in own])
+
+    @cached_property
+    def root(self) -> FloatArray:
+        """R with R R' = covariance, (p, p): parameters are as fitted plus R z, z ~ N(0, 1)."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+    def at(self, z: FloatArray) -> FloatArray:
+        """Return vectors of parameters, (m, size), inside their bounds.
+
+        Args:
+            z: (m, p) standard normal coordinates of the posterior.
+        """
+        out = np.tile(self.vector, (len(z), 1))
+        low, high = self._bounds
+        out[:, self._places] = np.clip(out[:, self._places] + z @ self.root.T, low, high)
+        return out
+
+    def relative_half_widths(self, covariance: FloatArray) -> dict[str, float]:
+        """Return half of each parameter's 95 % interval as a share of its value, by key."""
+        size = np.abs(self.vector[self._places])
+        half = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        shares = np.where(size > 0.0, half / np.maximum(size, 1e-300), np.nan)
+        return {key: float(share) for key, share in zip(self.keys, shares, strict=True)
+                if math.isfinite(share)}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is open after a diagnosis.
+
+    Attributes:
+        verdict: of the diagnosis. rivals: what was found first, then those that the data cannot
+            tell from it. covered: where its recordings have been. complete: whether it ended.
+        unlocated: whether something acts that no rival can be simulated for.
+        source: diagnosis.json.
+    """
+
+    verdict: str
+    rivals: tuple[Hypothesis, ...]
+    covered: Covered
+    complete: bool
+    unlocated: bool
+    source: Path
+
+
+def read_question(path: str | Path) -> Question:
+    """Read a diagnosis.json, or the one of a folder.
+
+    Raises:
+        InputError: it is missing, is no diagnosis, or was made before rivals were kept.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / NAME
+    where = Place(file=str(file))
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        hint = "give what `eha-bench diagnose --out` wrote"
+        raise InputError("no such diagnosis", where=where, hint=hint) from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"it cannot be read as JSON ({error})", where=where) from error
+    if not isinstance(content, dict) or "verdict" not in content:
+        raise InputError("this is no diagnosis.json: it has no verdict", where=where)
+    if not content.get("rivals") or not content.get("covered"):
+        raise InputError(
+            "it keeps no rivals to plan an experiment for",
+            where=where,
+            hint="run `eha-bench diagnose` again with this version; plants of operating points "
+            "have no experiments over time",
+        )
+    try:
+        rivals = tuple(_hypothesis(item, file.parent) for item in content["rivals"])
+        covered = _covered(content["covered"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"its rivals cannot be read ({error!r})", where=where) from error
+    found = [item for item in rivals if item.standing is not Standing.RUNNER_UP]
+    unknown = content.get("unknown") or {}
+    learned = any("learned" in item.id for item in found)
+    return Question(
+        str(content["verdict"]),
+        tuple(found),
+        covered,
+        bool(content.get("complete", True)),
+        bool(unknown) and not learned,
+        file,
+    )
+
+
+def _hypothesis(content: Mapping[str, Any], folder: Path) -> Hypothesis:
+    covariance = content["covariance"]
+    matrix = np.array(covariance["matrix"], dtype=np.float64)
+    keys = tuple(covariance["parameters"])
+    return Hypothesis(
+        content["id"],
+        Standing(content["standing"]),
+        math.nan if content["behind"] is None else float(content["behind"]),
+        load_model(folder / content["model"]),
+        keys,
+        matrix.reshape(len(keys), len(keys)),
+    )
+
+
+def _covered(content: Mapping[str, Any]) -> Covered:
+    def pair(ends: list[float]) -> tuple[float, float]:
+        return float(ends[0]), float(ends[1])
+
+    return Covered(
+        float(content["rate"]),
+        float(content["seconds"]),
+        {name: (float(a), float(b), float(c)) for name, (a, b, c) in content["inputs"].items()},
+        {name: float(value) for name, value in content["noise"].items() if value is not None},
+        {name: float(v) for name, v in content["unexplained"].items() if v is not None},
+        tuple(
+            CoveredSetup(
+                item["piston"],
+                item["bypass"],
+                {name: pair(ends) for name, ends in item["extremes"].items()},
+            )
+            for item in content["setups"]
+        ),
+        str(content.get("dataset", "")),
+    )

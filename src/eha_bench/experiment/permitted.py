@@ -1,0 +1,216 @@
+"""What a rig permits: limits of channels, the range of its command, and the setups it can have."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from eha_bench.core import yaml_file
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.file_kind import kind_by_keys
+from eha_bench.core.shipped import find
+from eha_bench.core.trial import Bypass, Piston, mode_named, passes_on
+from eha_bench.diagnosis.outcome.rival import Covered
+from eha_bench.plants.plant import Plant
+from eha_bench.suites import load_suite
+from eha_bench.suites.suite import Suite
+
+SetUp = tuple[Piston, Bypass]
+
+PLANT, RECORDINGS = "the plant", "the recordings"
+"""Who says so, where no file does."""
+_SIGMAS = 4.0
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a channel has to keep, SI; infinite where it need not.
+
+    Attributes:
+        low, high: its values. rate: its largest change a second.
+        reason: who says so: a file, the plant, or the recordings.
+    """
+
+    low: float
+    high: float
+    rate: float = math.inf
+    reason: str = ""
+
+    def within(self, other: Limit) -> Limit:
+        """Return what both permit."""
+        low, high = max(self.low, other.low), min(self.high, other.high)
+        tighter = other if (low, high) != (self.low, self.high) else self
+        return Limit(low, high, min(self.rate, other.rate), tighter.reason)
+
+
+@dataclass(frozen=True)
+class Permitted:
+    """What may be asked of a rig.
+
+    Attributes:
+        command: setup -> range of the plant's command, SI.
+        limits: setup -> channel -> limit. Setups that are not there are not permitted.
+        words: one sentence that says where that is from.
+    """
+
+    command: Mapping[SetUp, Limit]
+    limits: Mapping[SetUp, Mapping[str, Limit]]
+    words: str
+
+
+def permitted(plant: Plant, vectors: Sequence[np.ndarray], covered: Covered,
+              safety: str | Path | None) -> Permitted:  # fmt: skip
+    """Return what a safety file permits; without one, what the recordings have already been to.
+
+    Args:
+        plant: of the model. vectors: parameters of each rival, whose ends of stroke count.
+        covered: where the recordings have been.
+        safety: a target.yaml with `limits`, or a suite whose trials have `safety`; or None.
+
+    Raises:
+        InputError: the file is wrong, or says nothing of what is safe.
+    """
+    seen = {
+        (Piston(item.piston), Bypass(item.bypass)): {
+            name: Limit(
+                low - _noise(covered, name), high + _noise(covered, name), reason=RECORDINGS
+            )
+            for name, (low, high) in item.extremes.items()
+        }
+        for item in covered.setups
+    }
+    most = min(float(plant.command_limit(vector)) for vector in vectors)
+    plants_own = Limit(-most, most, reason=PLANT)
+    asked = {
+        key: plants_own.within(own[plant.command])
+        for key, own in seen.items()
+        if _can(plant, key) and plant.command in own
+    }
+    ends = _ends(plant, vectors)
+    if safety is None:
+        limits = {
+            key: _both({name: v for name, v in seen[key].items() if name in plant.outputs}, ends)
+            for key in asked
+        }
+        words = "no safety file was given: nothing goes beyond what the recordings have been to"
+        return Permitted(asked, limits, words)
+    path = find(safety, "suites", "targets")
+    file = _safety_file(path)
+    command = plants_own
+    for name in (plant.command, mode_of(plant)):
+        if name in file.channels:
+            command = command.within(file.channels[name])
+    setups = [key for key in file.setups if _can(plant, key)] or list(asked)
+    if math.isinf(command.low) or math.isinf(command.high):
+        # nobody says how much it may be: as much as it has been
+        for own in asked.values():
+            command = own if math.isinf(command.low) else _widest(command, own)
+    channels = {name: item for name, item in file.channels.items() if name != plant.command}
+    return Permitted(
+        dict.fromkeys(setups, command),
+        dict.fromkeys(setups, _both(channels, ends)),
+        f"what {path.name} permits",
+    )
+
+
+def mode_of(plant: Plant) -> str:
+    """Return the suite's word for a trial that commands the plant itself."""
+    spoken = "current"
+    return spoken if passes_on(mode_named(spoken), plant.command) else plant.command
+
+
+@dataclass(frozen=True)
+class _SafetyFile:
+    channels: Mapping[str, Limit]
+    setups: tuple[SetUp, ...]
+
+
+def _safety_file(path: Path) -> _SafetyFile:
+    content = yaml_file.load(path)
+    if isinstance(content, dict) and content.get("target") == "can":
+        return _of_drive(path)
+    kind = kind_by_keys(content)
+    if kind is not None and kind.name == "suite":
+        return _of_suite(load_suite(path))
+    raise InputError(
+        "it says nothing of what is safe",
+        where=Place(file=str(path), line=1),
+        hint="give a target.yaml of a drive (key 'limits'), or a suite whose trials have 'safety'",
+    )
+
+
+def _of_suite(suite: Suite) -> _SafetyFile:
+    found: dict[str, Limit] = {}
+    for trial in suite.trials:
+        for item in trial.safety:
+            new = Limit(item.bounds.low, item.bounds.high, reason=suite.path.name)
+            found[item.channel] = found[item.channel].within(new) if item.channel in found else new
+    if not found:
+        raise InputError(
+            "none of its trials has a safety limit",
+            where=Place(file=str(suite.path), line=1),
+            hint="add 'safety: {pressure_a: <= 30 MPa}' to its defaults",
+        )
+    setups = dict.fromkeys((trial.setup.piston, trial.setup.bypass) for trial in suite.trials)
+    return _SafetyFile(found, tuple(setups))
+
+
+def _of_drive(path: Path) -> _SafetyFile:
+    # what reads a DBC is an extra
+    from eha_bench.targets.can.guard import Limits
+    from eha_bench.targets.can.load import load_drive
+
+    drive = load_drive(path)
+    found = {
+        item.channel: Limit(item.low, item.high, item.rate, path.name)
+        for item in Limits.of(drive).channels
+    }
+    if not found:
+        raise InputError(
+            "it has no limits", where=Place(file=str(path), line=1), hint="add key 'limits'"
+        )
+    setups: list[SetUp] = [(Piston.FREE, Bypass.CLOSED)]
+    fixture, by_hand = drive.file.fixture, drive.file.setup
+    if by_hand is not None:
+        setups = [(by_hand.piston, by_hand.bypass)]
+    elif fixture is not None:
+        pistons = [Piston.FREE, Piston.LOCKED]
+        valves = [Bypass.CLOSED, Bypass.OPEN]
+        setups = [(piston, bypass) for piston in pistons for bypass in valves]
+    return _SafetyFile(found, tuple(setups))
+
+
+def _noise(covered: Covered, name: str) -> float:
+    """Return what noise alone may read beyond where a channel has been, SI."""
+    return _SIGMAS * covered.noise.get(name, 0.0)
+
+
+def _can(plant: Plant, setup: SetUp) -> bool:
+    locked, opened = setup[0] is Piston.LOCKED, setup[1] is Bypass.OPEN
+    return (plant.can_lock or not locked) and (plant.has_bypass or not opened)
+
+
+def _ends(plant: Plant, vectors: Iterable[np.ndarray]) -> dict[str, Limit]:
+    """Return the ends of what is a position, by channel: where any rival has them."""
+    found: dict[str, Limit] = {}
+    for vector in vectors:
+        for name, (low, high) in plant.position_range(vector).items():
+            if math.isfinite(low) or math.isfinite(high):
+                new = Limit(low, high, reason=PLANT)
+                found[name] = found[name].within(new) if name in found else new
+    return found
+
+
+def _both(first: Mapping[str, Limit], second: Mapping[str, Limit]) -> dict[str, Limit]:
+    out = dict(first)
+    for name, item in second.items():
+        out[name] = out[name].within(item) if name in out else item
+    return out
+
+
+def _widest(first: Limit, second: Limit) -> Limit:
+    return Limit(min(first.low, second.low), max(first.high, second.high), reason=first.reason)

@@ -1,0 +1,543 @@
+"""Searches for the cheapest permitted experiment that separates what a diagnosis leaves open.
+
+Every kind of signal in every permitted setup is brought to the largest size that keeps the limits,
+simulated at the rivals' fitted values and along their posteriors' axes, and ranked by the time at
+which the distance of the nearest two rivals suffices for a decision (`decision.distances`). The
+best are varied. Then draws decide (`decision.odds`): the shortest experiment, or sum of two or
+three, that names the right rival with the wanted probability. It is simulated again with fresh
+draws for what is said of it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.interruption import checkpoint
+from eha_bench.diagnosis.outcome.rival import Standing
+from eha_bench.experiment.candidates import Candidate, Plan, candidates, unit_of_level, varied
+from eha_bench.experiment.decision import (
+    BLOCK,
+    NAMED,
+    Layout,
+    Odds,
+    layout_of,
+    odds,
+    posterior_after,
+    products,
+    shares_of_a_decision,
+)
+from eha_bench.experiment.describe import planned, sentence_of, words_of
+from eha_bench.experiment.hypothesis import Question, read_question
+from eha_bench.experiment.permitted import (
+    PLANT,
+    RECORDINGS,
+    Limit,
+    Permitted,
+    SetUp,
+    mode_of,
+    permitted,
+)
+from eha_bench.experiment.proposal import Ending, PlannedTrial, Proposal, Width
+from eha_bench.experiment.response import Bench, Responses, respond
+from eha_bench.experiment.sensors import advice
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+MOST_WRONG = 0.02
+"""Probability of naming a wrong rival that an experiment may have."""
+ASKED = 0.95
+WITHIN = 0.1
+"""Half of a 95 % interval, as a share of the parameter, that is asked for by default."""
+MOST_RIVALS = 5
+_LONGEST = 4.0
+"""Length at which experiments are compared, s; longer ones are made of several."""
+_SIZES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
+_BEST = 5
+_VARIATIONS = 5
+_TOGETHER = 3
+"""Most trials of a proposal."""
+_DRAWS, _FRESH = 12, 24
+_WORTH = 0.5
+"""Least probability of naming the right rival that is worth bench time."""
+
+
+def no_progress(_stage: str, _fraction: float) -> None:
+    """Say nothing."""
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """An experiment with the inner products of its simulation, up to the end of each block."""
+
+    candidate: Candidate
+    ticks: tuple[int, ...]
+    grams: FloatArray
+
+    def cut(self, part: int, rate: float) -> Candidate:
+        return self.candidate.lasting(self.ticks[part] / rate)
+
+
+def propose(
+    diagnosis: str | Path,
+    *,
+    budget: float = 30.0,
+    safety: str | Path | None = None,
+    probability: float = ASKED,
+    within: float = WITHIN,
+    seed: int = 0,
+    progress: Progress = no_progress,
+) -> Proposal:
+    """Return the cheapest permitted experiment that separates what a diagnosis leaves open.
+
+    Args:
+        diagnosis: diagnosis.json, or its folder. budget: bench time allowed, s.
+        safety: target.yaml or suite that says what is safe; None: what has been recorded.
+        probability: of naming the right rival that is asked for.
+        within: half of a 95 % interval, as a share of the parameter, that is asked for where
+            parameters are what is open.
+        seed: of all draws. progress: called with the stage and the fraction of it done.
+
+    Raises:
+        InputError: a file is wrong, or the model has no command.
+    """
+    began = time.perf_counter()
+    question = read_question(diagnosis)
+    found = _Search(question, budget, safety, probability, within, seed, progress).ended()
+    return replace(found, seconds=time.perf_counter() - began, source=question.source)
+
+
+class _Search:
+    """One search; what it needs at every step."""
+
+    def __init__(
+        self,
+        question: Question,
+        budget: float,
+        safety: str | Path | None,
+        probability: float,
+        within: float,
+        seed: int,
+        progress: Progress,
+    ) -> None:
+        self.question, self.budget, self.progress = question, budget, progress
+        self.probability, self.within, self.seed = probability, within, seed
+        self.rivals = question.rivals[:MOST_RIVALS]
+        plant = self.rivals[0].model.plant
+        if not plant.command:
+            raise InputError(
+                f"{plant.id} has no command that an experiment could give",
+                where=Place(file=str(question.source)),
+                hint="rank recordings that exist already with --from",
+            )
+        self.plant = plant
+        self.bench = Bench.of(question.covered, plant.outputs, plant.command)
+        self.permitted: Permitted = permitted(
+            plant, [rival.vector for rival in self.rivals], question.covered, safety
+        )
+        self.plan = Plan(
+            mode_of(plant),
+            unit_of_level(plant.command),
+            {key: item for key, item in self.permitted.command.items() if item.high > item.low},
+            self.bench.rate,
+            {key: self._safety(key) for key in self.permitted.limits},
+        )
+        self.layout = layout_of(self.rivals, 0)
+        self.tried = 0
+        self.refused = 0
+
+    def ended(self) -> Proposal:
+        """Search, and say how it ended."""
+        if self._nothing_open():
+            return self._ending(Ending.NOTHING_OPEN, self._why_nothing_open())
+        if not self.plan.command:
+            return self._ending(
+                Ending.NONE_PERMITTED,
+                f"{self.permitted.words}, and that leaves the command no room at all: "
+                "give a --safety file that permits more",
+            )
+        screened = self._screened()
+        if not screened:
+            return self._ending(
+                Ending.NONE_PERMITTED,
+                f"none of {self.tried} experiments keeps every limit with margin "
+                f"({self.permitted.words})",
+            )
+        if len(self.rivals) > 1:
+            return self._separating(screened)
+        return self._narrowing(screened)
+
+    # --- what is open ----------------------------------------------------------------------
+
+    def _nothing_open(self) -> bool:
+        return len(self.rivals) < 2 and (
+            self.question.unlocated or self._worst(self.rivals[0].covariance) <= self.within
+        )
+
+    def _why_nothing_open(self) -> str:
+        if self.question.unlocated:
+            return (
+                "something acts that was not located, so no rival of it can be simulated: "
+                "log more channels near it, and run `eha-bench diagnose` again"
+            )
+        if not self.question.complete:
+            return "the diagnosis was interrupted: run `eha-bench diagnose` again"
+        rival = self.rivals[0]
+        return (
+            f"'{rival.id}' has no rival that these data cannot tell from it, and every parameter "
+            f"is known within {self.within:.0%}: nothing is open. With more recordings, run "
+            "`eha-bench diagnose` again"
+        )
+
+    def _worst(self, covariance: FloatArray) -> float:
+        own = self.rivals[0].relative_half_widths(covariance)
+        return max((own[name] for name in self._named(own)), default=0.0)
+
+    def _named(self, widths: dict[str, float]) -> list[str]:
+        """Return parameters whose interval counts: no curve's knots, no friction at rest."""
+        return [key for key in widths if "[" not in key and not key.endswith("creep_speed")]
+
+    # --- simulation --------------------------------------------------------------------------
+
+    def _respond(self, candidate: Candidate, layout: Layout) -> Responses:
+        checkpoint()
+        trial = self.plan.trials([candidate], ["t"])[0]
+        limits = self.permitted.limits[candidate.setup]
+        return respond(self.rivals, layout.points, trial, self.bench, limits)
+
+    def _products(self, tried: Responses, layout: Layout, ticks: Sequence[int], seed: int
+                  ) -> FloatArray:  # fmt: skip
+        outputs = self.plant.outputs
+        return products(layout, tried, outputs, self.bench, ticks, [self.seed, seed])
+
+    def _largest(self, candidate: Candidate) -> Candidate | None:
+        """Return it at the largest size that keeps the limits at the rivals' fitted values."""
+        nominal = Layout(tuple(0 for _ in self.rivals), tuple(
+            np.zeros((1, len(rival.keys))) for rival in self.rivals))  # fmt: skip
+        limits = self.permitted.limits[candidate.setup]
+        for size in _SIZES:
+            item = candidate.sized(size * candidate.size)
+            trial = self.plan.trials([item], ["t"])[0]
+            if respond(self.rivals, nominal.draws, trial, self.bench, limits).safe:
+                return item
+        return None
+
+    def _try(self, candidate: Candidate) -> _Tried | None:
+        """Simulate at the fitted values and along the posterior's axes; None if that is unsafe."""
+        self.tried += 1
+        item = self._largest(candidate)
+        if item is None:
+            self.refused += 1
+            return None
+        responses = self._respond(item, self.layout)
+        for _ in range(2):
+            if responses.safe:
+                break
+            item = item.sized(0.7 * item.size)
+            responses = self._respond(item, self.layout)
+        if not responses.safe:
+            self.refused += 1
+            return None
+        ticks = self._ticks(item)
+        return _Tried(item, ticks, self._products(responses, self.layout, ticks, 0))
+
+    def _ticks(self, item: Candidate) -> tuple[int, ...]:
+        """Return the tick at the end of each block."""
+        count = round(item.seconds * self.bench.rate)
+        block = max(2, round(BLOCK * self.bench.rate))
+        return (*range(block, count, block), count)
+
+    # --- search ------------------------------------------------------------------------------
+
+    def _screened(self) -> list[_Tried]:
+        """Return the best experiments, after variation, the cheapest first."""
+        every = list(candidates(self.plan, min(self.budget, _LONGEST)))
+        found = []
+        for number, item in enumerate(every):
+            self.progress("candidates", number / len(every))
+            if (tried := self._try(item)) is not None:
+                found.append(tried)
+        found.sort(key=self._price)
+        rng = np.random.default_rng([self.seed, 1])
+        best = self._unlike(found)
+        out = list(found)
+        for number, start in enumerate(best[:3]):
+            here = start
+            for step in range(_VARIATIONS):
+                self.progress("vary", (number + step / _VARIATIONS) / 3.0)
+                other = self._try(varied(here.candidate, rng, self.plan))
+                if other is not None:
+                    out.append(other)
+                    if self._price(other) < self._price(here):
+                        here = other
+        out.sort(key=self._price)
+        return self._unlike(out)
+
+    def _unlike(self, found: Sequence[_Tried]) -> list[_Tried]:
+        """Return the best few, of which no three are of one kind in one setup."""
+        kept: list[_Tried] = []
+        for item in found:
+            alike = [k for k in kept if (k.candidate.kind, k.candidate.setup)
+                     == (item.candidate.kind, item.candidate.setup)]  # fmt: skip
+            if len(alike) < 2:
+                kept.append(item)
+            if len(kept) == _BEST:
+                break
+        return kept
+
+    def _price(self, item: _Tried) -> float:
+        """Return the bench time after which an experiment would decide, s."""
+        reached = self._reached(item.grams)
+        enough = np.flatnonzero(reached >= 1.0)
+        if enough.size:
+            return item.ticks[int(enough[0])] / self.bench.rate
+        return item.candidate.seconds / max(float(reached[-1]), 1e-9)
+
+    def _reached(self, grams: FloatArray) -> FloatArray:
+        """Return what is reached by the end of each block, as a share of what is needed."""
+        if len(self.rivals) > 1:
+            return shares_of_a_decision(self.layout, grams)
+        worst = [self._worst(posterior_after(self.rivals[0], self.layout, gram, 0))
+                 for gram in grams]  # fmt: skip
+        return (self.within / np.maximum(worst, 1e-12)) ** 2
+
+    # --- rivals ------------------------------------------------------------------------------
+
+    def _separating(self, screened: list[_Tried]) -> Proposal:
+        """Return the shortest experiment that names the right rival."""
+        layout = layout_of(self.rivals, _DRAWS, np.random.default_rng([self.seed, 2]))
+        drawn: list[_Tried] = []
+        for number, item in enumerate(screened):
+            self.progress("draws", number / len(screened))
+            if (again := self._drawn(item.candidate, layout, number)) is not None:
+                drawn.append(again)
+        if not drawn:
+            return self._ending(
+                Ending.NONE_PERMITTED,
+                f"over the rivals' posteriors none of {self.tried} experiments keeps every limit "
+                f"with margin ({self.permitted.words})",
+            )
+        chosen, expected = self._shortest(drawn, layout)
+        if expected.right < _WORTH or expected.wrong > 2.0 * MOST_WRONG:
+            sensor = advice(self.rivals, layout, drawn[0].candidate, self.plan, self.bench,
+                            self.permitted.limits, self._before)  # fmt: skip
+            why = (
+                f"nothing permitted within {self.budget:g} s separates "
+                f"{' and '.join(item.id for item in self.rivals)}: the best of {self.tried} "
+                f"experiments would name the right one in {expected.right:.0%}"
+            )
+            if sensor is not None:
+                why += f"; log {sensor.channel} as well and it would in {sensor.right:.0%}"
+            return replace(self._ending(Ending.NONE_PERMITTED, why), odds=expected, sensor=sensor)
+        return self._proposed(chosen)
+
+    def _drawn(self, candidate: Candidate, layout: Layout, number: int) -> _Tried | None:
+        """Simulate with draws of the posteriors, smaller where one of them breaks a limit."""
+        for _ in range(4):
+            responses = self._respond(candidate, layout)
+            if responses.safe:
+                ticks = self._ticks(candidate)
+                grams = self._products(responses, layout, ticks, 10 + number)
+                return _Tried(candidate, ticks, grams)
+            candidate = candidate.sized(0.75 * candidate.size)
+        return None
+
+    def _shortest(self, drawn: list[_Tried], layout: Layout) -> tuple[list[Candidate], Odds]:
+        """Return the shortest sum of experiments that suffices, or the one that is surest."""
+        rate = self.bench.rate
+        best: tuple[tuple[float, float], list[Candidate], Odds] | None = None
+        several = [
+            items
+            for count in range(1, _TOGETHER + 1)
+            for items in combinations_with_replacement(drawn[:3] if count > 1 else drawn, count)
+        ]
+        for number, items in enumerate(several):
+            self.progress("shortest", number / len(several))
+            *first, last = items
+            gone = sum(item.ticks[-1] / rate for item in first)
+            if gone >= self.budget or (best is not None and best[0][0] == 0.0 < gone >= best[0][1]):
+                continue
+            after = odds(self.rivals, layout, _one_after_the_other(items), self._before)
+            own = after[len(after) - len(last.ticks) :]
+            for part, (tick, found) in enumerate(zip(last.ticks, own, strict=True)):
+                seconds = gone + tick / rate
+                if seconds > self.budget + 0.5 / rate:
+                    break
+                enough = found.right >= self.probability and found.wrong <= MOST_WRONG
+                short = 0.0 if enough else 1.0 - found.right + 5.0 * found.wrong
+                if best is None or (short, seconds) < best[0]:
+                    cut = [*(item.candidate for item in first), last.cut(part, rate)]
+                    best = (short, seconds), cut, found
+        assert best is not None
+        return best[1], best[2]
+
+    @property
+    def _before(self) -> float:
+        return self.question.covered.seconds
+
+    def _proposed(self, chosen: list[Candidate]) -> Proposal:
+        """Return a proposal with what fresh draws say of it."""
+        self.progress("predict", 0.0)
+        layout = layout_of(self.rivals, _FRESH, np.random.default_rng([self.seed, 3]))
+        done: list[_Tried] = []
+        trials: list[PlannedTrial] = []
+        kept: list[Candidate] = []
+        for number, item in enumerate(chosen):
+            candidate = item
+            responses = self._respond(candidate, layout)
+            for _ in range(4):
+                if responses.safe:
+                    break
+                candidate = candidate.sized(0.85 * candidate.size)
+                responses = self._respond(candidate, layout)
+            if not responses.safe:
+                continue
+            ticks = self._ticks(candidate)
+            grams = self._products(responses, layout, ticks, 100 + number)
+            done.append(_Tried(candidate, ticks, grams))
+            kept.append(candidate)
+            trials.append(
+                planned(f"part_{len(kept)}", candidate, self.plan, self.rivals, layout, responses,
+                        self.bench, ticks, grams)
+            )  # fmt: skip
+        if not done:
+            return self._ending(
+                Ending.NONE_PERMITTED,
+                "over fresh draws of the rivals' posteriors no experiment keeps every limit",
+            )
+        names = [trial.id for trial in trials]
+        grams = _one_after_the_other(done)
+        widths = self._widths(layout, grams[-1])
+        found = None
+        if len(self.rivals) > 1:
+            found = odds(self.rivals, layout, grams, self._before)[-1]
+        proposal = Proposal(
+            Ending.PROPOSED,
+            "",
+            tuple(rival.id for rival in self.rivals),
+            self.probability if found is not None else self.within,
+            self.budget,
+            self.permitted.words,
+            odds=found,
+            widths=widths,
+            trials=tuple(trials),
+            suite=self.plan.suite(kept, names),
+            notes=tuple(self._notes()),
+            tried=self.tried,
+        )
+        return replace(proposal, sentence=sentence_of(proposal))
+
+    def _notes(self) -> list[str]:
+        notes = [f"{self.tried} experiments were simulated, {self.refused} of them keep no limit"]
+        if len(self.question.rivals) > len(self.rivals):
+            left = [item.id for item in self.question.rivals[len(self.rivals) :]]
+            notes.append(f"{', '.join(left)} may fit as well and are not planned for")
+        if any(item.standing is not Standing.FOUND and item.behind > NAMED
+               for item in self.rivals):  # fmt: skip
+            notes.append(
+                "some of the rivals are behind by more than noise would make, but resampling does "
+                "not bear it out"
+            )
+        return notes
+
+    # --- parameters ----------------------------------------------------------------------------
+
+    def _narrowing(self, screened: list[_Tried]) -> Proposal:
+        """Return the shortest experiment that brings the worst interval under what is asked."""
+        best: tuple[tuple[float, float], list[Candidate]] | None = None
+        rate = self.bench.rate
+        several = [
+            items
+            for count in range(1, _TOGETHER + 1)
+            for items in combinations_with_replacement(screened[:4] if count > 1 else screened,
+                                                       count)
+        ]  # fmt: skip
+        for items in several:
+            *first, last = items
+            gone = sum(item.ticks[-1] / rate for item in first)
+            grams = _one_after_the_other(items)
+            for part, gram in enumerate(grams[len(grams) - len(last.ticks) :]):
+                seconds = gone + last.ticks[part] / rate
+                if seconds > self.budget + 0.5 / rate:
+                    break
+                worst = self._worst(posterior_after(self.rivals[0], self.layout, gram, 0))
+                order = (max(worst - self.within, 0.0), seconds)
+                if best is None or order < best[0]:
+                    cut = [*(item.candidate for item in first), last.cut(part, rate)]
+                    best = order, cut
+        assert best is not None
+        before = self._worst(self.rivals[0].covariance)
+        if best[0][0] + self.within > 0.9 * before:
+            widths = self.rivals[0].relative_half_widths(self.rivals[0].covariance)
+            name = max(self._named(widths), key=lambda key: widths[key])
+            return self._ending(
+                Ending.NONE_PERMITTED,
+                f"nothing permitted within {self.budget:g} s tells {name} better than the "
+                f"{before:.0%} that it is known by",
+            )
+        return self._proposed(best[1])
+
+    def _widths(self, layout: Layout, gram: FloatArray) -> tuple[Width, ...]:
+        rival = self.rivals[0]
+        before = rival.relative_half_widths(rival.covariance)
+        after = rival.relative_half_widths(posterior_after(rival, layout, gram, 0))
+        found = [Width(key, before[key], after.get(key, math.nan)) for key in self._named(before)]
+        return tuple(sorted(found, key=lambda item: -item.before))
+
+    # --- words ---------------------------------------------------------------------------------
+
+    def _safety(self, setup: SetUp) -> dict[str, str]:
+        """Return limits as a suite writes them: of what the rig measures.
+
+        Where only recordings say how far a channel may go, its noise has to be known: one reading
+        beyond them ends a run.
+        """
+        measured = {*self.plant.outputs, *self.plant.derived_channels, "pressure_difference"}
+        found = {}
+        for name, limit in self.permitted.limits[setup].items():
+            told = limit.reason not in (PLANT, RECORDINGS) or (
+                limit.reason == RECORDINGS and self.question.covered.noise.get(name, 0.0) > 0.0
+            )
+            if name in measured and told and (text := _limit_text(limit)):
+                found[name] = text
+        return found
+
+    def _ending(self, ending: Ending, sentence: str) -> Proposal:
+        return Proposal(
+            ending,
+            sentence,
+            tuple(rival.id for rival in self.rivals),
+            self.probability if len(self.rivals) > 1 else self.within,
+            self.budget,
+            self.permitted.words,
+            tried=self.tried,
+        )
+
+
+def _one_after_the_other(items: Sequence[_Tried]) -> FloatArray:
+    """Return the inner products of several experiments, up to the end of each of their blocks."""
+    parts: list[FloatArray] = []
+    for item in items:
+        parts.append(item.grams + (parts[-1][-1] if parts else 0.0))
+    return np.concatenate(parts)
+
+
+def _limit_text(limit: Limit) -> str:
+    low, high = math.isfinite(limit.low), math.isfinite(limit.high)
+    if low and high:
+        return f"{limit.low:.6g} .. {limit.high:.6g}"
+    if low:
+        return f">= {limit.low:.6g}"
+    return f"<= {limit.high:.6g}" if high else ""
+
+
+__all__ = ["propose", "words_of"]

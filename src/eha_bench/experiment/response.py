@@ -1,0 +1,212 @@
+"""What a trial would record, by every rival and over its posterior, in units of the noise."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.trial import Bypass, Piston, Trial
+from eha_bench.diagnosis.outcome.rival import Covered
+from eha_bench.experiment.hypothesis import Hypothesis
+from eha_bench.experiment.permitted import Limit
+from eha_bench.plants.network.integration import LANES
+from eha_bench.plants.plant import Drive
+
+FloatArray = NDArray[np.float64]
+
+STEP = 3.4e-4
+"""Integration step, s: as coarse as while a diagnosis searches, where differences count."""
+MEMORY = 0.02
+"""How long an unexplained remainder stays alike, s: what it adds up to is no white noise."""
+_SIGMAS = 4.0
+"""Noise, in standard deviations, that a reading has to stay off a limit: one sample in 16,000."""
+_REMAINDER = 3.0
+_SHARE = 0.03
+"""Margin beside that, as a share of the distance between a channel's start and its limit."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What an experiment is measured by.
+
+    Attributes:
+        channels: compared outputs. noise: of each, (c,) SI; the unexplained remainder is in it, as
+            white noise that is as strong at low frequencies.
+        margin: channel -> distance that a prediction keeps from a limit for noise and remainder.
+        inputs: channel -> value of what is not commanded, SI. rate: samples a second.
+    """
+
+    channels: tuple[str, ...]
+    noise: FloatArray
+    margin: Mapping[str, float]
+    inputs: Mapping[str, float]
+    rate: float
+
+    @staticmethod
+    def of(covered: Covered, outputs: Sequence[str], command: str) -> Bench:
+        """Return the sensors that made the recordings, and what was left unexplained in them."""
+        rate = float(f"{covered.rate:.3g}")
+        channels = tuple(name for name in outputs if covered.noise.get(name, 0.0) > 0.0)
+        alike = max(1.0, MEMORY * rate)
+        noise, margin = [], {}
+        for name in channels:
+            own, left = covered.noise[name], covered.unexplained.get(name, 0.0)
+            noise.append(float(np.sqrt(own**2 + alike * left**2)))
+            margin[name] = _SIGMAS * own + _REMAINDER * left
+        inputs = {name: ends[2] for name, ends in covered.inputs.items() if name != command}
+        return Bench(channels, np.array(noise), margin, inputs, rate)
+
+
+@dataclass(frozen=True)
+class Room:
+    """How near a trial comes to one limit, over all that was simulated.
+
+    Attributes:
+        channel: what is limited. low, high: predicted extremes, SI. limit: what it has to keep.
+        used: share of the way from where it starts to the limit; the margin for noise and
+            remainder is used as well. 1 is at the limit.
+    """
+
+    channel: str
+    low: float
+    high: float
+    limit: Limit
+    used: float
+
+
+@dataclass(frozen=True)
+class Responses:
+    """One trial, simulated.
+
+    Attributes:
+        trial: what was simulated.
+        outputs: of each rival, (m, n, outputs) SI. rooms: what is left of every limit.
+    """
+
+    trial: Trial
+    outputs: tuple[FloatArray, ...]
+    rooms: tuple[Room, ...]
+
+    @property
+    def safe(self) -> bool:
+        """Whether every extreme keeps its limit with margin, and nothing ran away."""
+        finite = all(np.isfinite(item).all() for item in self.outputs)
+        return finite and all(room.used <= 1.0 for room in self.rooms)
+
+
+def respond(
+    rivals: Sequence[Hypothesis],
+    draws: Sequence[FloatArray],
+    trial: Trial,
+    bench: Bench,
+    limits: Mapping[str, Limit],
+) -> Responses:
+    """Simulate a trial that commands the plant itself, by every rival.
+
+    Args:
+        rivals: explanations. draws: (m, p) coordinates of each rival's posterior.
+        trial: to run. bench: sensors. limits: by channel.
+    """
+    plant = rivals[0].model.plant
+    clock = trial.clock()
+    time = clock - clock[0]
+    inputs = {name: np.full(time.size, value) for name, value in bench.inputs.items()}
+    inputs[plant.command] = trial.reference(clock)
+    drive = Drive(
+        time,
+        inputs,
+        dict(trial.setup.initial),
+        locked=trial.setup.piston is Piston.LOCKED,
+        bypass_open=trial.setup.bypass is Bypass.OPEN,
+    )
+    vectors = [rival.at(z) for rival, z in zip(rivals, draws, strict=True)]
+    tasks = [
+        (number, block)
+        for number, own in enumerate(vectors)
+        for block in np.array_split(own, max(1, round(len(own) / LANES)))
+    ]
+
+    def one(task: tuple[int, FloatArray]) -> FloatArray:
+        with np.errstate(all="ignore"):
+            return rivals[task[0]].model.plant.sweep(task[1], drive, STEP)
+
+    found = list(_pool().map(one, tasks))
+    outputs = tuple(
+        np.concatenate([item for (owner, _), item in zip(tasks, found, strict=True)
+                        if owner == number])
+        for number in range(len(rivals))
+    )  # fmt: skip
+    rooms = rooms_of(rivals, vectors, outputs, bench, limits)
+    return Responses(trial, outputs, rooms)
+
+
+def rooms_of(
+    rivals: Sequence[Hypothesis],
+    vectors: Sequence[FloatArray],
+    outputs: Sequence[FloatArray],
+    bench: Bench,
+    limits: Mapping[str, Limit],
+) -> tuple[Room, ...]:
+    """Return how near simulations come to every limit; the fullest first."""
+    found = []
+    for name, limit in limits.items():
+        curves = [
+            curve
+            for rival, own, some in zip(rivals, vectors, outputs, strict=True)
+            for curve in _channel(rival, own, some, name)
+        ]
+        if curves:
+            found.append(_room(name, np.stack(curves), limit, bench))
+    return tuple(sorted(found, key=lambda room: -room.used))
+
+
+def _channel(
+    rival: Hypothesis, vectors: FloatArray, outputs: FloatArray, name: str
+) -> list[FloatArray]:
+    """Return a channel of each simulation: an output, or what follows from outputs."""
+    plant = rival.model.plant
+    places = {output: k for k, output in enumerate(plant.outputs)}
+    if name in places:
+        return list(outputs[:, :, places[name]])
+    if name == "pressure_difference" and {"pressure_a", "pressure_b"} <= places.keys():
+        return list(outputs[:, :, places["pressure_a"]] - outputs[:, :, places["pressure_b"]])
+    if name not in plant.derived_channels:
+        return []
+    with np.errstate(all="ignore"):
+        return [
+            plant.derived(vector, {o: some[:, k] for o, k in places.items()})[name]
+            for vector, some in zip(vectors, outputs, strict=True)
+        ]
+
+
+def _room(name: str, curves: FloatArray, limit: Limit, bench: Bench) -> Room:
+    margin = bench.margin.get(name, 0.0)
+    if name == "pressure_difference":
+        margin = bench.margin.get("pressure_a", 0.0) + bench.margin.get("pressure_b", 0.0)
+    low, high = float(curves.min()), float(curves.max())
+    begin = float(np.median(curves[:, 0]))
+    used = 0.0
+    for end, extreme, side in ((limit.high, high, 1.0), (limit.low, low, -1.0)):
+        way = side * (end - begin)
+        if not np.isfinite(end):
+            continue
+        gone = side * (extreme - begin) + margin
+        allowed = (1.0 - _SHARE) * way
+        # what starts at its limit, as a shaft at rest against a stop, may stay there
+        used = max(used, gone / allowed if allowed > 0.0 else (np.inf if gone > margin else 0.0))
+    if np.isfinite(limit.rate):
+        rate = float(np.abs(np.diff(curves, axis=1)).max()) * bench.rate
+        used = max(used, (rate + 1.5 * margin * bench.rate) / ((1.0 - _SHARE) * limit.rate))
+    return Room(name, low, high, limit, float(used) if np.isfinite(used) else 1e9)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Return the threads that simulate: the kernel runs without the interpreter's lock."""
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="experiment")

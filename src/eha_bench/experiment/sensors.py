@@ -1,0 +1,68 @@
+"""Which channel that is not logged would separate rivals that nothing permitted does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from eha_bench.core.errors import UnitError
+from eha_bench.experiment.candidates import Candidate, Plan
+from eha_bench.experiment.decision import BLOCK, Layout, odds, products
+from eha_bench.experiment.hypothesis import Hypothesis
+from eha_bench.experiment.permitted import Limit, SetUp
+from eha_bench.experiment.proposal import SensorAdvice
+from eha_bench.experiment.response import Bench, respond
+from eha_bench.targets.sensors import RIG_SENSORS
+
+_SHARE = 1e-3
+"""Noise of a sensor that nobody has described, as a share of what it would read."""
+
+
+def advice(
+    rivals: Sequence[Hypothesis],
+    layout: Layout,
+    candidate: Candidate,
+    plan: Plan,
+    bench: Bench,
+    limits: Mapping[SetUp, Mapping[str, Limit]],
+    before: float,
+) -> SensorAdvice | None:
+    """Return the channel with which an experiment would most surely decide; None if none helps.
+
+    Args:
+        rivals, layout: what is simulated. candidate: the best experiment. plan: of the suite.
+        bench: what is measured already. limits: by setup. before: length of the recordings, s.
+    """
+    plant = rivals[0].model.plant
+    trial = plan.trials([candidate], ["t"])[0]
+    responses = respond(rivals, layout.points, trial, bench, limits[candidate.setup])
+    best: SensorAdvice | None = None
+    for name in plant.outputs:
+        if name in bench.channels:
+            continue
+        column = plant.outputs.index(name)
+        reads = np.concatenate([item[:, :, column].ravel() for item in responses.outputs])
+        noise = _noise(name, float(np.ptp(reads)))
+        if not noise > 0.0:
+            continue
+        more = replace(bench, channels=(*bench.channels, name), noise=np.append(bench.noise, noise))
+        block = max(2, round(BLOCK * bench.rate))
+        count = responses.outputs[0].shape[1]
+        ticks = [*range(block, count, block), count]
+        grams = products(layout, responses, plant.outputs, more, ticks, [7])
+        found = odds(rivals, layout, grams, before)[-1]
+        if best is None or found.right > best.right:
+            best = SensorAdvice(name, noise, plant.units.get(name, ""), found.right)
+    return best
+
+
+def _noise(name: str, span: float) -> float:
+    """Return the noise of a usual sensor of a channel, SI."""
+    if name in RIG_SENSORS:
+        try:
+            return RIG_SENSORS[name].in_si(name)[0]
+        except UnitError:
+            pass
+    return _SHARE * span

@@ -1,0 +1,121 @@
+"""Least costs, distances and odds against what linear algebra and the normal law say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from eha_bench.experiment.decision import (
+    NAMED,
+    NOISES,
+    SURE,
+    Layout,
+    distances,
+    odds,
+    shares_of_a_decision,
+)
+from eha_bench.experiment.decision import _least_costs as least_costs
+
+FloatArray = NDArray[np.float64]
+
+
+class Named:
+    """A rival of which only the name counts."""
+
+    def __init__(self, name: str) -> None:
+        self.id = name
+
+
+def linear(
+    rng: np.random.Generator, means: Sequence[FloatArray], slopes: Sequence[FloatArray], draws: int
+) -> tuple[Layout, FloatArray, list[FloatArray]]:
+    """Return layout and rows of rivals y = mean + slopes z, with noise below."""
+    z = [np.vstack([np.zeros(j.shape[1]), rng.standard_normal((draws, j.shape[1]))])
+         for j in slopes]  # fmt: skip
+    outputs = [mean + own @ j.T for mean, j, own in zip(means, slopes, z, strict=True)]
+    noise = rng.standard_normal((NOISES, means[0].size))
+    rows = np.vstack([*outputs, *(j.T for j in slopes), noise])
+    return Layout(tuple(j.shape[1] for j in slopes), tuple(z)), rows, outputs
+
+
+def test_the_least_cost_is_that_of_a_fit_with_the_posterior_as_prior():
+    rng = np.random.default_rng(1)
+    means = [rng.standard_normal(40) for _ in range(2)]
+    slopes = [rng.standard_normal((40, 3)), rng.standard_normal((40, 2))]
+    layout, rows, outputs = linear(rng, means, slopes, 4)
+    costs = least_costs(layout, rows @ rows.T, 0, 1)
+    noise = rows[-NOISES:]
+    for d in range(5):
+        for m in range(NOISES):
+            recorded = outputs[0][d] + noise[m]
+            # stacked least squares: the readings, and the prior of standard coordinates
+            matrix = np.vstack([slopes[1], np.eye(2)])
+            target = np.concatenate([recorded - means[1], np.zeros(2)])
+            left = target - matrix @ np.linalg.lstsq(matrix, target, rcond=None)[0]
+            assert costs[d, m] == pytest.approx(left @ left, rel=1e-9)
+
+
+def test_the_distance_is_that_of_both_predictive_covariances():
+    rng = np.random.default_rng(2)
+    means = [rng.standard_normal(30) for _ in range(3)]
+    slopes = [rng.standard_normal((30, 2)) for _ in range(3)]
+    layout, rows, _ = linear(rng, means, slopes, 0)
+    found = distances(layout, rows @ rows.T)
+    for place, (r, q) in enumerate([(0, 1), (0, 2), (1, 2)]):
+        both = np.eye(30) + slopes[r] @ slopes[r].T + slopes[q] @ slopes[q].T
+        d = means[r] - means[q]
+        assert found[place] == pytest.approx(d @ np.linalg.solve(both, d), rel=1e-9)
+
+
+def blocks_of(rows: FloatArray, count: int) -> FloatArray:
+    """Return cumulated inner products over equal blocks."""
+    parts = np.split(rows, count, axis=1)
+    return np.cumsum([part @ part.T for part in parts], axis=0)
+
+
+@pytest.mark.parametrize("distance", [20.0, 40.0, 90.0])
+def test_a_known_distance_gives_the_probability_of_normal_gains(distance: float):
+    # without parameters the gain in each of 40 blocks is normal, mean d and variance 4 d
+    size, blocks = 800, 40
+    rng = np.random.default_rng(3)
+    step = np.full(size, np.sqrt(distance / size))
+    nothing = np.zeros((size, 1))
+    rivals: list[Any] = [Named("a"), Named("b")]
+    right = []
+    for _ in range(8):
+        layout, rows, _ = linear(rng, [0.0 * step, step], [nothing, nothing], 0)
+        right.append(odds(rivals, layout, blocks_of(rows, blocks), 1e6)[-1].right)
+    d = distance / blocks
+    gains = d + 2.0 * np.sqrt(d) * rng.standard_normal((20_000, blocks))
+    whole = gains.sum(axis=1)
+    expected = np.mean((whole >= NAMED) & (whole >= SURE * np.sqrt((gains**2).sum(axis=1))))
+    scatter = np.sqrt(expected * (1.0 - expected) / (8 * NOISES)) + 0.01
+    assert np.mean(right) == pytest.approx(expected, abs=3.5 * scatter)
+
+
+def test_rivals_that_predict_the_same_are_never_named():
+    rng = np.random.default_rng(4)
+    mean, slope = rng.standard_normal(200), rng.standard_normal((200, 2))
+    layout, rows, _ = linear(rng, [mean, mean], [slope, slope], 8)
+    rivals: list[Any] = [Named("a"), Named("b")]
+    found = odds(rivals, layout, blocks_of(rows, 20), 10.0)[-1]
+    assert found.right == 0.0
+    assert found.wrong == 0.0
+    assert shares_of_a_decision(layout, blocks_of(rows, 20))[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_gain_in_a_single_block_decides_nothing():
+    rng = np.random.default_rng(5)
+    apart = np.zeros(400)
+    apart[:10] = 20.0
+    nothing = np.zeros((400, 1))
+    layout, rows, _ = linear(rng, [np.zeros(400), apart], [nothing, nothing], 0)
+    rivals: list[Any] = [Named("a"), Named("b")]
+    assert odds(rivals, layout, blocks_of(rows, 40), 10.0)[-1].right == 0.0
+    everywhere = np.full(400, 20.0)
+    layout, rows, _ = linear(rng, [np.zeros(400), everywhere], [nothing, nothing], 0)
+    assert odds(rivals, layout, blocks_of(rows, 40), 10.0)[-1].right == 1.0

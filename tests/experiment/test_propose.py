@@ -1,0 +1,185 @@
+"""From a diagnosis that left two causes open to a suite that tells them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from experiment_question import LOCKED, NOISE, rival, write_question
+
+import eha_bench as eb
+from eha_bench.control.controller_file import load_controllers
+from eha_bench.core.errors import InputError
+from eha_bench.core.limit import Bounds
+from eha_bench.core.shipped import shipped
+from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.experiment.hypothesis import read_question
+from eha_bench.experiment.permitted import permitted
+from eha_bench.experiment.proposal import Ending
+from eha_bench.suites import load_suite
+from eha_bench.targets.simulator import Simulator
+
+DELAY = ("command_delay", {"delay": 2e-3})
+LAG = ("current_lag", {"time_constant": 2e-3})
+
+
+@pytest.fixture(scope="module")
+def proposed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("next")
+    write_question(folder / "diagnosis", [rival(*DELAY), rival(*LAG)])
+    eb.next_experiment(folder / "diagnosis", folder / "next.yaml", budget=3.0)
+    return folder
+
+
+def test_two_causes_are_told_apart_by_a_suite_that_loads(proposed: Path):
+    figures = json.loads((proposed / "next.json").read_text())
+    assert figures["ending"] == "proposed"
+    assert figures["probability_right"] >= 0.95
+    assert figures["probability_wrong"] <= 0.02
+    assert figures["bench_seconds"] <= 3.0
+    suite = load_suite(proposed / "next.yaml")
+    assert sum(trial.duration for trial in suite.trials) == pytest.approx(figures["bench_seconds"])
+    assert all(trial.setup.piston == "locked" for trial in suite.trials)
+    page = (proposed / "next.html").read_text()
+    assert "command_delay" in page
+    assert "current_lag" in page
+    assert "http" not in page.split("<body", 1)[1].split("</main>", maxsplit=1)[0].replace(
+        "http://www.w3.org", ""
+    )
+
+
+@pytest.mark.parametrize("truth", [DELAY, LAG])
+def test_the_suite_keeps_every_limit_when_either_cause_is_the_true_one(proposed: Path, truth):
+    suite = load_suite(proposed / "next.yaml")
+    rig = Simulator(rival(*truth).model, load_controllers(shipped("controllers/paper.yaml")))
+    for trial in suite.trials:
+        assert trial.safety
+        outcome = rig.run(trial, 0)
+        assert outcome.ending == "complete", outcome.reason
+        low, high = LOCKED["current_command"]
+        assert Bounds(low, high).holds(float(np.abs(outcome.recording["current_command"]).max()))
+
+
+def test_a_dataset_takes_what_the_suite_records(proposed: Path):
+    eb.run(proposed / "next.yaml", target="physical", out=proposed / "next-run")
+    dataset = load_dataset(proposed / "next-dataset.yaml")
+    assert [run.locked for run in dataset.training] == [True] * len(dataset.training)
+    assert "pressure_a" in dataset.training[0].read()
+
+
+def test_what_nothing_measured_tells_apart_asks_for_a_sensor(tmp_path: Path):
+    # a sensor's offset moves nothing but its own reading
+    offsets = [rival("pressure_sensor_offset", {"offset": 1e5}), rival(None)]
+    for item in offsets:
+        assert item.model.plant.id == "eha_knee"
+    folder = write_question(tmp_path, offsets, noise={"motor_speed": 0.1})
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=1.0)
+    assert found.ending is Ending.NONE_PERMITTED
+    assert found.sensor is not None
+    assert found.sensor.channel.startswith("pressure")
+    assert found.sensor.right > 0.9
+    assert found.sensor.channel in found.sentence
+    assert not (tmp_path / "next.yaml").exists()
+
+
+def test_one_rival_that_is_well_known_leaves_nothing_open(tmp_path: Path):
+    found = eb.next_experiment(write_question(tmp_path, [rival(*LAG)]))
+    assert found.ending is Ending.NOTHING_OPEN
+    assert "nothing is open" in found.sentence
+
+
+def test_a_wide_interval_is_brought_under_what_is_asked(tmp_path: Path):
+    folder = write_question(tmp_path, [rival(*LAG, share=0.3)])
+    found = eb.next_experiment(folder, budget=1.0, within=0.1)
+    assert found.ending is Ending.PROPOSED
+    assert found.odds is None
+    assert max(item.before for item in found.widths) == pytest.approx(0.588, rel=0.01)
+    assert max(item.after for item in found.widths) < 0.1
+
+
+@pytest.mark.slow
+def test_the_same_seed_proposes_the_same(proposed: Path, tmp_path: Path):
+    again = eb.next_experiment(proposed / "diagnosis", tmp_path / "next.yaml", budget=3.0)
+    assert (tmp_path / "next.yaml").read_text() == (proposed / "next.yaml").read_text()
+    assert again.odds is not None
+
+
+# --- what is permitted ------------------------------------------------------------------------
+
+
+def test_without_a_safety_file_nothing_goes_beyond_what_was_recorded(tmp_path: Path):
+    question = read_question(write_question(tmp_path, [rival(*LAG)]))
+    plant = question.rivals[0].model.plant
+    found = permitted(plant, [question.rivals[0].vector], question.covered, None)
+    ((setup, limits),) = found.limits.items()
+    assert setup == ("locked", "closed")
+    assert (found.command[setup].low, found.command[setup].high) == LOCKED["current_command"]
+    low, high = LOCKED["motor_speed"]
+    assert limits["motor_speed"].high == pytest.approx(high + 4.0 * NOISE["motor_speed"])
+    assert limits["motor_speed"].low == pytest.approx(low - 4.0 * NOISE["motor_speed"])
+
+
+def test_a_suite_permits_its_setups_within_its_safety_limits(tmp_path: Path):
+    question = read_question(write_question(tmp_path, [rival(*LAG)]))
+    suite = tmp_path / "safe.yaml"
+    suite.write_text(
+        "name: safe\ndefaults: {safety: {motor_speed: -50 rad/s .. 60 rad/s}}\ntrials:\n"
+        "  - {id: a, mode: current, duration: 1 s, setup: {bypass: open},\n"
+        "     signal: {kind: constant, value: 1 A}, safety: {motor_speed: <= 40 rad/s}}\n"
+        "  - {id: b, mode: current, duration: 1 s, signal: {kind: constant, value: 1 A}}\n"
+    )
+    vector = question.rivals[0].vector
+    found = permitted(question.rivals[0].model.plant, [vector], question.covered, suite)
+    assert set(found.limits) == {("free", "open"), ("free", "closed")}
+    for limits in found.limits.values():
+        assert (limits["motor_speed"].low, limits["motor_speed"].high) == (-50.0, 40.0)
+        assert limits["piston_position"].high == pytest.approx(0.04, rel=1e-3)
+
+
+def test_a_drive_permits_its_limits_and_what_its_fixture_can(tmp_path: Path):
+    question = read_question(write_question(tmp_path, [rival(*LAG)]))
+    vector = question.rivals[0].vector
+    drive = Path(__file__).parents[2] / "fixtures/rig/eha_drive.yaml"
+    found = permitted(question.rivals[0].model.plant, [vector], question.covered, drive)
+    assert len(found.limits) == 4
+    limits = found.limits["locked", "closed"]
+    assert limits["pressure_a"].rate == pytest.approx(4e9)
+    assert found.command["locked", "closed"].high == pytest.approx(42.0)
+
+
+def test_a_file_that_says_nothing_of_safety_is_refused(tmp_path: Path):
+    question = read_question(write_question(tmp_path, [rival(*LAG)]))
+    other = tmp_path / "model.yaml"
+    other.write_text("model: eha_knee\n")
+    with pytest.raises(InputError, match="nothing of what is safe"):
+        permitted(
+            question.rivals[0].model.plant, [question.rivals[0].vector], question.covered, other
+        )
+
+
+# --- what is refused --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{", "cannot be read as JSON"),
+        ("[]", "no verdict"),
+        ('{"verdict": "none"}', "keeps no rivals"),
+        ('{"verdict": "none", "rivals": [{}], "covered": {"rate": 1}}', "cannot be read"),
+    ],
+)
+def test_what_is_no_diagnosis_is_refused(tmp_path: Path, text: str, said: str):
+    (tmp_path / "diagnosis.json").write_text(text)
+    with pytest.raises(InputError, match=said):
+        eb.next_experiment(tmp_path)
+
+
+def test_what_is_not_there_is_refused(tmp_path: Path):
+    with pytest.raises(InputError, match="no such diagnosis"):
+        eb.next_experiment(tmp_path / "nothing")
+    folder = write_question(tmp_path, [rival(*LAG)])
+    with pytest.raises(InputError, match="names the suite"):
+        eb.next_experiment(folder, tmp_path / "next.txt")
