@@ -31,7 +31,11 @@ from eha_bench.recordings import read
 from eha_bench.report import append_step_summary, markdown_summary, write_junit, write_report
 from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.report.experiment_report import write_experiment_report
+from eha_bench.report.sweep_page import POINTS, write_sweep_page
 from eha_bench.suites import Suite, load_suite
+from eha_bench.sweeps.case import case_of
+from eha_bench.sweeps.sweep import Sweep, prepared, run_sweep
+from eha_bench.sweeps.sweep_file import load_sweep
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
@@ -73,12 +77,20 @@ def run(
         EhaBenchError: bad input, or the folder cannot be used.
     """
     loaded = load_suite(suite)
-    opened = target_for(loaded, target)
     result = run_suite(
-        loaded, opened, Path(out) if out else Shelf(loaded.name),
+        loaded, target_for(loaded, target), Path(out) if out else Shelf(loaded.name),
         resume=resume, retries=retries, time_limit=time_limit, workers=workers_from(workers),
         progress=progress,
     )  # fmt: skip
+    return _with_reports(result, loaded)
+
+
+def _with_reports(result: Result, loaded: Suite) -> Result:
+    """Write the reports of a run beside its result, and return that.
+
+    Raises:
+        EhaBenchError: they cannot be written.
+    """
     folder = result.folder
     assert folder is not None
     trials = {trial.id: trial for trial in loaded.trials}
@@ -97,6 +109,72 @@ def run(
         reason = next(item.reason for item in result.trials if item.status is Status.FAULT)
         raise TargetFault(f"{reason}; {missing}") from error
     return result
+
+
+def sweep(
+    suite: Given,
+    over: Given,
+    target: Given | None = None,
+    out: str | Path | None = None,
+    *,
+    resume: bool = False,
+    workers: str | int | None = None,
+    progress: Progress = silent,
+) -> Sweep:
+    """Run a suite over gains, parameters, effects or keys of trials; write table and page.
+
+    Args:
+        suite, target: as for `run`; the target is a simulator.
+        over: sweep.yaml, or a dict of what it would hold.
+        out: folder that gets points.parquet, sweep.json and sweep.html.
+        resume: do only what an earlier, interrupted sweep of the same left undone.
+        workers: number of processes, dask://host:port or ray://host:port.
+        progress: told after every point.
+
+    Raises:
+        EhaBenchError: bad input, or the folder cannot be used.
+    """
+    loaded = load_suite(suite)
+    shelf = Path(out) if out else Shelf(f"{loaded.name}-sweep")
+    case = case_of(loaded, target_for(loaded, target))
+    found = run_sweep(
+        case, load_sweep(over), shelf,
+        resume=resume, workers=workers_from(workers), progress=progress,
+    )  # fmt: skip
+    words = ["eha-bench", "sweep", str(suite), "--over", str(over)]
+    words += ["--target", str(target)] if target else []
+    write_sweep_page(found, (*words, "--out", str(found.folder)))
+    return found
+
+
+def run_point(
+    suite: Given,
+    over: Given,
+    point: int,
+    target: Given | None = None,
+    out: str | Path | None = None,
+    *,
+    progress: Progress = silent,
+) -> Result:
+    """Run one point of a sweep as `run` would, into `points/<point>` of the sweep's folder.
+
+    Raises:
+        EhaBenchError: bad input, or the sweep has no such point.
+    """
+    loaded = load_suite(suite)
+    file = load_sweep(over)
+    space, points = prepared(case_of(loaded, target_for(loaded, target)), file)
+    if point >= len(points):
+        raise InputError(
+            f"the sweep has no point {point}",
+            where=Place(file=str(file.path)),
+            hint=f"its points are 0 to {len(points) - 1}",
+        )
+    shelf = Shelf(f"{loaded.name}-sweep")
+    folder = Path(out) if out else (shelf.latest() or shelf.claim())
+    case = space.at(points[point])
+    result = run_suite(case.suite, case.simulator, folder / POINTS / str(point), progress=progress)
+    return _with_reports(result, case.suite)
 
 
 def preview(suite: Given, target: Given | None = None) -> dict[str, tuple[str, ...]]:

@@ -16,6 +16,7 @@ from eha_bench.cli import (
     recording_files,
     rig,
     running,
+    sweeping,
 )
 
 _WELCOME = """\
@@ -55,6 +56,7 @@ def root(
 project.register(app)
 listing.register(app)
 running.register(app)
+sweeping.register(app)
 files.register(app)
 recording_files.register(app)
 closing.register(app)

@@ -46,6 +46,11 @@ complete_models = _shipped_or_file("models")
 complete_targets = _shipped_or_file("targets", "models", also=("simulator",))
 
 
+def complete_sweeps(incomplete: str) -> list[str]:
+    """Return YAML files."""
+    return _yaml_files(incomplete)
+
+
 def complete_projects(incomplete: str) -> list[str]:
     """Return the plants that `init` has a project for."""
     from eha_bench.cli.project import plants

@@ -90,7 +90,7 @@ def run(
     words = ["eha-bench", "run", str(suite)]
     words += ["--target", target] if target else []
     words += ["--out", str(result.folder), "--resume"]
-    _finish(result, json=json, verbose=verbose, resume=shlex.join(words))
+    finish(result, json=json, verbose=verbose, resume=shlex.join(words))
 
 
 def score(
@@ -125,7 +125,7 @@ def score(
 
     with TerminalProgress() as progress, reading_limits(max_memory, max_time):
         result = score_files(recordings, suite, channels, out, trial=trial, progress=progress)
-    _finish(result, json=json, verbose=verbose)
+    finish(result, json=json, verbose=verbose)
 
 
 def _show(trials: dict[str, tuple[str, ...]], *, json: bool) -> None:
@@ -140,7 +140,7 @@ def _show(trials: dict[str, tuple[str, ...]], *, json: bool) -> None:
         typer.echo("\n  ".join((trial, *lines)))
 
 
-def _finish(result: Result, *, json: bool, verbose: bool, resume: str = "") -> None:
+def finish(result: Result, *, json: bool, verbose: bool, resume: str = "") -> None:
     """Print the outcome and the report's path, and leave with the result's exit status.
 
     `resume` is the command that goes on with a run that Ctrl-C has stopped.

@@ -59,11 +59,19 @@ class ControllerSpec:
     Attributes:
         kind, gains: the class, and what it is made with.
         places: where each gain is written, by its key.
+        source: `module:Class` and the folder of the file that names it; empty for a registered one.
     """
 
     kind: type[Controller]
     gains: StrictModel
     places: Mapping[str, Place] = field(default_factory=dict)
+    source: tuple[str, str] = ("", "")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to other processes by name where the class is a user's: they look for it anew."""
+        if not self.source[0]:
+            return ControllerSpec, (self.kind, self.gains, self.places)
+        return _again, (self.source, self.gains.model_dump(), self.places)
 
     def make(self, context: Context) -> Controller:
         """Return a controller at rest.
@@ -78,6 +86,15 @@ class ControllerSpec:
             if place is None:
                 raise
             raise InputError(error.what, where=place, hint=error.hint) from error
+
+
+def _again(
+    source: tuple[str, str], gains: dict[str, Any], places: Mapping[str, Place]
+) -> ControllerSpec:
+    reference, base = source
+    kind = plugins.load_class(reference, base=Path(base))
+    assert kind is not None
+    return ControllerSpec(kind, kind.Gains.model_validate(gains), places, source)
 
 
 @dataclass(frozen=True)
@@ -171,6 +188,7 @@ def parse_controllers(content: Located, name: str, text: str) -> ControllerSet:
 
 def _parse_block(block: Located) -> ControllerSpec:
     where = block.place(("controller",))
+    source = ("", "")
     reference = block.value.get("controller")
     if not isinstance(reference, str):
         raise InputError(
@@ -180,7 +198,9 @@ def _parse_block(block: Located) -> ControllerSpec:
         )
     try:
         if ":" in reference:
-            kind = plugins.load_class(reference, base=Path(where.file).resolve().parent)
+            base = Path(where.file).resolve().parent
+            kind = plugins.load_class(reference, base=base)
+            source = (reference, str(base))
         else:
             kind = plugins.load("controllers", reference)
     except PluginError as error:
@@ -195,4 +215,5 @@ def _parse_block(block: Located) -> ControllerSpec:
         )
     gains = block.without("controller")
     checked = yaml_file.validate(kind.Gains, gains.value, where.file, places=gains.place)
-    return ControllerSpec(kind, checked, {key: gains.place((key,)) for key in gains.value})
+    places = {key: gains.place((key,)) for key in gains.value}
+    return ControllerSpec(kind, checked, places, source)

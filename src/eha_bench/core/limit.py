@@ -37,6 +37,20 @@ class Bounds:
         """How far the value lies outside (0 inside), in its unit."""
         return max(self.low - value, value - self.high, 0.0)
 
+    def margin(self, value: float) -> float:
+        """How much of the limit is left, without unit: 0 at a bound, negative outside.
+
+        Between two bounds it is the distance to the nearer one over half their distance (1 in the
+        middle), at a single one the distance over the bound itself, at a bound of 0 the distance.
+        NaN for NaN.
+        """
+        if math.isfinite(self.low) and math.isfinite(self.high):
+            scale = 0.5 * (self.high - self.low) or abs(self.high) or 1.0
+            return min(value - self.low, self.high - value) / scale
+        if math.isfinite(self.high):
+            return (self.high - value) / (abs(self.high) or 1.0)
+        return (value - self.low) / (abs(self.low) or 1.0)
+
 
 class Repeats(StrEnum):
     """Which of a trial's repeats a limit is held against."""

@@ -277,7 +277,7 @@ def parse_parameter(layout: Layout, key: str, raw: Any, where: Place) -> float:
     """
     own = {parameter.name: parameter for parameter in layout.parameters}
     own |= {other: own[name] for other, name in layout.synonyms.items()}
-    return float(_checked(_known(own, key, where), raw, where))
+    return float(checked_value(_known(own, key, where), raw, where))
 
 
 def _estimated(layout: Layout, known: Mapping[str, Parameter], key: str, where: Place) -> Parameter:
@@ -351,7 +351,7 @@ def _parse_effect(
         where = place("effects", number, key)
         _known(own, key, where)
         parameter = effect.parameter_at(key, values)
-        values[key] = _checked(parameter, value, where, effect.words(parameter))
+        values[key] = checked_value(parameter, value, where, effect.words(parameter))
     return DeclaredEffect(effect.id, values)
 
 
@@ -361,7 +361,7 @@ def _known(own: Mapping[str, Parameter], key: str, where: Place) -> Parameter:
     return own[key]
 
 
-def _checked(
+def checked_value(
     parameter: Parameter, raw: Any, where: Place, words: tuple[str, ...] | None = None
 ) -> Any:
     """Return a value in SI after checking unit, bounds and form; `words` narrows the choices."""
@@ -376,7 +376,7 @@ def _checked(
         if not isinstance(raw, list) or len(raw) != parameter.size:
             wanted = "one number" if parameter.size == 1 else f"a list of {parameter.size} numbers"
             raise InputError(f"expected {wanted}", where=where)
-        return [float(_checked(replace(parameter, size=1), item, where)) for item in raw]
+        return [float(checked_value(replace(parameter, size=1), item, where)) for item in raw]
     from eha_bench.core import units
 
     try:

@@ -83,16 +83,20 @@ def content_security_policy(styles: Sequence[str], scripts: Sequence[str]) -> st
     )
 
 
-def render_page(template: str, content: Mapping[str, Any], *, title: str) -> str:
+def render_page(
+    template: str, content: Mapping[str, Any], *, title: str, scripts: Sequence[str] = ()
+) -> str:
     """Render a template that extends `base.html.j2` into a whole page.
 
     Args:
         template: name within `report/templates`.
         content: what the template shows; text is escaped.
         title: of the window.
+        scripts: names within `report/assets` of what this page alone needs.
     """
     styles = [_asset(name) for name in _STYLES]
-    early, late = ([_asset(name) for name in names] for names in (_EARLY_SCRIPTS, _SCRIPTS))
+    early = [_asset(name) for name in _EARLY_SCRIPTS]
+    late = [_asset(name) for name in (*_SCRIPTS, *scripts)]
     return (
         environment()
         .get_template(template)
@@ -110,7 +114,14 @@ def render_page(template: str, content: Mapping[str, Any], *, title: str) -> str
     )
 
 
-def write_page(path: Path, template: str, content: Mapping[str, Any], *, title: str) -> Path:
+def write_page(
+    path: Path,
+    template: str,
+    content: Mapping[str, Any],
+    *,
+    title: str,
+    scripts: Sequence[str] = (),
+) -> Path:
     """Render a page and write it whole or not at all; return its path."""
-    write_text(path, render_page(template, content, title=title))
+    write_text(path, render_page(template, content, title=title, scripts=scripts))
     return path

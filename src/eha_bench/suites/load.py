@@ -54,7 +54,15 @@ def load_suite(suite: str | Path | Mapping[str, Any]) -> Suite:
             called the same; further mistakes in `also`.
     """
     path = file_of(suite, "suite", "suites")
-    text = read_text(path)
+    return parse_suite(read_text(path), path)
+
+
+def parse_suite(text: str, path: Path) -> Suite:
+    """Return the suite that a text holds; files that it names lie beside `path`.
+
+    Raises:
+        InputError: as `load_suite`.
+    """
     content = Located.of(parse_yaml(text, str(path)), str(path))
     form = validate(SuiteFile, content.value, str(path), places=content.place, kind="suite")
     defaults = content.at("defaults").mapping("keys and values")

@@ -85,6 +85,28 @@ class Simulator(Target):
         """A simulation has no hardware to share."""
         return True
 
+    @property
+    def model(self) -> Model:
+        """What is simulated."""
+        return self._model
+
+    @property
+    def controllers(self) -> ControllerSet:
+        """What closes the loop."""
+        return self._controllers
+
+    def varied(
+        self, model: Model | None = None, controllers: ControllerSet | None = None
+    ) -> Simulator:
+        """Return the same simulator with another model or other controllers."""
+        return Simulator(
+            model or self._model,
+            controllers or self._controllers,
+            sensors=self._sensors,
+            step=self._step,
+            name=self._name,
+        )
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel to other processes without the compiled kernel, which each has of its own."""
         return _again, (self._model, self._controllers, self._sensors, self._step, self._name)

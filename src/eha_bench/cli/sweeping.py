@@ -1,0 +1,103 @@
+"""`eha-bench sweep`: a suite over gains, parameters, effects and keys of its trials."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eha_bench.cli.completion import complete_sweeps, complete_targets
+from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
+from eha_bench.cli.running import Suite, Workers
+
+if TYPE_CHECKING:
+    from eha_bench.sweeps.sweep import Sweep
+
+
+def sweep(
+    suite: Suite,
+    over: Annotated[
+        Path,
+        typer.Option(
+            "--over", help="sweep.yaml: what is varied, how far.", autocompletion=complete_sweeps
+        ),
+    ],
+    target: Annotated[
+        str | None,
+        typer.Option(
+            "--target",
+            help="simulator, a target.yaml of it, a model.yaml, or a shipped name.",
+            autocompletion=complete_targets,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder (default: reports/<suite>-sweep/<time>)."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Do only what an interrupted sweep left undone.")
+    ] = False,
+    workers: Workers = "",
+    point: Annotated[
+        int | None,
+        typer.Option("--point", min=0, help="Run this point alone, with recordings and report."),
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print sweep.json on standard output.")
+    ] = False,
+) -> None:
+    """Run a suite over gains, parameters, effects or keys of trials: which points pass."""
+    from eha_bench.api import run_point
+    from eha_bench.api import sweep as run_sweep
+
+    if point is not None:
+        from eha_bench.cli.running import finish
+
+        with TerminalProgress() as progress:
+            result = run_point(suite, over, point, target, out, progress=progress)
+        finish(result, json=json, verbose=False)
+        return
+    with TerminalProgress() as progress:
+        found = run_sweep(
+            suite, over, target, out, resume=resume, workers=workers, progress=progress
+        )
+    _say(found)
+    if json:
+        typer.echo((found.folder / "sweep.json").read_text(encoding="utf-8"), nl=False)
+    else:
+        typer.echo(str(found.folder / "sweep.html"))
+    if not found.complete:
+        words = ["eha-bench", "sweep", str(suite), "--over", str(over)]
+        words += ["--target", target] if target else []
+        say(f"interrupted; to go on: {shlex.join([*words, '--out', str(found.folder)])} --resume")
+        raise typer.Exit(INTERRUPTED)
+    if not found.passed:
+        raise typer.Exit(1)
+
+
+def _say(found: Sweep) -> None:
+    """Print how many points pass, the best one, and what keeps the others from it."""
+    done, kept = len(found.results), found.margins >= 0.0
+    say(f"{len(found.passed)} of {done} points keep all limits")
+    best = found.best
+    if best is not None:
+        named = ", ".join(
+            f"{factor.key} = {factor.told(value)}"
+            for factor, value in zip(found.space.factors, found.points[best], strict=True)
+        )
+        word = "most margin" if found.results[best].passed else "nearest miss"
+        say(f"{word}: point {best} ({named}), least margin {found.results[best].margin:+.3f}")
+    if done and not found.passed:
+        for place, limit in enumerate(found.limits):
+            if not kept[:, place].any():
+                say(f"  no point keeps {limit.key} ({limit.text})")
+    reasons = {item.reason for item in found.results.values() if item.reason}
+    for reason in sorted(reasons)[:3]:
+        say(f"  {reason}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(sweep)

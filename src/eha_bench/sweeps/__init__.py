@@ -1,0 +1,1 @@
+"""A suite at many points: over gains, parameters, effects and keys of its trials."""

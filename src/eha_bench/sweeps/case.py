@@ -1,0 +1,32 @@
+"""A suite with the simulator it is run on: what factors change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from eha_bench.core.errors import InputError
+from eha_bench.suites import Suite
+from eha_bench.targets.simulator import Simulator
+from eha_bench.targets.target import Target
+
+
+@dataclass(frozen=True)
+class Case:
+    """A suite, and the model and controllers it is run on."""
+
+    suite: Suite
+    simulator: Simulator
+
+
+def case_of(suite: Suite, target: Target) -> Case:
+    """Return the case of a suite on a target.
+
+    Raises:
+        InputError: the target is no simulator of ours, whose model and gains are ours to change.
+    """
+    if not isinstance(target, Simulator):
+        raise InputError(
+            f"{target.identity.name} is no simulator whose model and gains can be varied",
+            hint="give a model.yaml, or a target.yaml with 'target: simulator'",
+        )
+    return Case(suite, target)
