@@ -97,6 +97,7 @@ def steps(count: int, seed: int) -> Iterator[Made]:
         truths = {
             "rise_time": (reaches(damping, 0.9) - reaches(damping, 0.1)) / natural,
             "response_time": reaches(damping, 0.95) / natural,
+            "dead_time": reaches(damping, 0.05) / natural,
             "delay_time": reaches(damping, 0.5) / natural,
             "overshoot": math.exp(-math.pi * damping / math.sqrt(1.0 - damping**2)),
             "settling_time": settles(damping) / natural,

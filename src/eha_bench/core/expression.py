@@ -19,7 +19,9 @@ from eha_bench.core.near_miss import suggest
 FloatArray = NDArray[np.float64]
 
 _LONGEST = 500
-_DEEPEST = 50
+DEEPEST = 50
+"""Levels that an expression may nest."""
+
 _TWO: dict[type[ast.operator], Callable[[FloatArray, FloatArray], FloatArray]] = {
     ast.Add: np.add,
     ast.Sub: np.subtract,
@@ -67,11 +69,16 @@ class Expression:
     def names(self) -> tuple[str, ...]:
         """Channels that it needs, in the order in which they are named first."""
         names: dict[str, None] = {}
-        _check(self._tree, names, 0)
+        _check(self.tree, names, 0)
         return tuple(names)
 
     @cached_property
-    def _tree(self) -> ast.expr:
+    def tree(self) -> ast.expr:
+        """Python's own tree of the text, not yet checked.
+
+        Raises:
+            ValueError: it is too long, or no expression.
+        """
         if len(self.text) > _LONGEST:
             raise ValueError(f"an expression has at most {_LONGEST} characters")
         try:
@@ -86,13 +93,13 @@ class Expression:
             channels: name -> (n,), at least those in `names`.
         """
         with np.errstate(all="ignore"):
-            value = _value(self._tree, channels)
+            value = _value(self.tree, channels)
         return np.where(np.isfinite(value), value, np.nan)
 
 
 def _check(node: ast.AST, names: dict[str, None], depth: int) -> None:
     """Collect the names of a tree; refuse what is no arithmetic."""
-    if depth > _DEEPEST:
+    if depth > DEEPEST:
         raise ValueError("an expression nests too deep")
     children: list[ast.expr] = []
     match node:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit, SafetyLimit
 from eha_bench.core.margin import Margin
+from eha_bench.core.metric import MetricSpec, metric_spec
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.signal import FloatArray, Signal
+
+if TYPE_CHECKING:
+    from eha_bench.core.own_metric import OwnMetric
 
 _MISSPELT = 0.9
 """So like a known name is one that was meant to be it; a channel of its own is less so."""
@@ -171,6 +175,7 @@ class Trial:
         source: the trial as JSON text, so that a recording alone can be re-scored.
         description: for people.
         levels: what it asks of the channel it controls, as far as the suite names levels.
+        own_metrics: of the suite's own metrics those that it asks for, and those that they need.
     """
 
     id: str
@@ -189,6 +194,17 @@ class Trial:
     source: str = ""
     description: str = ""
     levels: tuple[AskedLevel, ...] = field(default=(), compare=False)
+    own_metrics: tuple[OwnMetric, ...] = ()
+
+    def spec_of(self, metric: str) -> MetricSpec:
+        """Return the specification of a metric that the trial may ask for.
+
+        Raises:
+            InputError: no metric has this id.
+            PluginError: a plug-in cannot be loaded, or has no specification.
+        """
+        own = {found.id: found.spec for found in self.own_metrics}
+        return own[metric] if metric in own else metric_spec(metric)
 
     @property
     def channel(self) -> str:

@@ -28,7 +28,7 @@ class Metric(ABC):
         by_default: whether it is computed where nobody asked for it, on every trial it applies to.
     """
 
-    spec: ClassVar[MetricSpec]
+    spec: MetricSpec
     by_default: ClassVar[bool] = True
 
     @abstractmethod

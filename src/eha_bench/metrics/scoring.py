@@ -16,6 +16,7 @@ from eha_bench.core.score import Measure, Score
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.acceptance import judge
+from eha_bench.metrics.formula_metric import FormulaMetric
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.recorded import bind
 
@@ -97,13 +98,31 @@ def _check(recording: object, trial: object) -> None:
 
 
 def _channel(name: str, channel: str, trial: Trial) -> str:
-    return channel or metric(name).spec.channel_for(trial.channel)
+    return channel or metric_in(trial, name).spec.channel_for(trial.channel)
+
+
+def metric_in(trial: Trial, name: str) -> Metric:
+    """Return the metric of an id: one of the suite's own that the trial carries, or installed.
+
+    Raises:
+        PluginError: no such metric, it cannot be loaded, or it is not a Metric.
+    """
+    for own in trial.own_metrics:
+        if own.id == name:
+            return FormulaMetric(own, _input)
+    return metric(name)
+
+
+def _input(name: str, recording: Recording, trial: Trial, channel: str) -> tuple[Measure, str]:
+    """Return what a metric within a formula finds, and the channel that it is scored on."""
+    chosen = _channel(name, channel, trial)
+    return measure_safely(metric_in(trial, name), recording, trial, chosen), chosen
 
 
 def _score(
     recording: Recording, trial: Trial, name: str, channel: str, limit: AcceptanceLimit | None
 ) -> Score:
-    found = metric(name)
+    found = metric_in(trial, name)
     measure = measure_safely(found, recording, trial, channel)
     unit = _unit(found, recording, trial, channel)
     return Score(

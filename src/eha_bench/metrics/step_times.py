@@ -10,6 +10,7 @@ import math
 from dataclasses import replace
 
 from eha_bench.core.budget import Budget
+from eha_bench.core.metric import Better, MetricSpec, Needs
 from eha_bench.core.score import Measure
 from eha_bench.metrics.crossing import Crossing
 from eha_bench.metrics.metric import spec_of
@@ -18,6 +19,9 @@ from eha_bench.metrics.step_response import StepResponse
 
 RESPONDED = 0.95
 """Share of the step at which a response counts as there."""
+
+MOVED = 0.05
+"""Share of the step at which a response counts as begun."""
 
 
 class RiseTime(StepMetric):
@@ -76,6 +80,23 @@ class DelayTime(StepMetric):
     def of(self, step: StepResponse) -> Measure:
         """Return the time of the crossing of 50 %."""
         return _until(step, 0.5, f"edge to 50 % of the step, {LEVELS}")
+
+
+class DeadTime(StepMetric):
+    """Time in s from the command's edge until the response is seen to move."""
+
+    spec = MetricSpec(
+        "dead_time",
+        "from the command's edge to 5 % of the step",
+        "s",
+        better=Better.LOWER,
+        needs=Needs.STEP,
+    )
+    by_default = False
+
+    def of(self, step: StepResponse) -> Measure:
+        """Return the time of the crossing of 5 %."""
+        return _until(step, MOVED, f"edge to 5 % of the step, {LEVELS}")
 
 
 def _until(step: StepResponse, share: float, convention: str) -> Measure:

@@ -17,6 +17,7 @@ from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.located import Located
 from eha_bench.core.margin import Margin
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.own_metric import OwnMetric
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode, Setup, Trial, mode_named
 from eha_bench.core.units import base_unit, parse, unit_in
@@ -27,6 +28,7 @@ from eha_bench.suites.acceptance.limits import Judgement, judgement, safety_limi
 from eha_bench.suites.acceptance.margins import margins
 from eha_bench.suites.identifiers import check_identifier
 from eha_bench.suites.matrix import expand
+from eha_bench.suites.own_metrics import needed, own_metrics
 from eha_bench.suites.reach import ANYWHERE, asked_levels, check_reach
 from eha_bench.suites.signals.signal_model import SignalContext, SignalModel
 from eha_bench.suites.suite import Suite
@@ -64,9 +66,14 @@ def parse_suite(text: str, path: Path) -> Suite:
         InputError: as `load_suite`.
     """
     content = Located.of(parse_yaml(text, str(path)), str(path))
-    form = validate(SuiteFile, content.value, str(path), places=content.place, kind="suite")
+    # a metric of one's own is checked where it is read, mistake by mistake
+    whole = content.without("metrics").value if isinstance(content.value, dict) else content.value
+    form = validate(SuiteFile, whole, str(path), places=content.place, kind="suite")
+    own: dict[str, OwnMetric] = {}
     defaults = content.at("defaults").mapping("keys and values")
     mistakes = Mistakes()
+    with mistakes:
+        own = own_metrics(content.at("metrics"))
     known = [key for key in TrialFile.model_fields if key not in ("id", "matrix")]
     defaults = _known_keys(defaults, known, mistakes)
     place = content.place(("baseline",))
@@ -75,7 +82,7 @@ def parse_suite(text: str, path: Path) -> Suite:
     folded: dict[str, str] = {}
     for index, written in enumerate(content.at("trials").each()):
         with mistakes:
-            for trial, located in _trials(written, index, defaults, path, baseline):
+            for trial, located in _trials(written, index, defaults, path, baseline, own):
                 _check_unique(trial.id, folded, located)
                 trials[trial.id] = trial
     mistakes.tell()
@@ -96,7 +103,12 @@ def parse_suite(text: str, path: Path) -> Suite:
 
 
 def _trials(
-    written: Located, index: int, defaults: Located, path: Path, baseline: Baseline
+    written: Located,
+    index: int,
+    defaults: Located,
+    path: Path,
+    baseline: Baseline,
+    own: Mapping[str, OwnMetric],
 ) -> list[tuple[Trial, Located]]:
     """Return the trials that one entry of the list stands for."""
     pattern = written.value.get("id")
@@ -110,12 +122,15 @@ def _trials(
     for name, trial in expand(written.over(defaults, deep=_MERGED)):
         with mistakes:
             checked = check_identifier(name, "the trial's id", trial.place(("id",)))
-            found.append((_trial(checked, trial, path, baseline), trial))
+            found.append((_trial(checked, trial, path, baseline, own), trial))
     mistakes.tell()
     return found
 
 
-def _trial(name: str, content: Located, path: Path, baseline: Baseline) -> Trial:
+def _trial(
+    name: str, content: Located, path: Path, baseline: Baseline, own: Mapping[str, OwnMetric]
+) -> Trial:
+    specs = {metric.id: metric.spec for metric in own.values()}
     mistakes = Mistakes()
     run: RunKeys | None = None
     mode: ControlMode | None = None
@@ -133,11 +148,12 @@ def _trial(name: str, content: Located, path: Path, baseline: Baseline) -> Trial
     if run is None or signal is None:
         # what can be said of the rest without them
         with mistakes:
-            judgement(content.at("accept"), content.at("scores"), mode, name, baseline, None)
+            accept, scores = content.at("accept"), content.at("scores")
+            judgement(accept, scores, mode, name, baseline, None, specs)
         with mistakes:
             safety_limits(content.at("safety"), mode)
         with mistakes:
-            margins(content.at("matters"), mode)
+            margins(content.at("matters"), mode, specs)
         mistakes.tell()
         raise AssertionError
     duration = run.duration if run.duration is not None else signal.duration
@@ -157,11 +173,11 @@ def _trial(name: str, content: Located, path: Path, baseline: Baseline) -> Trial
     units: dict[str, str] = {}
     with mistakes:
         accept, scores = content.at("accept"), content.at("scores")
-        judged = judgement(accept, scores, mode, name, baseline, reference)
+        judged = judgement(accept, scores, mode, name, baseline, reference, specs)
     with mistakes:
         safety = safety_limits(content.at("safety"), mode)
     with mistakes:
-        matters = margins(content.at("matters"), mode)
+        matters = margins(content.at("matters"), mode, specs)
     with mistakes:
         initial, units = _initial(content.at("setup", "initial"), run.setup.initial)
     trial = Trial(
@@ -179,6 +195,7 @@ def _trial(name: str, content: Located, path: Path, baseline: Baseline) -> Trial
         safety=safety,
         margins=matters,
         description=run.description.strip(),
+        own_metrics=needed(own, _asked(judged)),
     )
     with mistakes:
         _check_sampling(trial, content)
@@ -189,6 +206,11 @@ def _trial(name: str, content: Located, path: Path, baseline: Baseline) -> Trial
             check_reach(trial, ANYWHERE[trial.channel], "the angle between two links is from")
     mistakes.tell()
     return replace(trial, source=source_of(trial, signal))
+
+
+def _asked(judged: Judgement) -> set[str]:
+    """Return the ids of the metrics that a trial asks for."""
+    return {limit.metric for limit in judged.limits} | {metric for metric, _ in judged.scores}
 
 
 def _mode(content: Located) -> ControlMode | None:

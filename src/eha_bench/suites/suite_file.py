@@ -10,6 +10,7 @@ from eha_bench.core.trial import MODES, Bypass, Piston
 from eha_bench.core.yaml_file import NUMBER, Real, StrictModel
 from eha_bench.suites.acceptance.limits import BoundsFile, LimitFile, ScoreFile
 from eha_bench.suites.identifiers import PATTERN
+from eha_bench.suites.own_metrics import OwnMetricFile
 from eha_bench.suites.signals.signal_model import Hertz, Moment, Seconds
 
 Count = Annotated[int, Field(ge=1, le=10_000), NUMBER]
@@ -75,6 +76,9 @@ class SuiteFile(StrictModel):
     target: str | None = Field(default=None, description="name of a target, or its file")
     baseline: str | None = Field(
         default=None, description="result.json that limits 'of baseline' are relative to"
+    )
+    metrics: dict[str, str | OwnMetricFile] = Field(
+        default={}, description="metrics of one's own: an expression by name"
     )
     defaults: dict[str, Any] = Field(default={}, description="keys for trials that lack them")
     trials: Annotated[list[dict[str, Any]], Field(min_length=1)]

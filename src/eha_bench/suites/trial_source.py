@@ -19,15 +19,18 @@ from eha_bench.core.excerpt import Excerpt, fitted
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
 from eha_bench.core.margin import Margin
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.own_metric import OwnMetric
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Setup, Trial
 from eha_bench.core.yaml_file import Places, StrictModel, validate
 from eha_bench.suites.identifiers import check_identifier
+from eha_bench.suites.own_metrics import NAME
 from eha_bench.suites.signals.signal_model import SignalContext, SignalModel
 from eha_bench.suites.suite_file import CHANNEL
 
 VERSION = 1
-_JUDGING = ("limits", "scores", "matters", "description", "repeats", "seed", "safety", "version")
+_JUDGING = ("limits", "scores", "metrics", "matters", "description", "repeats", "seed", "safety",
+            "version")  # fmt: skip
 
 
 class _Bounds(StrictModel):
@@ -70,6 +73,35 @@ class _Margin(StrictModel):
     text: str
 
 
+class _OwnMetric(StrictModel):
+    id: str = Field(pattern=NAME)
+    expression: str
+    unit: str = ""
+    description: str = ""
+    span: _Bounds
+
+    @staticmethod
+    def of(metric: OwnMetric) -> _OwnMetric:
+        return _OwnMetric(
+            id=metric.id,
+            expression=metric.formula.text,
+            unit=metric.unit,
+            description=metric.description,
+            span=_Bounds.of(Bounds(metric.start, metric.stop)),
+        )
+
+    def metric(self, name: str) -> OwnMetric:
+        from eha_bench.core.formula import Formula
+
+        span = self.span.bounds()
+        try:
+            formula = Formula.parse(self.expression)
+        except ValueError as error:
+            where = Place(file=name, key=f"metrics.{self.id}")
+            raise InputError(str(error), where=where) from error
+        return OwnMetric(self.id, formula, self.unit, self.description, span.low, span.high)
+
+
 class _Setup(StrictModel):
     piston: Piston
     bypass: Bypass
@@ -96,6 +128,7 @@ class TrialSource(StrictModel):
     limits: tuple[_Limit, ...]
     safety: tuple[_Safety, ...]
     matters: dict[str, _Margin] = Field(default={})
+    metrics: tuple[_OwnMetric, ...] = ()
 
 
 def source_of(trial: Trial, signal: SignalModel) -> str:
@@ -144,10 +177,13 @@ def source_of(trial: Trial, signal: SignalModel) -> str:
             metric: _Margin(absolute=margin.absolute, share=margin.share, text=margin.text)
             for metric, margin in trial.margins.items()
         },
+        metrics=tuple(_OwnMetric.of(metric) for metric in trial.own_metrics),
     )
     content = source.model_dump(mode="json")
     if source.unit is None:  # said only of channels that eha_bench does not know
         del content["unit"]
+    if not source.metrics:
+        del content["metrics"]
     if not source.setup.units:
         del content["setup"]["units"]
     content["safety"] = [
@@ -226,6 +262,7 @@ def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
         },
         source=text,
         description=source.description,
+        own_metrics=tuple(metric.metric(name) for metric in source.metrics),
     )
 
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.metric import metric_spec
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.trial import Trial, passes_on
 
@@ -40,7 +39,7 @@ def check_channels(trial: Trial, units: Mapping[str, str], target: str, command:
         if safety.unit:
             _check_unit(trial, safety.channel, safety.unit, units, target, file)
     for limit in trial.limits:
-        if limit.channel not in CHANNELS and metric_spec(limit.metric).unit is None:
+        if limit.channel not in CHANNELS and trial.spec_of(limit.metric).unit is None:
             _check_unit(trial, limit.channel, limit.unit or None, units, target, file)
 
 

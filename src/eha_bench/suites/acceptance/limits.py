@@ -12,7 +12,6 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Mistakes, Place, UnitError
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
 from eha_bench.core.located import Located
-from eha_bench.core.metric import metric_spec
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode
@@ -20,6 +19,7 @@ from eha_bench.core.units import base_unit
 from eha_bench.core.yaml_file import Real, StrictModel, validate
 from eha_bench.suites.acceptance.baseline import Baseline, scaled
 from eha_bench.suites.acceptance.grammar import Words, examples, parse_bounds, split_words
+from eha_bench.suites.acceptance.specs import NONE, Specs, named
 
 Quantity: TypeAlias = Real | str
 
@@ -77,11 +77,12 @@ def judgement(
     trial: str,
     baseline: Baseline,
     signal: Signal | None,
+    own: Specs = NONE,
 ) -> Judgement:
     """Return the acceptance limits, and the (metric, channel) pairs to compute without limit.
 
     `trial` is the id under which the `baseline` has the values of relative limits; `signal` is None
-    where it could not be read.
+    where it could not be read; `own` are the suite's own metrics.
 
     Raises:
         InputError: an unknown metric or channel, not a limit, a wrong unit, the same limit twice,
@@ -95,7 +96,7 @@ def judgement(
         entries = [entry.at(i) for i in range(len(entry.value))] if several else [entry]
         for one in entries:
             with mistakes:
-                pair, limit = _acceptance(metric, one, mode, trial, baseline)
+                pair, limit = _acceptance(metric, one, mode, trial, baseline, own)
                 if pair in limits or pair in pairs:
                     raise one.error(
                         f"{metric} of {pair[1] or 'the run'} is limited twice",
@@ -104,19 +105,21 @@ def judgement(
                 if limit is None:
                     pairs[pair] = None
                 else:
-                    _check_applies(metric, one, trial, signal)
+                    _check_applies(metric, one, trial, signal, own)
                     limits[pair] = limit
     with mistakes:
-        for pair in _scores(scores, mode):
+        for pair in _scores(scores, mode, own):
             if pair not in limits:
                 pairs[pair] = None
     mistakes.tell()
     return Judgement(tuple(limits.values()), tuple(pairs))
 
 
-def _check_applies(metric: str, entry: Located, trial: str, signal: Signal | None) -> None:
+def _check_applies(
+    metric: str, entry: Located, trial: str, signal: Signal | None, own: Specs
+) -> None:
     """Raise an InputError for a limit that nothing in the trial could ever be held against."""
-    needs = metric_spec(metric, where=entry.place()).needs
+    needs = named(metric, own, entry.place()).needs
     if needs is None or signal is None or needs.met_by(signal):
         return
     raise entry.error(
@@ -146,15 +149,17 @@ def safety_limits(safety: Located, mode: ControlMode) -> tuple[SafetyLimit, ...]
 
 
 def _acceptance(
-    metric: str, entry: Located, mode: ControlMode, trial: str, baseline: Baseline
+    metric: str, entry: Located, mode: ControlMode, trial: str, baseline: Baseline, own: Specs
 ) -> tuple[tuple[str, str], AcceptanceLimit | None]:
     """Return the (metric, channel) of an entry, and its limit if it has one."""
-    spec = metric_spec(metric, where=entry.place())
+    spec = named(metric, own, entry.place())
     shown = mode.unit if spec.unit is None else spec.unit
     form = LimitFile() if entry.value is None else _form(LimitFile, entry, shown)
     channel = spec.channel_for(mode.channel) if form.channel is None else form.channel
-    own = _unit_of(channel, form, mode, entry.place(("channel",))) if channel else ""
-    unit = own if spec.unit is None else spec.unit
+    if channel and metric in own:
+        raise entry.error(f"'{metric}' is one number of the recording", hint="leave out 'channel'")
+    on_channel = _unit_of(channel, form, mode, entry.place(("channel",))) if channel else ""
+    unit = on_channel if spec.unit is None else spec.unit
     if form.limit is None and form.min is None and form.max is None:
         judged = form.confidence is not None or form.repeats is not Repeats.ALL
         if form.warn is not None or judged:
@@ -193,7 +198,7 @@ def _words(form: LimitFile, entry: Located) -> Words:
         raise InputError(error.what, where=entry.place(), hint=error.hint) from error
 
 
-def _scores(scores: Located, mode: ControlMode) -> list[tuple[str, str]]:
+def _scores(scores: Located, mode: ControlMode, own: Specs) -> list[tuple[str, str]]:
     value: Any = scores.value or []
     if not isinstance(value, list):
         raise scores.error("expected a list of metrics", hint="write [rise_time, overshoot]")
@@ -202,11 +207,11 @@ def _scores(scores: Located, mode: ControlMode) -> list[tuple[str, str]]:
         entry = scores.at(index)
         if isinstance(entry.value, dict):
             form = validate(ScoreFile, entry.value, "", places=entry.place)
-            metric_spec(form.metric, where=entry.place(("metric",)))
+            named(form.metric, own, entry.place(("metric",)))
             _unit_of(form.channel, form, mode, entry.place(("channel",)))
             pairs.append((form.metric, form.channel))
         elif isinstance(entry.value, str):
-            spec = metric_spec(entry.value, where=entry.place())
+            spec = named(entry.value, own, entry.place())
             pairs.append((spec.id, spec.channel_for(mode.channel)))
         else:
             raise entry.error("expected a metric", hint="write [rise_time, overshoot]")

@@ -5,19 +5,21 @@ from __future__ import annotations
 from eha_bench.core.errors import InputError, UnitError
 from eha_bench.core.located import Located
 from eha_bench.core.margin import Margin, parse_margin
-from eha_bench.core.metric import metric_spec
 from eha_bench.core.trial import ControlMode
+from eha_bench.suites.acceptance.specs import NONE, Specs, named
 
 
-def margins(matters: Located, mode: ControlMode) -> dict[str, Margin]:
+def margins(matters: Located, mode: ControlMode, own: Specs = NONE) -> dict[str, Margin]:
     """Return the smallest difference that matters between two results, by metric.
+
+    `own` are the suite's own metrics.
 
     Raises:
         InputError: an unknown metric, or not a difference in the metric's unit.
     """
     found = {}
     for metric, entry in matters.mapping("differences by metric").items():
-        spec = metric_spec(metric, where=entry.place())
+        spec = named(metric, own, entry.place())
         channel = spec.channel_for(mode.channel)
         unit = mode.unit if spec.unit is None and channel == mode.channel else spec.unit_on(channel)
         try:

@@ -1,0 +1,144 @@
+"""The block `metrics` of a suite: metrics of its own, as formulas."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from eha_bench.core import plugins
+from eha_bench.core.channels import CHANNELS
+from eha_bench.core.errors import InputError, Mistakes, Place, UnitError
+from eha_bench.core.located import Located
+from eha_bench.core.metric import METRICS, metric_spec
+from eha_bench.core.near_miss import suggest
+from eha_bench.core.own_metric import STATISTICS, OwnMetric
+from eha_bench.core.units import base_unit
+from eha_bench.core.yaml_file import StrictModel, validate
+from eha_bench.suites.signals.signal_model import Moment
+
+# formulas work on arrays, which who reads a suite without any does not need
+if TYPE_CHECKING:
+    from eha_bench.core.formula import MetricInput, Statistic
+
+NAME = r"^[A-Za-z_][A-Za-z0-9_]*$"
+"""What a metric of one's own may be called: a formula has to be able to name it."""
+
+_MISSPELT = 0.9
+
+
+class OwnMetricFile(StrictModel):
+    """A metric of one's own."""
+
+    expression: str = Field(
+        description="arithmetic over metrics (rise_time, peak(pressure_a)) and statistics of "
+        f"channels ({', '.join(STATISTICS)}), in SI"
+    )
+    unit: str = Field(default="", description="unit that the expression comes out in")
+    description: str = ""
+    start: Moment | None = Field(
+        default=None, alias="from", description="statistics from here on, s of the signal"
+    )
+    stop: Moment | None = Field(default=None, alias="to", description="statistics until here, s")
+
+
+def own_metrics(metrics: Located) -> dict[str, OwnMetric]:
+    """Return the suite's own metrics by id, in their order.
+
+    Raises:
+        InputError: a name that is taken, no formula, a metric that does not exist or is defined
+            further down, a misspelt channel, an unknown unit; further ones in `also`.
+    """
+    found: dict[str, OwnMetric] = {}
+    mistakes = Mistakes()
+    written = metrics.mapping("formulas by metric")
+    for name, entry in written.items():
+        with mistakes:
+            found[name] = _own(name, entry, found, list(written.value))
+    mistakes.tell()
+    return found
+
+
+def needed(own: Mapping[str, OwnMetric], asked: Iterable[str]) -> tuple[OwnMetric, ...]:
+    """Return those of a suite's own metrics that a trial asks for, and those that they need."""
+    wanted = set(asked)
+    chosen = []
+    for name, metric in reversed(list(own.items())):  # what is needed stands further up
+        if name in wanted:
+            chosen.append(metric)
+            wanted |= metric.formula.metrics
+    return tuple(reversed(chosen))
+
+
+def _own(name: object, entry: Located, before: dict[str, OwnMetric], all_: list[str]) -> OwnMetric:
+    from eha_bench.core.expression import FUNCTIONS
+    from eha_bench.core.formula import Formula
+
+    if not isinstance(name, str) or not re.match(NAME, name):
+        raise entry.error(
+            f"'{name}' is no name for a metric", hint="letters, digits and _, no digit first"
+        )
+    if name in METRICS or name in plugins.names("metrics") or name in (*STATISTICS, *FUNCTIONS):
+        raise entry.error(f"'{name}' is something else already", hint="choose another name")
+    content = {"expression": entry.value} if isinstance(entry.value, str) else entry.value
+    form = validate(OwnMetricFile, content, "", places=entry.place)
+    where = entry.place(("expression",)) if isinstance(entry.value, dict) else entry.place()
+    try:
+        formula = Formula.parse(form.expression)
+    except ValueError as error:
+        raise InputError(
+            str(error), where=where, hint="write 'mean(abs(current)) * rise_time', say"
+        ) from error
+    mistakes = Mistakes()
+    for part in formula.inputs.values():
+        with mistakes:
+            _check(part, before, all_, where)
+    mistakes.tell()
+    try:
+        unit = base_unit(form.unit) if form.unit else ""
+    except UnitError as error:
+        raise InputError(error.what, where=entry.place(("unit",)), hint=error.hint) from error
+    start = -math.inf if form.start is None else form.start
+    stop = math.inf if form.stop is None else form.stop
+    if not start < stop:
+        raise InputError("'to' is not after 'from'", where=entry.place(("to",)))
+    return OwnMetric(name, formula, unit, form.description.strip(), start, stop)
+
+
+def _check(
+    part: Statistic | MetricInput, before: Mapping[str, OwnMetric], all_: list[str], where: Place
+) -> None:
+    """Raise an InputError for what cannot be meant."""
+    from eha_bench.core.formula import Statistic
+
+    if isinstance(part, Statistic):
+        for channel in part.of.names:
+            _check_channel(channel, where)
+        return
+    if part.metric not in before:
+        if part.metric in all_:
+            raise InputError(
+                f"'{part.metric}' is not defined above",
+                where=where,
+                hint="a metric may use those that stand before it",
+            )
+        if part.metric in CHANNELS:
+            raise InputError(
+                f"'{part.metric}' is a channel",
+                where=where,
+                hint=f"take a statistic of it: mean({part.metric}), max({part.metric}) ...",
+            )
+        metric_spec(part.metric, where=where)
+    if part.channel:
+        _check_channel(part.channel, where)
+
+
+def _check_channel(channel: str, where: Place) -> None:
+    if channel in CHANNELS:
+        return
+    hint = suggest(channel, CHANNELS, likeness=_MISSPELT)
+    if hint.startswith("did you mean"):
+        raise InputError(f"unknown channel '{channel}'", where=where, hint=hint)
