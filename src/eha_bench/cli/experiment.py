@@ -1,55 +1,79 @@
-"""`eha-bench next`: the experiment that separates what a diagnosis leaves open."""
+"""`eha-bench next` and `close`: the experiment that separates what a diagnosis leaves open."""
 
 from __future__ import annotations
 
 import json as json_text
+from collections.abc import Callable
+from math import isfinite
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from eha_bench.cli.console import TerminalProgress, say
+from eha_bench.core.errors import InputError
 
 _HUNDRED = 100
-NONE = 1
-"""Exit status where no experiment is proposed."""
+NONE, FAULT = 1, 3
+"""Exit statuses: no experiment is proposed, or nothing settled; the target faulted."""
+
+Budget = Annotated[
+    str, typer.Option("--budget", help="Bench time that an experiment may take, e.g. '30 s'.")
+]
+Safety = Annotated[
+    str,
+    typer.Option(
+        "--safety",
+        help="target.yaml of a drive, or a suite, whose limits hold; without one nothing goes "
+        "beyond what the recordings have been to.",
+    ),
+]
+Probability = Annotated[
+    float,
+    typer.Option(
+        "--probability", min=0.5, max=0.999, help="Of naming the right rival, as asked for."
+    ),
+]
+Within = Annotated[
+    str, typer.Option("--within", help="Half of a 95 % interval that is asked for, e.g. '10 %'.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the result on standard output.")]
 
 
 def next_experiment(
     diagnosis: Annotated[Path, typer.Argument(help="diagnosis.json, or the folder it is in.")],
-    out: Annotated[Path, typer.Option("--out", help="Suite to write (next.yaml).")],
-    budget: Annotated[
-        str, typer.Option("--budget", help="Bench time that it may take, e.g. '30 s'.")
-    ] = "30 s",
-    safety: Annotated[
-        str,
+    logs: Annotated[
+        list[Path] | None, typer.Argument(help="Further recordings to rank, with --from.")
+    ] = None,
+    out: Annotated[str, typer.Option("--out", help="Suite to write (next.yaml).")] = "",
+    budget: Budget = "30 s",
+    safety: Safety = "",
+    probability: Probability = 0.95,
+    within: Within = "10 %",
+    pool: Annotated[
+        list[Path] | None,
         typer.Option(
-            "--safety",
-            help="target.yaml of a drive, or a suite, whose limits hold; without one nothing goes "
-            "beyond what the recordings have been to.",
+            "--from",
+            help="Rank recordings that exist already instead, or the runs of a dataset.yaml.",
         ),
+    ] = None,
+    channels: Annotated[
+        str, typer.Option("--channels", help="channels.yaml of the recordings to rank.")
     ] = "",
-    probability: Annotated[
-        float,
-        typer.Option(
-            "--probability",
-            min=0.5,
-            max=0.999,
-            help="Of naming the right rival, as asked for.",
-        ),
-    ] = 0.95,
-    within: Annotated[
-        str,
-        typer.Option("--within", help="Half of a 95 % interval that is asked for, e.g. '10 %'."),
-    ] = "10 %",
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all draws.")] = 0,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print the result on standard output.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Find the cheapest permitted experiment that separates what a diagnosis leaves open."""
-    from eha_bench.api import next_experiment as propose
     from eha_bench.core.units import positive
+
+    if pool:
+        share = positive("--within", within, "")
+        _rank(diagnosis, [*pool, *(logs or [])], channels, share, json=json)
+        return
+    if logs or channels:
+        raise InputError("recordings are ranked with --from", hint="put --from before them")
+    if not out:
+        raise InputError("nothing says where the suite goes", hint="add --out next.yaml")
+    from eha_bench.api import next_experiment as propose
     from eha_bench.experiment.proposal import Ending
 
     with TerminalProgress() as bar:
@@ -60,8 +84,7 @@ def next_experiment(
             safety=safety or None,
             probability=probability,
             within=positive("--within", within, ""),
-            seed=seed,
-            progress=lambda stage, share: bar(round(_HUNDRED * share), _HUNDRED, stage),
+            progress=stages(bar),
         )
     for note in found.notes:
         say(note)
@@ -69,11 +92,87 @@ def next_experiment(
     if json:
         typer.echo(json_text.dumps(found.to_dict(), indent=1, ensure_ascii=False, allow_nan=False))
     else:
-        typer.echo(str(out if found.ending is Ending.PROPOSED else out.with_suffix(".html")))
+        page = Path(out).with_suffix(".html")
+        typer.echo(out if found.ending is Ending.PROPOSED else str(page))
     if found.ending is not Ending.PROPOSED:
         raise typer.Exit(NONE)
 
 
+def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, json: bool) -> None:
+    """Print recordings, the one that would decide most surely first."""
+    from eha_bench.experiment.pool import rank
+
+    with TerminalProgress() as bar:
+        found = rank(diagnosis, logs, channels=channels or None, within=within,
+                     progress=stages(bar))  # fmt: skip
+    if json:
+        content = [item.to_dict() for item in found]
+        typer.echo(json_text.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        return
+    for place, item in enumerate(found, 1):
+        if item.why:
+            typer.echo(f"-   {item.name}: not ranked, {item.why}")
+            continue
+        told = f"{item.reached:.2g} of what is needed"
+        if isfinite(item.right):
+            told = f"names the right one in {item.right:.0%}, a wrong one in {item.wrong:.1%}"
+        typer.echo(f"{place:<3} {item.name}: {item.seconds:.3g} s, {told}")
+
+
+def close(
+    dataset: Annotated[Path, typer.Argument(help="dataset.yaml to begin with.")],
+    target: Annotated[str, typer.Option("--target", help="Target that experiments run on.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder of all rounds.")],
+    rounds: Annotated[
+        int, typer.Option("--rounds", min=1, help="Most experiments that are made.")
+    ] = 3,
+    budget: Budget = "30 s",
+    safety: Safety = "",
+    probability: Probability = 0.95,
+    within: Within = "10 %",
+    json: Json = False,
+) -> None:
+    """Diagnose, plan, run and diagnose again until nothing is left open; resumes by itself."""
+    from eha_bench.core.units import positive
+    from eha_bench.rounds import PAGE, Settled
+    from eha_bench.rounds import close as close_in_rounds
+
+    with TerminalProgress() as bar:
+        found = close_in_rounds(
+            dataset,
+            target,
+            out,
+            rounds=rounds,
+            budget=positive("--budget", budget, "s"),
+            safety=safety or None,
+            probability=probability,
+            within=positive("--within", within, ""),
+            progress=stages(bar),
+        )
+    for item in found.to_dict()["rounds"]:
+        causes = ", ".join(item["effects"]) or "no effect"
+        say(
+            f"round {item['round']}: {item['verdict']} ({causes}); {item['experiment']}".rstrip(
+                "; "
+            )
+        )
+    say(f"{found.ending.value.replace('_', ' ')} after {found.bench_seconds:.3g} s of bench time")
+    if json:
+        content = found.to_dict()
+        typer.echo(json_text.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+    else:
+        typer.echo(str(out / PAGE))
+    status = {Settled.SETTLED: 0, Settled.STOPPED: FAULT}.get(found.ending, NONE)
+    if status:
+        raise typer.Exit(status)
+
+
+def stages(bar: TerminalProgress) -> Callable[[str, float], None]:
+    """Return a progress callback by stage and fraction that draws on the bar."""
+    return lambda stage, share: bar(round(_HUNDRED * share), _HUNDRED, stage)
+
+
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the commands."""
     app.command("next")(next_experiment)
+    app.command()(close)

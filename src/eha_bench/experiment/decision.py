@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.experiment.hypothesis import Hypothesis
-from eha_bench.experiment.response import Bench, Responses
+from eha_bench.experiment.response import Bench
 
 FloatArray = NDArray[np.float64]
 
@@ -111,9 +111,9 @@ def layout_of(
     return Layout(sizes, tuple(found))
 
 
-def products(
+def inner_products(
     layout: Layout,
-    responses: Responses,
+    simulated: Sequence[FloatArray],
     outputs: Sequence[str],
     bench: Bench,
     ticks: Sequence[int],
@@ -122,11 +122,11 @@ def products(
     """Return inner products of everything up to each of some ticks, (ticks, rows, rows).
 
     Args:
-        layout: of the rows. responses: of `layout.points`. outputs: of the plant, in order.
-        bench: sensors. ticks: increasing. seed: of the noise.
+        layout: of the rows. simulated: (m, n, outputs) of each rival at `layout.points`, SI.
+        outputs: of the plant, in order. bench: sensors. ticks: increasing. seed: of the noise.
     """
     columns = [list(outputs).index(name) for name in bench.channels]
-    scaled = [item[:, :, columns] / bench.noise for item in responses.outputs]
+    scaled = [item[:, :, columns] / bench.noise for item in simulated]
     origin = scaled[0][0]
     rows = [item[: len(z)] - origin for item, z in zip(scaled, layout.draws, strict=True)]
     for item, z, p in zip(scaled, layout.draws, layout.sizes, strict=True):

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import InputError, Place
+from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Standing
 from eha_bench.plants.model import Model, load_model
 
 FloatArray = NDArray[np.float64]
-
-NAME = "diagnosis.json"
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ def read_question(path: str | Path) -> Question:
     """
     file = Path(path)
     if file.is_dir():
-        file = file / NAME
+        file = file / DIAGNOSIS_FILE
     where = Place(file=str(file))
     try:
         content = json.loads(file.read_text(encoding="utf-8"))

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from pathlib import Path
@@ -29,14 +29,14 @@ from eha_bench.experiment.decision import (
     NAMED,
     Layout,
     Odds,
+    inner_products,
     layout_of,
     odds,
     posterior_after,
-    products,
     shares_of_a_decision,
 )
 from eha_bench.experiment.describe import planned, sentence_of, words_of
-from eha_bench.experiment.hypothesis import Question, read_question
+from eha_bench.experiment.hypothesis import Hypothesis, Question, read_question
 from eha_bench.experiment.permitted import (
     PLANT,
     RECORDINGS,
@@ -199,12 +199,7 @@ class _Search:
         )
 
     def _worst(self, covariance: FloatArray) -> float:
-        own = self.rivals[0].relative_half_widths(covariance)
-        return max((own[name] for name in self._named(own)), default=0.0)
-
-    def _named(self, widths: dict[str, float]) -> list[str]:
-        """Return parameters whose interval counts: no curve's knots, no friction at rest."""
-        return [key for key in widths if "[" not in key and not key.endswith("creep_speed")]
+        return worst_width(self.rivals[0], covariance)
 
     # --- simulation --------------------------------------------------------------------------
 
@@ -217,7 +212,7 @@ class _Search:
     def _products(self, tried: Responses, layout: Layout, ticks: Sequence[int], seed: int
                   ) -> FloatArray:  # fmt: skip
         outputs = self.plant.outputs
-        return products(layout, tried, outputs, self.bench, ticks, [self.seed, seed])
+        return inner_products(layout, tried.outputs, outputs, self.bench, ticks, [self.seed, seed])
 
     def _largest(self, candidate: Candidate) -> Candidate | None:
         """Return it at the largest size that keeps the limits at the rivals' fitted values."""
@@ -478,7 +473,7 @@ class _Search:
         before = self._worst(self.rivals[0].covariance)
         if best[0][0] + self.within > 0.9 * before:
             widths = self.rivals[0].relative_half_widths(self.rivals[0].covariance)
-            name = max(self._named(widths), key=lambda key: widths[key])
+            name = max(named(widths), key=lambda key: widths[key])
             return self._ending(
                 Ending.NONE_PERMITTED,
                 f"nothing permitted within {self.budget:g} s tells {name} better than the "
@@ -490,7 +485,7 @@ class _Search:
         rival = self.rivals[0]
         before = rival.relative_half_widths(rival.covariance)
         after = rival.relative_half_widths(posterior_after(rival, layout, gram, 0))
-        found = [Width(key, before[key], after.get(key, math.nan)) for key in self._named(before)]
+        found = [Width(key, before[key], after.get(key, math.nan)) for key in named(before)]
         return tuple(sorted(found, key=lambda item: -item.before))
 
     # --- words ---------------------------------------------------------------------------------
@@ -521,6 +516,17 @@ class _Search:
             self.permitted.words,
             tried=self.tried,
         )
+
+
+def named(widths: Iterable[str]) -> list[str]:
+    """Return parameters whose interval counts: no curve's knots, no friction at rest."""
+    return [key for key in widths if "[" not in key and not key.endswith("creep_speed")]
+
+
+def worst_width(rival: Hypothesis, covariance: FloatArray) -> float:
+    """Return half of the widest 95 % interval, as a share of its parameter."""
+    own = rival.relative_half_widths(covariance)
+    return max((own[name] for name in named(own)), default=0.0)
 
 
 def _one_after_the_other(items: Sequence[_Tried]) -> FloatArray:

@@ -126,6 +126,18 @@ def respond(
         bypass_open=trial.setup.bypass is Bypass.OPEN,
     )
     vectors = [rival.at(z) for rival, z in zip(rivals, draws, strict=True)]
+    outputs = simulated(rivals, vectors, drive)
+    return Responses(trial, outputs, rooms_of(rivals, vectors, outputs, bench, limits))
+
+
+def simulated(
+    rivals: Sequence[Hypothesis], vectors: Sequence[FloatArray], drive: Drive
+) -> tuple[FloatArray, ...]:
+    """Return what each rival's sensors would read without noise, (m, n, outputs) SI.
+
+    Args:
+        rivals: explanations. vectors: (m, size) parameters of each. drive: inputs and setup.
+    """
     tasks = [
         (number, block)
         for number, own in enumerate(vectors)
@@ -137,13 +149,12 @@ def respond(
             return rivals[task[0]].model.plant.sweep(task[1], drive, STEP)
 
     found = list(_pool().map(one, tasks))
-    outputs = tuple(
-        np.concatenate([item for (owner, _), item in zip(tasks, found, strict=True)
-                        if owner == number])
+    return tuple(
+        np.concatenate(
+            [item for (owner, _), item in zip(tasks, found, strict=True) if owner == number]
+        )
         for number in range(len(rivals))
-    )  # fmt: skip
-    rooms = rooms_of(rivals, vectors, outputs, bench, limits)
-    return Responses(trial, outputs, rooms)
+    )
 
 
 def rooms_of(

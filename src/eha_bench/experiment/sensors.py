@@ -9,7 +9,7 @@ import numpy as np
 
 from eha_bench.core.errors import UnitError
 from eha_bench.experiment.candidates import Candidate, Plan
-from eha_bench.experiment.decision import BLOCK, Layout, odds, products
+from eha_bench.experiment.decision import BLOCK, Layout, inner_products, odds
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import Limit, SetUp
 from eha_bench.experiment.proposal import SensorAdvice
@@ -51,7 +51,7 @@ def advice(
         block = max(2, round(BLOCK * bench.rate))
         count = responses.outputs[0].shape[1]
         ticks = [*range(block, count, block), count]
-        grams = products(layout, responses, plant.outputs, more, ticks, [7])
+        grams = inner_products(layout, responses.outputs, plant.outputs, more, ticks, [7])
         found = odds(rivals, layout, grams, before)[-1]
         if best is None or found.right > best.right:
             best = SensorAdvice(name, noise, plant.units.get(name, ""), found.right)

@@ -23,6 +23,7 @@ from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
 
 SCHEMA_VERSION = 1
+DIAGNOSIS_FILE = "diagnosis.json"
 
 
 class Verdict(StrEnum):
@@ -263,7 +264,7 @@ class Diagnosis:
             rival.model.write(
                 folder / rival.file, f"A rival by eha-bench diagnose ({rival.standing.value})"
             )
-        write_text(folder / "diagnosis.json", self.to_json())
+        write_text(folder / DIAGNOSIS_FILE, self.to_json())
 
 
 def own_to_dict(items: Mapping[str, Mapping[str, Estimate]]) -> dict[str, Any]:

@@ -1,0 +1,73 @@
+"""The page of a loop that was closed in rounds: each diagnosis, and the experiment after it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from eha_bench.report.engineering import number
+from eha_bench.report.page import Fact, write_page
+
+
+@dataclass(frozen=True)
+class RoundRow:
+    """One round."""
+
+    number: int
+    verdict: str
+    causes: str
+    open: str
+    experiment: str
+    right: str
+    seconds: str
+    status: str
+    diagnosis: str
+    page: str
+
+
+_WORDS = {
+    "settled": ("passed", "Settled", "Nothing is left open."),
+    "none_permitted": (
+        "undecided", "Not settled", "No experiment that is permitted would go further.",
+    ),
+    "out_of_rounds": ("undecided", "Not settled", "As many rounds were made as asked for."),
+    "stopped": ("fault", "Stopped", "A run did not come to its end."),
+}  # fmt: skip
+
+
+def write_rounds_report(path: Path, content: Mapping[str, Any]) -> Path:
+    """Write the page of all rounds and return its path.
+
+    Args:
+        path: of the page. content: of rounds.json.
+    """
+    status, word, sentence = _WORDS[content["ending"]]
+    rows = tuple(_row(item) for item in content["rounds"])
+    seconds = f"{number(content['bench_seconds'], 2)} s"
+    page = {
+        "status": status,
+        "word": word,
+        "sentence": sentence,
+        "rows": rows,
+        "facts": (Fact("Rounds", str(len(rows))), Fact("Bench time of all experiments", seconds)),
+    }
+    return write_page(path, "rounds.html.j2", page, title="Rounds of a closed loop")
+
+
+def _row(item: Mapping[str, Any]) -> RoundRow:
+    right, seconds = item["probability_right"], item["bench_seconds"]
+    asked = item["ending"] == "proposed"
+    return RoundRow(
+        item["round"],
+        item["verdict"],
+        ", ".join(item["effects"]) or "–",
+        "; ".join(" / ".join(group) for group in item["equivalent"]) or "–",
+        item["experiment"] or "–",
+        "–" if right is None else f"{number(100.0 * right, 0)} %",
+        "–" if not asked else f"{number(seconds, 2)} s",
+        item["status"] or "–",
+        f"{item['folder']}/diagnosis/diagnosis.html",
+        f"{item['folder']}/next.html" if item["ending"] else "",
+    )

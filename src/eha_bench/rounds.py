@@ -1,0 +1,215 @@
+"""`eha-bench close`: diagnose, plan, run, diagnose again, until nothing is left open."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from eha_bench.api import diagnose, next_experiment, run
+from eha_bench.core.atomic_file import write_text
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.output_folder import writable
+from eha_bench.core.result import Status
+from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
+from eha_bench.experiment.files import dataset_path, run_folder
+from eha_bench.experiment.propose import ASKED, WITHIN
+from eha_bench.report.rounds_report import write_rounds_report
+
+Tell = Callable[[str, float], None]
+
+SUMMARY = "rounds.json"
+PAGE = "rounds.html"
+
+
+class Settled(StrEnum):
+    """How the rounds ended.
+
+    `settled`: nothing is open. `none_permitted`: no permitted experiment would go further.
+    `out_of_rounds`: as many were made as asked for. `stopped`: a run did not come to its end.
+    """
+
+    SETTLED = "settled"
+    NONE_PERMITTED = "none_permitted"
+    OUT_OF_ROUNDS = "out_of_rounds"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True)
+class Round:
+    """One diagnosis, and the experiment that followed it.
+
+    Attributes:
+        number: from 1. folder: of all it wrote. diagnosis: content of its diagnosis.json.
+        experiment: content of its next.json; None where none was looked for.
+        status: of the run; "" where none was made.
+    """
+
+    number: int
+    folder: Path
+    diagnosis: Mapping[str, Any]
+    experiment: Mapping[str, Any] | None = None
+    status: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as it stands in JSON."""
+        experiment = self.experiment or {}
+        return {
+            "round": self.number,
+            "folder": self.folder.name,
+            "verdict": self.diagnosis["verdict"],
+            "effects": [item["id"] for item in self.diagnosis.get("effects", [])],
+            "equivalent": self.diagnosis.get("equivalent", []),
+            "experiment": experiment.get("sentence", ""),
+            "ending": experiment.get("ending"),
+            "probability_right": experiment.get("probability_right"),
+            "bench_seconds": experiment.get("bench_seconds"),
+            "status": self.status,
+        }
+
+
+@dataclass(frozen=True)
+class Rounds:
+    """All rounds, and how they ended."""
+
+    ending: Settled
+    rounds: tuple[Round, ...]
+    folder: Path
+
+    @property
+    def bench_seconds(self) -> float:
+        """Bench time of all experiments that were run, s."""
+        return sum(float((item.experiment or {}).get("bench_seconds") or 0.0)
+                   for item in self.rounds if item.status)  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of rounds.json."""
+        return {
+            "schema_version": 1,
+            "ending": self.ending.value,
+            "bench_seconds": self.bench_seconds,
+            "rounds": [item.to_dict() for item in self.rounds],
+        }
+
+
+def close(
+    dataset: str | Path,
+    target: str | Path,
+    out: str | Path,
+    *,
+    rounds: int = 3,
+    budget: float = 30.0,
+    safety: str | Path | None = None,
+    probability: float = ASKED,
+    within: float = WITHIN,
+    progress: Tell | None = None,
+) -> Rounds:
+    """Diagnose, plan the next experiment, run it on a target and diagnose again, until settled.
+
+    What a folder holds already of an earlier call is taken as it is, so the same call goes on where
+    it was interrupted.
+
+    Args:
+        dataset: dataset.yaml to begin with. target: that experiments are run on.
+        out: folder of all rounds; rounds.html and rounds.json stand in it.
+        rounds: most diagnoses that are followed by an experiment. budget: of each, s.
+        safety, probability, within: as `next_experiment` takes them.
+        progress: called with the stage and the fraction of it done.
+
+    Raises:
+        InputError: a file is wrong or missing, or the folder holds rounds of another dataset.
+    """
+    folder = writable(Path(out))
+    tell = progress or (lambda _stage, _fraction: None)
+    _own(folder, dataset, target)
+    current, done = Path(dataset), []
+    ending = Settled.OUT_OF_ROUNDS
+    for number in range(1, rounds + 2):
+        place = folder / f"round-{number}"
+        found = Round(number, place, _diagnosed(current, place / "diagnosis", tell))
+        done.append(found)
+        if number > rounds and found.diagnosis.get("equivalent"):
+            break
+        suite = place / "next.yaml"
+        planned = _planned(place, suite, tell, budget=budget, safety=safety,
+                           probability=probability, within=within)  # fmt: skip
+        done[-1] = found = Round(number, place, found.diagnosis, planned)
+        if planned["ending"] != "proposed":
+            open_ = planned["ending"] == "none_permitted"
+            ending = Settled.NONE_PERMITTED if open_ else Settled.SETTLED
+            break
+        if number > rounds:
+            break
+        tell(f"run {number}", 0.0)
+        result = run(suite, target, run_folder(suite), resume=run_folder(suite).exists())
+        done[-1] = Round(number, place, found.diagnosis, planned, result.status.value)
+        _write(Rounds(ending, tuple(done), folder))
+        if result.status in (Status.FAULT, Status.INCOMPLETE):
+            ending = Settled.STOPPED
+            break
+        current = dataset_path(suite)
+    found_all = Rounds(ending, tuple(done), folder)
+    _write(found_all)
+    return found_all
+
+
+def _own(folder: Path, dataset: str | Path, target: str | Path) -> None:
+    """Refuse a folder whose rounds are of something else."""
+    asked = {"dataset": str(Path(dataset).resolve()), "target": str(target)}
+    file = folder / "of.json"
+    if file.exists():
+        kept = json.loads(file.read_text(encoding="utf-8"))
+        if kept != asked:
+            raise InputError(
+                f"its rounds are of {kept['dataset']} on {kept['target']}",
+                where=Place(file=str(folder)),
+                hint="name another folder with --out",
+            )
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(file, json.dumps(asked, indent=1) + "\n")
+
+
+def _diagnosed(dataset: Path, place: Path, tell: Tell) -> Mapping[str, Any]:
+    file = place / DIAGNOSIS_FILE
+    if file.exists():
+        kept: Mapping[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        if kept.get("complete"):
+            return kept
+    found = diagnose(dataset, place, tell)
+    if not found.complete:
+        raise KeyboardInterrupt
+    content: Mapping[str, Any] = found.to_dict()
+    return content
+
+
+def _planned(
+    place: Path,
+    suite: Path,
+    tell: Tell,
+    *,
+    budget: float,
+    safety: str | Path | None,
+    probability: float,
+    within: float,
+) -> Mapping[str, Any]:
+    figures = suite.with_suffix(".json")
+    if figures.exists() and (suite.exists() or not run_folder(suite).exists()):
+        kept: Mapping[str, Any] = json.loads(figures.read_text(encoding="utf-8"))
+        if kept["ending"] != "proposed" or dataset_path(suite).exists():
+            return kept
+    found = next_experiment(
+        place / "diagnosis", suite, budget=budget, safety=safety, probability=probability,
+        within=within, progress=tell,
+    )  # fmt: skip
+    content: Mapping[str, Any] = found.to_dict()
+    return content
+
+
+def _write(found: Rounds) -> None:
+    text = json.dumps(found.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
+    write_text(found.folder / SUMMARY, text + "\n")
+    write_rounds_report(found.folder / PAGE, found.to_dict())

@@ -1,0 +1,62 @@
+"""From recordings that leave two causes open to one name, by an experiment (slow)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import eha_bench as eb
+from eha_bench.rounds import Settled, close
+
+PLANT = """\
+plant: spindle
+nodes:
+  shaft: {kind: rotation, inertia: 9e-4 kg*m^2}
+elements:
+  motor: {kind: motor, on: shaft, torque_constant: 0.13 N*m/A, current_limit: 41 A}
+  drag:  {kind: friction, on: shaft, coulomb: 0.16 N*m, viscous: 0.005 N*m*s/rad}
+inputs:   {current_command: motor.current}
+channels: {motor_speed: shaft.speed}
+calibrate: [shaft.inertia, drag.viscous, drag.coulomb]
+"""
+TRIALS = """\
+name: first
+defaults: {mode: current, sample_rate: 500 Hz, safety: {motor_speed: -300 rad/s .. 300 rad/s}}
+trials:
+  - {id: slow, duration: 6 s, signal: {kind: sine, amplitude: 8 A, frequency: 0.7 Hz}}
+  - {id: slower, duration: 6 s, signal: {kind: sine, amplitude: 8 A, frequency: 0.5 Hz}}
+"""
+DATASET = """\
+model: plant.yaml
+inputs: [current_command]
+runs:
+  - {log: first-run/recordings/slow-0.mcap, use: train}
+  - {log: first-run/recordings/slower-0.mcap, use: holdout}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "truth", ["current_lag, time_constant: 4 ms", "command_delay, delay: 4 ms"]
+)
+def test_rounds_end_with_the_one_right_name(tmp_path: Path, truth: str):
+    (tmp_path / "plant.yaml").write_text(PLANT)
+    (tmp_path / "truth.yaml").write_text(f"model: plant.yaml\neffects: [{{effect: {truth}}}]\n")
+    (tmp_path / "rig.yaml").write_text(
+        "target: simulator\nmodel: truth.yaml\nsensors: {motor_speed: {noise: 0.3 rad/s}}\n"
+    )
+    (tmp_path / "first.yaml").write_text(TRIALS)
+    (tmp_path / "dataset.yaml").write_text(DATASET)
+    eb.run(tmp_path / "first.yaml", tmp_path / "rig.yaml", tmp_path / "first-run")
+    found = close(
+        tmp_path / "dataset.yaml", tmp_path / "rig.yaml", tmp_path / "loop",
+        safety=tmp_path / "first.yaml", budget=10.0,
+    )  # fmt: skip
+    assert found.ending is Settled.SETTLED
+    first, *_, last = found.rounds
+    assert first.diagnosis["equivalent"]
+    assert [item["id"] for item in last.diagnosis["effects"]] == [truth.split(",", maxsplit=1)[0]]
+    assert last.diagnosis["equivalent"] == []
+    assert found.bench_seconds < 10.0
+    assert (tmp_path / "loop" / "rounds.html").exists()
