@@ -12,6 +12,11 @@ from eha_bench.plants.effect import AT, EVERYWHERE, BoundEffect, Hook, Spot
 from eha_bench.plants.layout import Layout
 
 _VALUE = "value"
+STATES = "states"
+"""Group of the effects with states of their own."""
+CONDUCTANCES = "conductances"
+"""Group of the places where a conductance between volumes may come and go."""
+_CONDUCTANCE = re.compile(r"(link|ground|[a-z_]+_slope):")
 _OF_EFFECT = re.compile(r"@([a-z_]+\.[a-z_]+)")
 
 
@@ -46,7 +51,8 @@ class Hooks:
                 self._register(effect, spot)
         self._first_flag = first + len(self.states)
         self.flags = {
-            name: self._first_flag + place for place, name in enumerate(sorted(self._uses))
+            name: self._first_flag + place
+            for place, name in enumerate([*sorted(self._uses), STATES, CONDUCTANCES])
         }
         self._names: dict[str, str] = {}
         self._locals: dict[str, tuple[str, ...]] = {}
@@ -103,7 +109,9 @@ class Hooks:
         self._locals[at] = more
         self._also[at] = tuple(also or ())
         arguments = [value, *more, *(also or {}).values(), "X", "P", "S"]
-        return f"{name}({', '.join(arguments)})"
+        call = f"{name}({', '.join(arguments)})"
+        # further values may be views of arrays, which cost as much as a step: only where it is on
+        return f"({call} if {self.is_on(at)} else {value})" if also else call
 
     # --- source ------------------------------------------------------------------------------
 
@@ -116,9 +124,9 @@ class Hooks:
             chains += self._chain(at, name)
         activate = ["", "", "@njit", "def activate(P, S):"]
         for at, place in self.flags.items():
-            tests = sorted({self._guard(use.effect, use.spot) for use in self._uses[at]})
+            tests = sorted({self._guard(effect, spot) for effect, spot in self._acting(at)})
             activate.append(
-                f"    S[{place}] = 1.0 if {' or '.join(f'({t})' for t in tests)} else 0.0"
+                f"    S[{place}] = 1.0 if {' or '.join(f'({t})' for t in tests) or '0.0'} else 0.0"
             )
         every = [self._strong(effect) for effect in self._order]
         activate.append(f"    S[2] = 1.0 if {' or '.join(every)} else 0.0")
@@ -131,6 +139,17 @@ class Hooks:
         for alias, group in self._groups.items():
             imports.append(f"from {group.__module__} import {group.__name__} as {alias}")
         return [*imports, *activate, *chains]
+
+    def _acting(self, at: str) -> list[tuple[BoundEffect, Spot]]:
+        """Return what may act at a place, or in a group of places."""
+        if at == STATES:
+            return [(e, spot) for e in self._order if e.action.advance for spot in e.spots]
+        places = filter(_CONDUCTANCE.match, self._uses) if at == CONDUCTANCES else [at]
+        return [(use.effect, use.spot) for place in places for use in self._uses[place]]
+
+    def is_on(self, at: str) -> str:
+        """Return the test for a place, or a group of places, where any effect is on."""
+        return f"S[{self.flags[at]}] != 0.0"
 
     def advance(self) -> list[str]:
         """Return the lines that move the effects' own states on by a time `h`."""

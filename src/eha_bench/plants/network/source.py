@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from eha_bench.plants.network.element import Effort, Friction, Side, Signal
-from eha_bench.plants.network.hooks import Hooks
+from eha_bench.plants.network.hooks import CONDUCTANCES, STATES, Hooks
 from eha_bench.plants.network.roles import variables_of
 from eha_bench.plants.network.system import BYPASS, Column, Coordinate, Part, System, Volume
 
@@ -562,8 +562,10 @@ class Writer:
         if not self.switching:
             return []
         met, tests = self._switches()
+        own = any(may for terms in self.links.values() for _, may in terms)
+        on = "" if own else f" and {self.hooks.is_on(CONDUCTANCES)}"
         return [
-            "if h > FINE and not switched:",
+            f"if h > FINE and not switched{on}:",
             *(f"    {line}" for line in met),
             f"    switched = {' or '.join(tests)}",
         ]
@@ -963,6 +965,15 @@ class Writer:
         lines += [f"    {line}" for line in self._within()]
         return lines
 
+    def _effects_move(self, now: str) -> list[str]:
+        """Lines that move the effects' own states on by half a substep."""
+        if self.hooks.is_empty:
+            return []
+        return [
+            f"if {self.hooks.is_on(STATES)}:",
+            f"    advance_effects(0.5 * h, {now}, X, P, S, Y)",
+        ]
+
     def _within(self) -> list[str]:
         """Lines of one substep."""
         system = self.system
@@ -996,7 +1007,7 @@ class Writer:
             if not looped:
                 value = f"{value} if given[{number}] else 0.0"
             lines += self._asked_lines(number, column, value)
-        lines.append("advance_effects(0.5 * h, now, X, P, S, Y)")
+        lines += self._effects_move("now")
         imposable = {signal: column for column, signal in self._imposable()}
         for number, column in self._commands:
             value = self._acting(number, column)
@@ -1016,7 +1027,7 @@ class Writer:
                 "    share = (n + 1.0) / count",
                 f"    Y[{j}] = imposed[k, {j}] + share * (imposed[k + 1, {j}] - imposed[k, {j}])",
             ]
-        lines.append("advance_effects(0.5 * h, now + 0.5 * h, X, P, S, Y)")
+        lines += self._effects_move("now + 0.5 * h")
         for number, column in self._commands:
             lines.append(f"S[{column.signal}] = {self._acting(number, column)}")
         lines.append("advance_signals(0.5 * h, now + 0.5 * h, X, P, S, Y)")
