@@ -816,7 +816,11 @@ class Writer:
                 "P = pointer(parameters)", "S = pointer(memory)", "X = pointer(shown)",
                 *self._activate(), f"S[{system.signals[BYPASS]}] = 1.0 if bypass_open else 0.0",
                 "t = times[first]"]  # fmt: skip
-        body += [f"asked{number} = 0.0" for number, _ in self._commands]
+        for number, column in self._commands:
+            body.append(f"asked{number} = 0.0")
+            assert column.part is not None
+            if self.hooks.uses(f"command:{column.part.name}"):
+                body.append(f"commands{number} = inputs[:, {number}]")
         body += ["if fresh:", *(f"    {line}" for line in self._fresh())]
         body.append("for k in range(first, last + 1):")
         body += [f"    {line}" for line in self._tick()]
@@ -997,7 +1001,7 @@ class Writer:
                     "now": "now",
                     "h": "h",
                     "times": "times",
-                    "inputs": f"inputs[:, {number}]",
+                    "inputs": f"commands{number}",
                 },
             )
             looped = any(
