@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import eha_bench as eb
+from eha_bench.bench.store import set_aside
 from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Compared, Comparison
 from eha_bench.comparison.sequential import shares
@@ -243,6 +244,21 @@ def test_results_by_older_versions_and_odd_ones_are_read(tmp_path: Path) -> None
     old.write_text(json.dumps(content), encoding="utf-8")
     found = eb.compare(old, old, tmp_path / "out")
     assert {item.metric for item in found.items} == {"made_up", "empty"}
+
+
+def test_a_run_that_was_set_aside_is_no_repeat_of_the_one_in_its_place(tmp_path: Path) -> None:
+    night = folder(tmp_path / "night", result([1.0, 1.1]))
+    old = set_aside(night)
+    # as long as nothing has taken its place it is the only result there is
+    assert [at for _, at in load_side(tmp_path).results] == [old]
+    folder(night, result([2.0, 2.1, 2.2]))
+    folder(tmp_path / "2026-11-22_18-00-00", result([2.3]))
+    side = load_side(tmp_path)
+    assert len(side.runs["step"]) == 4
+    assert side.left_out == (old,)
+    assert any(old.name in caveat for caveat in compare_sides(side, side).caveats)
+    # named by itself it is what is meant
+    assert len(load_side(old).runs["step"]) == 2
 
 
 def test_there_must_be_a_result(tmp_path: Path) -> None:

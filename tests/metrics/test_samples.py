@@ -178,6 +178,12 @@ def test_clipping_is_said(kit, noisy_step):
     assert "clipped" not in kit.measure("overshoot", recording, trial).reason
 
 
+def test_a_channel_that_rests_before_it_moves_is_not_clipped(kit):
+    recording, trial = kit.step(STIFF, hold=0.6, initial=0.0, size=5e6)
+    assert np.count_nonzero(recording[kit.channel] == 0.0) > 5
+    assert "clipped" not in kit.measure("overshoot", recording, trial).reason
+
+
 def test_a_value_that_no_sensor_reads_is_said(kit, noisy_step):
     recording, trial = noisy_step
     wrong = recording.with_values({kit.channel: recording[kit.channel] * 1e6})

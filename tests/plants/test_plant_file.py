@@ -113,6 +113,14 @@ MISTAKES = {
     "name of a channel that is none": (
         "motor_speed: shaft", "motor speed: shaft", 17, "channels.motor speed", "is no name",
     ),
+    "key that there is not": (
+        "channels: {", "chanels: {}\nchannels: {", 17, "chanels", "did you mean 'channels'",
+    ),
+    "gear of no ratio": (
+        "elements:\n", "  wheel: {kind: rotation, inertia: 1e-3 kg*m^2}\nelements:\n"
+        "  up: {kind: gear, from: wheel, to: shaft, ratio: 0}\n",
+        10, "elements.up.ratio", "ratio cannot be 0",
+    ),
     "nodes that follow one another in a loop": (
         "elements:\n", "  one: {kind: rotation}\n  two: {kind: rotation}\nelements:\n"
         "  up:   {kind: gear, from: one, to: two, ratio: 2}\n"

@@ -17,12 +17,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
+from eha_bench.core.aside import STAMP, name_aside
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.output_folder import writable
 
 LATEST: Final = "latest"
 REPORTS: Final = Path("reports")
-_STAMP: Final = "%Y-%m-%d_%H-%M-%S"
 _LOG = logging.getLogger("eha_bench")
 
 
@@ -57,7 +57,7 @@ class Shelf:
         writable(self.path)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            folder = _made(self.path, datetime.now().strftime(_STAMP))
+            folder = _made(self.path, datetime.now().strftime(STAMP))
         except OSError as error:
             raise InputError(
                 f"cannot be made ({error.strerror})",
@@ -95,7 +95,6 @@ def set_aside(folder: Path) -> Path:
     hint = "name another folder with --out"
     if folder.is_symlink():
         raise InputError("is a link to the folder of an earlier run", where=where, hint=hint)
-    stamp = datetime.fromtimestamp(folder.stat().st_mtime).strftime(_STAMP)
     own = folder.resolve()
     if own == Path.cwd() or own in Path.cwd().parents:
         raise InputError(
@@ -103,13 +102,7 @@ def set_aside(folder: Path) -> Path:
             where=where,
             hint=hint,
         )
-    number = 1
-    while True:
-        suffix = stamp if number == 1 else f"{stamp}-{number}"
-        aside = folder.with_name(f"{folder.name}-{suffix}")
-        if not aside.exists():
-            break
-        number += 1
+    aside = name_aside(folder)
     try:
         folder.rename(aside)
     except OSError as error:

@@ -41,6 +41,9 @@ def _caveats(baseline: Side, candidate: Side) -> Iterator[str]:
             "compared."
         )
     for name, side in sides.items():
+        if side.left_out:
+            folders = ", ".join(f"'{folder.name}'" for folder in side.left_out)
+            yield f"The {name} is without {folders}: set aside for a later run of that name."
         if len(side.provenance("suite_sha256")) > 1:
             yield f"The {name}'s results come from several versions of the suite."
         for key, word in (("model_sha256", "models"), ("controller_sha256", "controllers")):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+from eha_bench.core.aside import taker
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.recordings import read
@@ -42,10 +43,12 @@ class Side:
     Attributes:
         name: as it was given.
         results: at least one, each with the folder it lies in.
+        left_out: folders of results that were set aside when a later run took their name.
     """
 
     name: str
     results: tuple[tuple[Result, Path], ...]
+    left_out: tuple[Path, ...] = ()
     _definitions: dict[str, frozenset[str]] = field(default_factory=dict, compare=False)
 
     @cached_property
@@ -99,7 +102,8 @@ def _recorded_definition(runs: tuple[Run, ...]) -> Iterator[str]:
 def load_side(path: str | Path) -> Side:
     """Read one side: a result folder, a result.json (a baseline), or a folder of several results.
 
-    Several results are repeats of each other.
+    Several results are repeats of each other; one that was set aside for a later run into the same
+    folder is left out where that run has a result.
 
     Raises:
         InputError: there is no result, or one of them cannot be read.
@@ -117,7 +121,19 @@ def load_side(path: str | Path) -> Side:
             where=Place(file=str(path)),
             hint="give a result folder, or a folder of several",
         )
-    found = [(Result.read(file), file.parent) for file in files]
+    aside = () if own.is_file() else tuple(file for file in files if _is_set_aside(file, path))
+    found = [(Result.read(file), file.parent) for file in files if file not in aside]
     # in the order of their runs: neighbours may be alike
     found.sort(key=lambda entry: entry[0].provenance.get("started", ""))
-    return Side(str(path), tuple(found))
+    return Side(str(path), tuple(found), tuple(file.parent for file in aside))
+
+
+def _is_set_aside(file: Path, below: Path) -> bool:
+    """Whether a result's folder, or one above it, was set aside for a run that has a result."""
+    for folder in file.parents:
+        if folder == below:
+            return False
+        later = taker(folder)
+        if later is not None and any(later.rglob(RESULT_NAME)):
+            return True
+    return False

@@ -84,13 +84,15 @@ class Samples:
         same = np.diff(values) == 0.0
         for extreme in (float(values.max()), float(values.min())):
             at = values == extreme
-            longest = max((stop - start for start, stop in runs(at)), default=0)
+            # at the start a channel rests: no sensor's end shows before it has moved there
+            reached = [(start, stop) for start, stop in runs(at) if start > 0]
+            longest = max((stop - start for start, stop in reached), default=0)
             elsewhere = ~(at[1:] & at[:-1])
             if longest < _CLIPPED or np.count_nonzero(elsewhere) < _CLIPPED:
                 continue
             if float(np.mean(same[elsewhere])) <= _ELSEWHERE:
-                first = float(line.time[window][int(np.argmax(at))]) + line.offset
-                count = int(np.count_nonzero(at))
+                first = float(line.time[window][reached[0][0]]) + line.offset
+                count = sum(stop - start for start, stop in reached)
                 return (
                     f"clipped: {count} samples at exactly {extreme:.4g} {self.unit}, "
                     f"the first at {first:.6g} s"

@@ -383,11 +383,8 @@ def checked_value(
         value = units.parse(raw, parameter.unit)
     except UnitError as error:
         raise InputError(error.what, where=where, hint=error.hint) from error
-    if not parameter.low <= value <= parameter.high:
-        raise InputError(
-            f"{value:g} {parameter.unit} is outside {parameter.low:g} ... {parameter.high:g}",
-            where=where,
-        )
+    if refusal := parameter.refusal(value, parameter.unit):
+        raise InputError(refusal, where=where)
     return value
 
 

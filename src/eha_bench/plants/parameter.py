@@ -24,6 +24,7 @@ class Parameter:
             reference pressure, a regularisation width).
         when: the choice and the words of it with which the parameter matters; nothing: always.
         role: of an effect's parameter, the only role in which it is there; "": in all.
+        nonzero: whether 0 is no value of it though it lies within the bounds (a gear's ratio).
     """
 
     name: str
@@ -39,6 +40,7 @@ class Parameter:
     searched: bool = True
     when: tuple[str, tuple[str, ...]] = ("", ())
     role: str = ""
+    nonzero: bool = False
 
     def __post_init__(self) -> None:
         """Refuse a default outside its bounds: a typing error in a plug-in."""
@@ -46,6 +48,14 @@ class Parameter:
             raise ValueError(f"parameter {self.name}: {self.default} outside its bounds")
         if self.choices and not 0 <= self.default < len(self.choices):
             raise ValueError(f"parameter {self.name}: {self.default} is the place of no choice")
+
+    def refusal(self, value: float, unit: str) -> str:
+        """Return why a value (in `unit`) cannot be, or "" where it can."""
+        if self.nonzero and value == 0.0:
+            return f"{self.name} cannot be 0"
+        if self.low <= value <= self.high:
+            return ""
+        return f"{value:g} {unit} is outside {self.low:g} ... {self.high:g}"
 
     def encode(self, value: float | str) -> float:
         """Return the number that stands for a value in the parameter vector.

@@ -8,7 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from eha_bench.core.errors import Place
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.near_miss import suggest
 from eha_bench.core.shipped import names, shipped
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.network.plant_file import NETWORK_KEYS, Locate, parse_network
@@ -35,6 +36,22 @@ def plant_of(content: Mapping[str, Any], locate: Locate | None = None) -> Networ
 
 
 _KEPT: dict[str, NetworkPlant] = {}
+
+
+def refuse_unknown_keys(content: Mapping[str, Any], locate: Locate) -> None:
+    """Refuse what neither a plant nor a model that stands on it has.
+
+    Raises:
+        InputError: a key that there is not.
+    """
+    from eha_bench.plants.model_file import ModelFile
+
+    known = [key for key in ModelFile.model_fields if key != "model"]
+    for key in content:
+        if key not in known:
+            raise InputError(
+                f"unknown key '{key}'", where=locate(key), hint=suggest(str(key), known)
+            )
 
 
 def _nowhere(*keys: int | str) -> Place:
@@ -71,4 +88,6 @@ def load_plant(path: Path) -> NetworkPlant:
         line = yaml_file.line_of(content, keys)
         return Place(file=str(path), line=line, key=".".join(str(key) for key in keys))
 
+    if isinstance(content, Mapping):
+        refuse_unknown_keys(content, locate)
     return plant_of(content, locate)

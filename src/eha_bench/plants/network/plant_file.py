@@ -394,10 +394,8 @@ def unit_of(unit: str, tokens: Mapping[str, str]) -> str:
 
 def _quantity(parameter: Parameter, unit: str, raw: Any, where: Place) -> float:
     value = _number(raw, unit, where)
-    if not parameter.low <= value <= parameter.high:
-        raise InputError(
-            f"{value:g} {unit} is outside {parameter.low:g} ... {parameter.high:g}", where=where
-        )
+    if refusal := parameter.refusal(value, unit):
+        raise InputError(refusal, where=where)
     return value
 
 
