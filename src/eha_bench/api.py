@@ -27,13 +27,18 @@ from eha_bench.diagnosis.run import diagnose as close_the_loop
 from eha_bench.experiment.files import suite_path, write_proposal
 from eha_bench.experiment.proposal import Proposal
 from eha_bench.experiment.propose import ASKED, WITHIN, propose
+from eha_bench.posterior.file import read_posterior
 from eha_bench.recordings import read
 from eha_bench.report import append_step_summary, markdown_summary, write_junit, write_report
 from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.report.experiment_report import write_experiment_report
+from eha_bench.report.page import Fact
+from eha_bench.report.probability_page import write_probability_page
 from eha_bench.report.sweep_page import POINTS, write_sweep_page
 from eha_bench.suites import Suite, load_suite
 from eha_bench.sweeps.case import case_of
+from eha_bench.sweeps.probability import Probability, judged_only
+from eha_bench.sweeps.probability import probability as passing
 from eha_bench.sweeps.sweep import Sweep, prepared, run_sweep
 from eha_bench.sweeps.sweep_file import load_sweep
 from eha_bench.targets.crash import crashes_as_faults
@@ -145,6 +150,51 @@ def sweep(
     words += ["--target", str(target)] if target else []
     write_sweep_page(found, (*words, "--out", str(found.folder)))
     return found
+
+
+def probability(
+    suite: Given,
+    posterior: str | Path,
+    target: Given | None = None,
+    out: str | Path | None = None,
+    *,
+    draws: int = 200,
+    seed: int = 0,
+    workers: str | int | None = None,
+    progress: Progress = silent,
+) -> Probability:
+    """Return how likely a suite passes over what recordings left unknown of the machine.
+
+    Args:
+        suite, target: as for `run`; the target is a simulator with the model that was fitted.
+        posterior: diagnosis.json or calibration.json, or the folder of one.
+        out: folder that gets probability.json and probability.html; nothing is written if None.
+        draws: machines that are drawn. seed: of the draws.
+        workers: number of processes, dask://host:port or ray://host:port.
+        progress: told after every draw.
+
+    Raises:
+        EhaBenchError: bad input, or the posterior of another model.
+    """
+    loaded = load_suite(suite)
+    case = case_of(loaded, target_for(loaded, target))
+    known = read_posterior(Path(posterior), case.simulator.model)
+    found = passing(case, known, draws, seed=seed, workers=workers_from(workers), progress=progress)
+    if out is not None:
+        folder = writable(Path(out))
+        folder.mkdir(parents=True, exist_ok=True)
+        found.write(folder)
+        facts = (Fact("Posterior", str(posterior)), Fact("Draws", str(draws)))
+        identity = case.simulator.identity.name
+        write_probability_page(found, folder, loaded.name, identity, facts)
+    return found
+
+
+def check_posterior(suite: Given, posterior: str | Path, target: Given | None = None) -> None:
+    """Raise an InputError where P(pass) of a suite on a target cannot be told by a posterior."""
+    loaded = load_suite(suite)
+    case = judged_only(case_of(loaded, target_for(loaded, target)))
+    read_posterior(Path(posterior), case.simulator.model)
 
 
 def run_point(

@@ -14,6 +14,7 @@ from eha_bench.cli.reading_limits import MaxMemory, MaxTime, reading_limits
 
 if TYPE_CHECKING:
     from eha_bench.core.result import Result
+    from eha_bench.sweeps.probability import Probability
 
 Suite = Annotated[
     str,
@@ -42,7 +43,17 @@ Verbose = Annotated[
 ]
 
 
-def run(
+Posterior = Annotated[
+    Path | None,
+    typer.Option(
+        "--posterior",
+        help="diagnosis.json or calibration.json of the model: P(pass) over what is not known.",
+    ),
+]
+Draws = Annotated[int, typer.Option("--draws", min=1, help="Machines drawn from the posterior.")]
+
+
+def run(  # noqa: PLR0913, PLR0917 - the options of a command
     suite: Suite,
     target: Annotated[
         str | None,
@@ -66,6 +77,17 @@ def run(
         str, typer.Option("--time-limit", help="Stop safely after this time, e.g. '2 h'.")
     ] = "",
     workers: Workers = "",
+    posterior: Posterior = None,
+    draws: Draws = 200,
+    least: Annotated[
+        float | None,
+        typer.Option(
+            "--p-pass",
+            min=0.0,
+            max=1.0,
+            help="Leave with 1 unless the whole 95 % interval of P(pass) is at least this.",
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show what would be sent, and send nothing.")
     ] = False,
@@ -78,6 +100,12 @@ def run(
     from eha_bench.core.units import positive
 
     limit = positive("--time-limit", time_limit, "s") if time_limit else float("inf")
+    if posterior is None and least is not None:
+        from eha_bench.core.errors import InputError
+
+        raise InputError("--p-pass needs a --posterior", hint="give a diagnosis.json")
+    if posterior is not None:
+        _check_posterior(suite, target, posterior)
     if dry_run:
         _show(preview(suite, target), json=json)
         return
@@ -90,7 +118,44 @@ def run(
     words = ["eha-bench", "run", str(suite)]
     words += ["--target", target] if target else []
     words += ["--out", str(result.folder), "--resume"]
+    chance = None
+    if posterior is not None and result.status.value in ("passed", "failed"):
+        from eha_bench.api import probability
+
+        with TerminalProgress() as progress:
+            chance = probability(
+                suite, posterior, target, result.folder,
+                draws=draws, workers=workers, progress=progress,
+            )  # fmt: skip
+        say_probability(chance)
     finish(result, json=json, verbose=verbose, resume=shlex.join(words))
+    if chance is not None and least is not None and chance.suite.low < least:
+        say(f"P(pass) is not shown to be {least:g} or more: {chance.suite}")
+        raise typer.Exit(1)
+
+
+def _check_posterior(suite: str, target: str | None, posterior: Path) -> None:
+    """Raise an InputError before anything is run where the posterior is of another model."""
+    from eha_bench.api import check_posterior
+
+    check_posterior(suite, posterior, target)
+
+
+def say_probability(found: Probability) -> None:
+    """Print P(pass) of the suite and of the limits that are not sure."""
+    say(f"P(pass) {found.suite}, {found.suite.kept} of {found.suite.draws} draws")
+    chances = [(found.of(place), limit) for place, limit in enumerate(found.limits)]
+    for chance, limit in sorted(chances, key=lambda item: item[0].value):
+        if chance.kept < chance.draws:
+            say(f"  {limit.key} ({limit.text}): {chance}")
+    for item in found.unknowns[:3]:
+        if item.lower.value != item.upper.value:
+            say(
+                f"  {item.key}: P(pass) {item.lower.value:.2f} in its lowest third, "
+                f"{item.upper.value:.2f} in its highest"
+            )
+    for note in found.notes:
+        say(f"note: {note}")
 
 
 def score(

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eha_bench.bench.scoring import judge, judge_together
 from eha_bench.core.errors import EhaBenchError, InputError
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.limit import AcceptanceLimit, Repeats
+from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Score
 from eha_bench.core.trial import Trial
@@ -21,6 +23,8 @@ from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.space import Point, Space
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.target import Ending
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -128,11 +132,44 @@ class Evaluation:
         return evaluated(case)
 
 
-def evaluated(case: Case, first: int = 0) -> PointResult:
+MOST_SAMPLES: Final = 400
+"""Samples of a curve that is kept."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What a trial's controlled channel did, thinned.
+
+    Attributes:
+        unit: SI unit. time: (n,) s. reference, values: (n,).
+    """
+
+    unit: str
+    time: FloatArray
+    reference: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A case's figures, and curves by trial where they were asked for."""
+
+    result: PointResult
+    curves: Mapping[str, Curve] = field(default_factory=dict)
+
+    @staticmethod
+    def of(case: Case, draw: int = 0, *, curves: bool = False) -> Evaluated:
+        """Run and judge a case; `draw` chooses the noise of the sensors."""
+        kept: dict[str, Curve] = {}
+        return Evaluated(evaluated(case, draw, kept if curves else None), kept)
+
+
+def evaluated(case: Case, draw: int = 0, curves: dict[str, Curve] | None = None) -> PointResult:
     """Return the figures of a case.
 
     Args:
-        case: what is run. first: number of the first repeat, which seeds the sensors' noise.
+        case: what is run. draw: chooses the noise of the sensors: that of a run for 0.
+        curves: gets what the controlled channel did in each trial's first repeat.
     """
     margins: list[float] = []
     results: list[TrialResult] = []
@@ -140,7 +177,8 @@ def evaluated(case: Case, first: int = 0) -> PointResult:
     units: dict[str, str] = {}
     reasons: list[str] = []
     for trial in case.suite.trials:
-        runs = [_run(case, trial, first + number) for number in range(trial.repeats)]
+        first = draw * trial.repeats
+        runs = [_run(case, trial, first + number, curves) for number in range(trial.repeats)]
         runs = judge_together(runs, trial.limits)
         results += runs
         margins += trial_margins(trial, runs)
@@ -157,7 +195,7 @@ def evaluated(case: Case, first: int = 0) -> PointResult:
     )
 
 
-def _run(case: Case, trial: Trial, repeat: int) -> TrialResult:
+def _run(case: Case, trial: Trial, repeat: int, curves: dict[str, Curve] | None) -> TrialResult:
     try:
         with crashes_as_faults():
             case.simulator.check(trial)
@@ -167,8 +205,20 @@ def _run(case: Case, trial: Trial, repeat: int) -> TrialResult:
     if outcome.ending is not Ending.COMPLETE:
         reason = f"{outcome.ending.value}: {outcome.reason}"
         return TrialResult(trial.id, repeat, Status.FAULT, "", "", reason=reason)
-    judged = judge(outcome.recording, trial, repeat)
-    return replace(judged, recording="")
+    if curves is not None and trial.id not in curves and trial.channel in outcome.recording:
+        curves[trial.id] = _curve(outcome.recording, trial)
+    return judge(outcome.recording, trial, repeat)
+
+
+def _curve(recording: Recording, trial: Trial) -> Curve:
+    start = float(recording.metadata.get("signal_start", "0"))
+    thin = slice(None, None, max(1, -(-len(recording) // MOST_SAMPLES)))
+    return Curve(
+        recording.unit(trial.channel),
+        recording.time[thin] - start,
+        recording["reference"][thin],
+        recording[trial.channel][thin],
+    )
 
 
 def _by_key(trial: Trial, runs: Sequence[TrialResult]) -> dict[str, list[Score]]:

@@ -1,0 +1,1 @@
+"""What recordings left unknown of a machine, and draws of it."""
