@@ -50,7 +50,7 @@ def test_every_wrong_file_is_named(cli: Cli, tmp_path: Path) -> None:
 
 
 def test_an_unknown_kind_is_bad_input(cli: Cli) -> None:
-    assert "suite" in cli("schema", "sweet", check=2).stderr
+    assert "suite" in cli("schema", "suit", check=2).stderr
 
 
 def test_a_dataset_is_only_as_valid_as_its_channels(cli: Cli, tmp_path: Path) -> None:
