@@ -22,12 +22,20 @@ LOCKED: Mapping[str, tuple[float, float]] = {
 NOISE = {"motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
 
 
+PAPER = ("viscous_torque", "coulomb_torque")
+
+
 def rival(
-    effect: str | None, values: Mapping[str, float] | None = None, *, share: float = 0.01
+    effect: str | None,
+    values: Mapping[str, float] | None = None,
+    *,
+    share: float = 0.01,
+    source: str | dict[str, str] = "paper",
+    known: Sequence[str] = PAPER,
 ) -> Rival:
-    """Return the paper's model with an effect; parameters known to a share of their size."""
-    model: Model = load_model("paper")
-    keys = ["viscous_torque", "coulomb_torque"]
+    """Return a model (the paper's) with an effect; parameters known to a share of their size."""
+    model: Model = load_model(source)
+    keys = list(known)
     sizes = [model.value(key) for key in keys]
     if effect is not None:
         model = model.with_effect(DeclaredEffect(effect, dict(values or {})))
@@ -47,16 +55,18 @@ def write_question(
     noise: Mapping[str, float] = NOISE,
     extremes: Mapping[str, tuple[float, float]] = LOCKED,
     unexplained: Mapping[str, float] | None = None,
+    command: str = "current_command",
+    piston: str = "locked",
 ) -> Path:
     """Write diagnosis.json and its rivals' models; return the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     covered = Covered(
         1000.0,
         8.0,
-        {"current_command": (*extremes["current_command"], 0.0)},
+        {command: (*extremes[command], 0.0)},
         noise,
         unexplained or {},
-        (CoveredSetup("locked", "closed", extremes),),
+        (CoveredSetup(piston, "closed", extremes),),
     )
     contents = []
     for number, item in enumerate(rivals):
@@ -65,6 +75,6 @@ def write_question(
         standing = Standing.EQUIVALENT if number else Standing.FOUND
         contents.append({**item.to_dict(), "standing": standing.value})
     found = {"verdict": "effect", "rivals": contents, "covered": covered.to_dict()}
-    load_model("paper").write(folder / "recalibrated.yaml")
+    rivals[0].model.write(folder / "recalibrated.yaml")
     (folder / "diagnosis.json").write_text(json.dumps(found))
     return folder

@@ -106,6 +106,26 @@ def test_the_same_seed_proposes_the_same(proposed: Path, tmp_path: Path):
     assert again.odds is not None
 
 
+def test_a_plant_of_channels_that_nobody_knows_gets_an_experiment_too(tmp_path: Path):
+    servo = {"model": "geared_servo"}
+    known = ("gear_friction.viscous", "gear_friction.coulomb")
+    rivals = [
+        rival("command_delay", {"delay": 0.02}, source=servo, known=known),
+        rival("current_lag", {"time_constant": 0.02}, source=servo, known=known),
+    ]
+    extremes = {"duty": (-0.3, 0.3), "angle": (-3.0, 3.0), "velocity": (-9.0, 9.0)}
+    folder = write_question(
+        tmp_path, rivals, noise={"angle": 6e-4, "velocity": 8e-3}, extremes=extremes,
+        command="duty", piston="free",
+    )  # fmt: skip
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=2.0)
+    assert found.ending is Ending.PROPOSED
+    (trial, *_) = load_suite(tmp_path / "next.yaml").trials
+    assert {limit.channel for limit in trial.safety} == {"angle", "velocity"}
+    rig = Simulator(rivals[1].model, load_controllers(shipped("controllers/paper.yaml")))
+    assert rig.run(trial, 0).ending == "complete"
+
+
 # --- what is permitted ------------------------------------------------------------------------
 
 

@@ -24,18 +24,24 @@ def words_of(candidate: Candidate, plan: Plan) -> str:
     """Say what a trial does."""
     signal = candidate.signal(plan.command[candidate.setup], plan.unit)
     told = {
-        "steps": "steps of {hold}",
+        "steps": "steps of up to {most}, each held for {hold}",
         "ramp": "a ramp to {final} over {over}",
         "sine": "a sine of {amplitude} at {frequency}",
         "chirp": "a chirp of {amplitude} from {f_start} to {f_stop}",
         "multisine": "a multisine of {amplitude} from {f_min} to {f_max}",
         "prbs": "a random binary sequence between {low} and {high}, {bit} a bit",
-    }[signal["kind"]].format(**signal)
+    }[signal["kind"]].format(**signal, most=_most(signal.get("levels", ())))
     piston, bypass = candidate.setup
     setup = "piston locked" if piston is Piston.LOCKED else "free to move"
     if bypass is Bypass.OPEN:
         setup += ", bypass open"
     return f"{told}, {setup}, {candidate.seconds:.3g} s"
+
+
+def _most(levels: Sequence[object]) -> str:
+    """Return the size of the largest of a pattern's levels, as a suite writes it."""
+    words = [str(level).lstrip("-") for level in levels]
+    return max(words, key=lambda word: float(word.split()[0]), default="")
 
 
 def sentence_of(proposal: Proposal) -> str:
@@ -97,7 +103,8 @@ def planned(
     else:
         reached = np.zeros(len(ticks))
     time = clock[::every] - clock[0]
-    parts = np.interp(time, [clock[min(t, clock.size) - 1] - clock[0] for t in ticks], reached)
+    ends = [0.0, *(clock[min(t, clock.size) - 1] - clock[0] for t in ticks)]
+    parts = np.interp(time, ends, [0.0, *reached])
     piston, bypass = candidate.setup
     return PlannedTrial(
         name,

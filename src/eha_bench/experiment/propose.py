@@ -16,10 +16,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import checkpoint
 from eha_bench.diagnosis.outcome.rival import Standing
@@ -29,6 +31,7 @@ from eha_bench.experiment.decision import (
     NAMED,
     Layout,
     Odds,
+    distances,
     inner_products,
     layout_of,
     odds,
@@ -62,6 +65,12 @@ MOST_RIVALS = 5
 _LONGEST = 4.0
 """Length at which experiments are compared, s; longer ones are made of several."""
 _SIZES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
+_GENTLER = (0.6, 0.6, 0.6, 0.6)
+"""Shares by which the experiment is made smaller, one after the other, while it still decides."""
+_PLENTY = 120.0
+"""Distance that it keeps then: four times what suffices, as no rival is quite the machine."""
+_LOST = 0.02
+"""Probability that may be lost by it."""
 _BEST = 5
 _VARIATIONS = 5
 _TOGETHER = 3
@@ -333,7 +342,29 @@ class _Search:
             if sensor is not None:
                 why += f"; log {sensor.channel} as well and it would in {sensor.right:.0%}"
             return replace(self._ending(Ending.NONE_PERMITTED, why), odds=expected, sensor=sensor)
+        if len(chosen) == 1:
+            chosen = [self._gentlest(chosen[0], layout, expected)]
         return self._proposed(chosen)
+
+    def _gentlest(self, chosen: Candidate, layout: Layout, expected: Odds) -> Candidate:
+        """Return an experiment at the smallest size that decides as surely.
+
+        Rivals were fitted to what has been recorded; the further beyond, the less they are worth.
+        """
+        for share in _GENTLER:
+            self.progress("gentler", 0.0)
+            item = chosen.sized(share * chosen.size)
+            responses = self._respond(item, layout)
+            if not responses.safe:
+                break
+            grams = self._products(responses, layout, self._ticks(item), 50)
+            found = odds(self.rivals, layout, grams, self._before)[-1]
+            plenty = float(distances(layout, grams[-1]).min()) >= _PLENTY
+            least = max(self.probability, expected.right - _LOST)
+            if not (plenty and found.right >= least and found.wrong <= MOST_WRONG):
+                break
+            chosen = item
+        return chosen
 
     def _drawn(self, candidate: Candidate, layout: Layout, number: int) -> _Tried | None:
         """Simulate with draws of the posteriors, smaller where one of them breaks a limit."""
@@ -432,7 +463,9 @@ class _Search:
         return replace(proposal, sentence=sentence_of(proposal))
 
     def _notes(self) -> list[str]:
-        notes = [f"{self.tried} experiments were simulated, {self.refused} of them keep no limit"]
+        notes = [
+            f"{self.tried} experiments were simulated; {self.refused} break a limit at any size"
+        ]
         if len(self.question.rivals) > len(self.rivals):
             left = [item.id for item in self.question.rivals[len(self.rivals) :]]
             notes.append(f"{', '.join(left)} may fit as well and are not planned for")
@@ -490,20 +523,21 @@ class _Search:
 
     # --- words ---------------------------------------------------------------------------------
 
-    def _safety(self, setup: SetUp) -> dict[str, str]:
+    def _safety(self, setup: SetUp) -> dict[str, Any]:
         """Return limits as a suite writes them: of what the rig measures.
 
         Where only recordings say how far a channel may go, its noise has to be known: one reading
         beyond them ends a run.
         """
         measured = {*self.plant.outputs, *self.plant.derived_channels, "pressure_difference"}
-        found = {}
+        found: dict[str, Any] = {}
         for name, limit in self.permitted.limits[setup].items():
             told = limit.reason not in (PLANT, RECORDINGS) or (
                 limit.reason == RECORDINGS and self.question.covered.noise.get(name, 0.0) > 0.0
             )
             if name in measured and told and (text := _limit_text(limit)):
-                found[name] = text
+                unit = {"unit": self.plant.units.get(name, "")}
+                found[name] = text if name in CHANNELS else {"limit": text, **unit}
         return found
 
     def _ending(self, ending: Ending, sentence: str) -> Proposal:
