@@ -47,3 +47,26 @@ def test_what_no_effect_explains_is_localised(shared_data: Path, tmp_path: Path)
     assert written["unknown"]["equation"] == "actuation"
     assert written["unknown"]["variables"] == ["time"]
     assert written["unknown"]["period"] == pytest.approx(1 / 1.3, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("case", "effects"), [("M", []), ("N", ["entrained_air"])])
+def test_a_plain_log_is_read_as_it_is(
+    shared_data: Path, tmp_path: Path, case: str, effects: list[str]
+):
+    found = diagnose(shared_data / "rig_samples" / case / "dataset.yaml", tmp_path)
+    assert [item.id for item in found.effects] == effects
+    assert found.verdict.value == ("effect" if effects else "none")
+    for name, error in found.holdout.items():
+        # a command that was lost as it jumped is seen in the drive's current alone
+        assert error.after <= (2.0 if name == "current" else 1.1) * error.noise_floor, name
+    written = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert {*written["lateness"]} == {"pressure_a", "pressure_b"}
+    for late in written["lateness"].values():
+        assert late["low"] < 0.25e-3 < late["high"]
+        assert late["high"] - late["low"] < 0.05e-3
+    for size in written["effects"][0]["parameters"].values() if effects else ():
+        assert size["low"] <= 0.01 <= size["high"]
+    notes = " ".join(written["notes"])
+    assert "messages lost" in notes
+    assert "the stamps of 'pressure_a' are" in notes

@@ -55,7 +55,13 @@ from eha_bench.diagnosis.outcome.diagnosis import (
     failed_stage,
     own_to_dict,
 )
-from eha_bench.diagnosis.outcome.findings import assemble, own_estimates, units_of
+from eha_bench.diagnosis.outcome.findings import (
+    assemble,
+    lateness_estimates,
+    lateness_note,
+    own_estimates,
+    units_of,
+)
 from eha_bench.diagnosis.outcome.honest import curve_is_worse, pruned, worse
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rivals import other_rivals
@@ -83,6 +89,7 @@ class Calibration:
         train, holdout, unseen: channel -> errors (before: declared; after: calibrated).
         per_run: run -> parameter that it has of its own -> value; of held-out runs by their first
             part.
+        lateness: clock of a log -> s by which its stamps are late by always the same.
         notes: what the data gate found, and what was estimated beside `calibrate`.
         complete: False where it was interrupted.
         convergence: how the fit ended. weakest: direction of the information matrix, if any.
@@ -99,6 +106,7 @@ class Calibration:
     holdout: Mapping[str, ChannelError] = field(default_factory=dict)
     unseen: Mapping[str, ChannelError] = field(default_factory=dict)
     per_run: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
+    lateness: Mapping[str, Estimate] = field(default_factory=dict)
     convergence: Convergence | None = None
     weakest: tuple[Direction, ...] = ()
     covariance: Covariance | None = None
@@ -119,6 +127,7 @@ class Calibration:
             "covariance": None if self.covariance is None else self.covariance.to_dict(),
             "seconds": finite_or_none(self.seconds),
             "per_run": own_to_dict(self.per_run),
+            "lateness": {name: estimate_to_dict(e) for name, e in self.lateness.items()},
             "error": {
                 "train": errors_to_dict(self.train),
                 "holdout": errors_to_dict(self.holdout),
@@ -216,13 +225,16 @@ def _estimated(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
     values = estimates(end.fit, groups, units_of(model), shift=end.shifts)
     open_ = open_parameters(end.fit) if ended.convergence.has_intervals else values.keys()
     values = {key: item.without_interval if key in open_ else item for key, item in values.items()}
+    late = lateness_estimates(places, values)
+    notes += lateness_note(late)
     return Calibration(
         revised(model, vector, ended.keys),
-        {key: item for key, item in values.items() if key not in places.runs},
+        {key: item for key, item in values.items() if key in places.layout.index},
         undetermined(end.fit),
         {},
         tuple(notes),
         per_run=own_estimates(places, values),
+        lateness=late,
         convergence=ended.convergence,
         weakest=directions(end.fit)[:1],
         covariance=_covariance(end.fit, groups) if ended.convergence.has_intervals else None,
@@ -232,11 +244,12 @@ def _estimated(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
 def _with_errors(found: Calibration, base: Baseline, fit: Fit, progress: Progress) -> Calibration:
     """Return a calibration with its errors on all runs, held-out ones included."""
     declared = base.dataset.model
+    places = base.problem.places
     scores = scores_of(
         base.dataset,
         base,
         (declared, declared, found.model),
-        (base.problem.places.lengthened(declared.vector()), fit.vector),
+        (places.with_lateness(declared.vector(), places.lateness(fit.vector)), fit.vector),
         progress,
     )
     return replace(found, **scores.fields(found.per_run, found.notes))

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from eha_bench.recordings.exporting import export
     from eha_bench.recordings.information import RecordingInformation, TopicInformation, info
     from eha_bench.recordings.live import LiveWriter
-    from eha_bench.recordings.reader import read
+    from eha_bench.recordings.reader import read, read_topics
     from eha_bench.recordings.recovery import RecoveryReport, recover
     from eha_bench.recordings.writer import write
 
@@ -25,6 +25,7 @@ __all__ = [
     "info",
     "load_channel_map",
     "read",
+    "read_topics",
     "recover",
     "write",
     "write_rosbag2_metadata",
@@ -44,6 +45,7 @@ __getattr__ = lazy_names(
         "info": "eha_bench.recordings.information",
         "load_channel_map": "eha_bench.recordings.channel_map",
         "read": "eha_bench.recordings.reader",
+        "read_topics": "eha_bench.recordings.reader",
         "recover": "eha_bench.recordings.recovery",
         "write": "eha_bench.recordings.writer",
         "write_rosbag2_metadata": "eha_bench.recordings.bags.rosbag2_metadata",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.core.sensor import Sensor
 from eha_bench.recordings import sample
-from eha_bench.recordings.align import align
+from eha_bench.recordings.align import Aligned, align
 from eha_bench.recordings.channel_map import ChannelMap, Clock
 from eha_bench.recordings.computed import with_computed
 from eha_bench.recordings.encodings.decoder import READ_ENCODINGS
@@ -41,57 +42,138 @@ def read_mapped(
     Raises:
         RecordingError: as `read`.
     """
+    computed, read = mapping.computed, _read(source, mapping, span)
+    aligned = align(read.mapping, read.tracks, read.keys, source.path)
+    epoch = int(aligned.stamps[0]) if read.zero is None else read.zero
+    exact = None
+    if isinstance(source, TableSource):
+        epoch = _table_epoch(source, epoch, described_itself=described_itself)
+        exact = _exact(source, read.tracks, aligned.stamps, epoch)
+    recording = _recording(source, read, aligned, epoch, exact)
+    if span.bounded:
+        recording = _within(recording, span, source.path)
     where = Place(file=source.path)
+    return with_computed(recording, computed, where) if computed else recording
+
+
+def read_topics(source: Source, mapping: ChannelMap) -> tuple[Recording, ...]:
+    """Return a source's channels at their own stamps: a recording for each topic, zero in common.
+
+    Topics that tick together are one recording, and so is all of a map that computes channels,
+    which takes values of the same instants.
+
+    Raises:
+        RecordingError: as `read`.
+    """
+    whole = Span()
+    if mapping.computed:
+        return (read_mapped(source, mapping, whole),)
+    read = _read(source, mapping, whole)
+    together: list[list[str]] = []
+    for topic, track in read.tracks.items():
+        for group in together:
+            if np.array_equal(track.stamps, read.tracks[group[0]].stamps):
+                group.append(topic)
+                break
+        else:
+            together.append([topic])
+    if len(together) == 1:
+        return (read_mapped(source, mapping, whole),)
+    parts = []
+    for number, group in enumerate(together):
+        keys = {name: key for name, key in read.keys.items() if key[0] in group}
+        channels = {name: read.mapping.channels[name] for name in keys}
+        base = read.mapping.base if read.mapping.base in channels else None
+        own = read.mapping.model_copy(update={"channels": channels, "base": base})
+        tracks = {topic: read.tracks[topic] for topic in group}
+        parts.append(replace(read, mapping=own, keys=keys, tracks=tracks))
+        if number:
+            parts[-1] = replace(parts[-1], notes=[])
+    aligned = [align(part.mapping, part.tracks, part.keys, source.path) for part in parts]
+    epoch = min(int(item.stamps[0]) for item in aligned)
+    return tuple(
+        _recording(source, part, item, epoch) for part, item in zip(parts, aligned, strict=True)
+    )
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What was read of a source, before it meets a clock.
+
+    Attributes:
+        mapping: of what the source holds. tracks: by topic. keys: channel -> (topic, column).
+        zero: stamp of time zero where only a span is read. notes: one sentence each.
+        sensors: how good they are, by channel.
+    """
+
+    mapping: ChannelMap
+    tracks: Mapping[str, Track]
+    keys: Mapping[str, tuple[str, str]]
+    zero: int | None
+    notes: list[str]
+    sensors: Mapping[str, Sensor]
+
+
+def _read(source: Source, mapping: ChannelMap, span: Span) -> _Read:
     strangers = mapping.strangers()
     sensors = {name: mapping.sensor(name) for name in mapping.channels}
-    computed, mapping = mapping.computed, mapping.read
+    mapping = mapping.read
     if isinstance(source, TableSource):
         mapping = source.in_columns(mapping)
     mapping, left_out = _of_kind(source, mapping)
     keys, wanted = _wanted(source, mapping)
     tracks, zero = _tracks(source, mapping, wanted, span)
     _refuse_lost(source, tracks)
-    aligned = align(mapping, tracks, keys, source.path)
-    epoch = int(aligned.stamps[0]) if zero is None else zero
-    exact = None
-    if isinstance(source, TableSource):
-        epoch = _table_epoch(source, epoch, described_itself=described_itself)
-        exact = _exact(source, tracks, aligned.stamps, epoch)
+    notes = [*source.notes, *source.skipped(), *strangers, *left_out]
+    return _Read(mapping, tracks, keys, zero, notes, sensors)
+
+
+def _recording(
+    source: Source,
+    read: _Read,
+    aligned: Aligned,
+    epoch: int,
+    exact: NDArray[np.float64] | None = None,
+) -> Recording:
+    """Return channels on one clock in SI."""
     time = _time(aligned.stamps, epoch) if exact is None else exact
-    notes = [*source.notes, *source.skipped(), *strangers, *left_out, *aligned.notes]
+    notes = [*read.notes, *aligned.notes]
     values: dict[str, Column] = {}
-    for name, entry in mapping.channels.items():
-        topic, column = keys[name]
+    for name, entry in read.mapping.channels.items():
+        topic, column = read.keys[name]
         raw = aligned.columns.pop(name)
-        kind = tracks[topic].kinds.get(column, "")
+        kind = read.tracks[topic].kinds.get(column, "")
         notes += rounding_note(name, raw, kind)
         raw, found = unwrapped(name, raw, kind, entry, time)
         notes += found
         if any(np.may_share_memory(raw, other) for other in aligned.columns.values()):
             raw = raw.copy()
-        factor, offset = mapping.to_si(name)
+        factor, offset = read.mapping.to_si(name)
         values[name] = _affine(_affine(raw, entry.scale, entry.offset), factor, offset)
         notes += nan_note(name, values[name], time)
-    if span.bounded:
-        kept = slice(*np.searchsorted(time, (span.start, span.stop)))
-        time = time[kept]
-        values = {name: array[kept] for name, array in values.items()}
-        if not time.size:
-            raise RecordingError(f"it has no samples from {span}", where=where)
     for array in (time, *values.values()):
         freeze(array)
-    recording = Recording(
+    return Recording(
         time,
         values,
-        {name: mapping.si_unit(name) for name in values},
+        {name: read.mapping.si_unit(name) for name in values},
         epoch_ns=epoch,
-        metadata=_metadata(source) | _of_sensors(sensors),
+        metadata=_metadata(source) | _of_sensors(read.sensors),
         attachments=source.attachments(),
         notes=tuple(notes),
         source=source.path,
         damaged=source.damaged_attachments(),
     )
-    return with_computed(recording, computed, where) if computed else recording
+
+
+def _within(recording: Recording, span: Span, path: str) -> Recording:
+    """Return the part of a recording in a span, in the same memory."""
+    kept = slice(*np.searchsorted(recording.time, (span.start, span.stop)))
+    time = recording.time[kept]
+    if not time.size:
+        raise RecordingError(f"it has no samples from {span}", where=Place(file=path))
+    values = {name: array[kept] for name, array in recording.values.items()}
+    return replace(recording, time=time, values=values)
 
 
 def _of_sensors(sensors: Mapping[str, Sensor]) -> dict[str, str]:

@@ -12,6 +12,7 @@ from eha_bench.recordings import sample
 from eha_bench.recordings.budget import spending
 from eha_bench.recordings.channel_map import ChannelMap, load_channel_map
 from eha_bench.recordings.mapped import read_mapped, unmapped
+from eha_bench.recordings.mapped import read_topics as read_mapped_topics
 from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.own import read_own
 from eha_bench.recordings.source import Span
@@ -53,3 +54,24 @@ def read(
         if sample.is_own(source.metadata()):
             return read_own(source, span)
         raise unmapped(source)
+
+
+def read_topics(
+    path: str | Path, *, channels: str | Path | ChannelMap | Mapping[str, object] | None = None
+) -> tuple[Recording, ...]:
+    """Return a recording for each topic of a log, at the topic's own stamps; time zero in common.
+
+    Nothing is resampled. Topics that tick together are one recording, so a table or one of our own
+    recordings is one, as `read` gives it.
+
+    Args:
+        path, channels: as `read`.
+
+    Raises:
+        RecordingError: as `read`.
+        InputError: the channel map is wrong.
+    """
+    if channels is None:
+        return (read(path),)
+    with spending(Path(path)):
+        return read_mapped_topics(open_source(Path(path)), load_channel_map(channels))

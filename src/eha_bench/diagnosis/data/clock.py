@@ -11,6 +11,7 @@ true.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,64 @@ _BESIDE = 0.3
 _NOTICED = 1e-3
 """And at least, in periods, to be worth it."""
 _FEWEST = 50
-_TELLING = 20.0
+TELLING = 20.0
 """Least sum of squares that tells 0 from 1: noise is 0.4 of its unit, so the slope's error 0.1."""
+
+
+@dataclass(frozen=True)
+class RegularClock:
+    """A regular clock that stamps lie beside.
+
+    Attributes:
+        tick: (n,) whole number of its tick for each stamp, from 0. period, first: s.
+        late: (n,) what each stamp lies behind its tick, s.
+    """
+
+    tick: FloatArray
+    period: float
+    first: float
+    late: FloatArray
+
+    @property
+    def times(self) -> FloatArray:
+        """The clock's own times of the samples, (n,) s."""
+        return self.first + self.period * self.tick
+
+    @property
+    def beside(self) -> float:
+        """Root mean square of what stamps lie beside it, s."""
+        return float(np.sqrt(np.mean(self.late**2)))
+
+    @property
+    def lost(self) -> int:
+        """How many ticks have no sample."""
+        return round(float(self.tick[-1])) + 1 - self.tick.size
+
+
+@dataclass(frozen=True)
+class Telling:
+    """What readings say of stamps: a regression of 0 says regular, of 1 that stamps are true.
+
+    Attributes:
+        product, square: sums of what was seen times what is expected, and of its square.
+    """
+
+    product: float = 0.0
+    square: float = 0.0
+
+    def __add__(self, other: Telling) -> Telling:
+        """What both say together."""
+        return Telling(self.product + other.product, self.square + other.square)
+
+    @property
+    def tells(self) -> bool:
+        """Whether it tells one from the other."""
+        return self.square >= TELLING
+
+    @property
+    def for_stamps(self) -> bool:
+        """Whether it speaks for the stamps."""
+        return self.product > 0.5 * self.square
 
 
 def regular_clock(time: FloatArray, channels: Sequence[FloatArray]) -> FloatArray | None:
@@ -32,11 +89,24 @@ def regular_clock(time: FloatArray, channels: Sequence[FloatArray]) -> FloatArra
     Args:
         time: (n,) stamps, s from the first one. channels: (n,) readings, NaN where there are none.
     """
+    clock = clock_beside(time)
+    if clock is None or not _NOTICED * clock.period < clock.beside:
+        return None
+    said = telling(clock, channels)
+    return None if not said.tells or said.for_stamps else clock.tick * clock.period
+
+
+def clock_beside(time: FloatArray) -> RegularClock | None:
+    """Return the regular clock that stamps stay beside, however long the run, if there is one.
+
+    Args:
+        time: (n,) stamps, s.
+    """
     if time.size < _FEWEST:
         return None
     steps = np.diff(time)
     usual = float(np.median(steps))
-    if usual <= 0.0 or not _NOTICED * usual < float(np.std(steps[steps < 1.5 * usual])):
+    if usual <= 0.0:
         return None
     # samples that are missing leave their ticks out
     tick = np.concatenate([[0.0], np.cumsum(np.rint(steps / usual))])
@@ -46,22 +116,23 @@ def regular_clock(time: FloatArray, channels: Sequence[FloatArray]) -> FloatArra
         tick -= tick[0]
     if np.diff(tick).min() < 1.0:
         return None
-    slope, first = np.polyfit(tick, time, 1)
-    late = time - (first + slope * tick)
-    if not _NOTICED * slope < float(np.sqrt(np.mean(late**2))) < _BESIDE * slope:
-        return None
-    return None if _stamps_are_true(late, tick, slope, channels) else tick * slope
+    slope, first = (float(value) for value in np.polyfit(tick, time, 1))
+    clock = RegularClock(tick, slope, first, time - (first + slope * tick))
+    return clock if clock.beside < _BESIDE * slope else None
 
 
-def _stamps_are_true(
-    late: FloatArray, tick: FloatArray, period: float, channels: Sequence[FloatArray]
-) -> bool:
-    """Whether readings have gone on by what their stamps are late, or do not tell."""
+def telling(clock: RegularClock, channels: Sequence[FloatArray]) -> Telling:
+    """Return whether readings have gone on by what their stamps are late.
+
+    Args:
+        clock: of the readings. channels: (n,) each, NaN where there are none.
+    """
+    tick = clock.tick
     product, square = 0.0, 0.0
     whole = tick[3:] - tick[:-3] == 3.0
     for values in channels:
         third = np.diff(values, 3)
-        expected = np.diff(late * np.gradient(values, tick * period), 3)
+        expected = np.diff(clock.late * np.gradient(values, tick * clock.period), 3)
         good = np.isfinite(third) & np.isfinite(expected) & whole
         if not good.any():
             continue
@@ -72,4 +143,4 @@ def _stamps_are_true(
         good &= np.abs(third) < far
         product += float(third[good] @ expected[good]) / far**2
         square += float(expected[good] @ expected[good]) / far**2
-    return square < _TELLING or product > 0.5 * square
+    return Telling(product, square)

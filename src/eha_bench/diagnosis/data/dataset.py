@@ -116,6 +116,7 @@ class Run:
         locked, bypass_open: setup.
         use: train, holdout or unseen.
         reader: returns the recording; a held-out run's is first called to score.
+        by_topic: returns a recording for each topic at its own stamps; None where one holds all.
         parameters: plant's parameter -> value that it has in this run, SI.
         own: parameter that is estimated for this run alone -> its place in a vector of parameters,
             behind those of the layout.
@@ -130,6 +131,7 @@ class Run:
     reader: Callable[[], Recording]
     parameters: Mapping[str, float] = field(default_factory=dict)
     own: Mapping[str, int] = field(default_factory=dict)
+    by_topic: Callable[[], tuple[Recording, ...]] | None = None
 
     def read(self) -> Recording:
         """Read the recording.
@@ -138,6 +140,14 @@ class Run:
             RecordingError: it cannot be read, has fewer than ten samples, or is longer than a day.
         """
         return self.reader()
+
+    def topics(self) -> tuple[Recording, ...]:
+        """Read a recording for each topic, at its own stamps; zero is that of the log.
+
+        Raises:
+            RecordingError: as `read`.
+        """
+        return (self.reader(),) if self.by_topic is None else self.by_topic()
 
     def vector(self, layout: Layout, vector: FloatArray) -> FloatArray:
         """Return the plant's parameters as they are in this run, (layout.size,), SI.
@@ -278,6 +288,7 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
                         )
                         for key, raw in entry.parameters.items()
                     },
+                    by_topic=None if computed else _topics_reader(part, fewest),
                 )
             )
     if not any(run.use is Use.TRAIN for run in runs):
@@ -378,29 +389,52 @@ def _reader(
         recording = read_recording(part.log, channels=part.channels)
         if computed:
             recording = with_computed(recording, computed, where)
-        recording = _cut(recording, part)
-        if len(recording) < fewest:
-            raise RecordingError(
-                f"only {len(recording)} samples{_window(part)}, too few to hold a model against",
-                where=Place(file=str(part.log)),
-            )
-        length = float(recording.time[-1] - recording.time[0])
-        if fewest > 1 and length > _LONGEST:
-            raise RecordingError(
-                f"{len(recording)} samples over {length:.3g} s are more than a day",
-                where=Place(file=str(part.log)),
-                hint="check the unit of its time in channels.yaml, or cut it",
-            )
-        return recording
+        return _checked(_cut(recording, part), part, fewest)
 
     return read
 
 
-def _cut(recording: Recording, part: _Read) -> Recording:
-    """Return the window of a recording that a run asks for, counted from its first sample."""
+def _topics_reader(part: _Read, fewest: int) -> Callable[[], tuple[Recording, ...]]:
+    def read() -> tuple[Recording, ...]:
+        from eha_bench.recordings import read_topics
+
+        topics = read_topics(part.log, channels=part.channels)
+        if len(topics) == 1:
+            return (_checked(_cut(topics[0], part), part, fewest),)
+        first = min(float(item.time[0]) for item in topics if len(item))
+        cut = tuple(_cut(item, part, first) for item in topics)
+        _checked(max(cut, key=len), part, fewest)
+        return cut
+
+    return read
+
+
+def _checked(recording: Recording, part: _Read, fewest: int) -> Recording:
+    """Return a recording that a model can be held against.
+
+    Raises:
+        RecordingError: it has too few samples, or is longer than a day.
+    """
+    if len(recording) < fewest:
+        raise RecordingError(
+            f"only {len(recording)} samples{_window(part)}, too few to hold a model against",
+            where=Place(file=str(part.log)),
+        )
+    length = float(recording.time[-1] - recording.time[0])
+    if fewest > 1 and length > _LONGEST:
+        raise RecordingError(
+            f"{len(recording)} samples over {length:.3g} s are more than a day",
+            where=Place(file=str(part.log)),
+            hint="check the unit of its time in channels.yaml, or cut it",
+        )
+    return recording
+
+
+def _cut(recording: Recording, part: _Read, first: float | None = None) -> Recording:
+    """Return the window of a recording that a run asks for, counted from its log's first sample."""
     if not len(recording) or (part.start == 0.0 and part.stop is None):
         return recording
-    first = float(recording.time[0])
+    first = float(recording.time[0]) if first is None else first
     stop = math.inf if part.stop is None else part.stop
     return recording.between(first + part.start, first + stop)
 

@@ -19,6 +19,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run
+from eha_bench.diagnosis.data.lost_inputs import Unsure, guessed
 from eha_bench.diagnosis.data.noise import (
     noise_of,
     noise_of_input,
@@ -27,6 +28,7 @@ from eha_bench.diagnosis.data.noise import (
 )
 from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
 from eha_bench.diagnosis.data.stuck import FLICKERS, stuck
+from eha_bench.diagnosis.data.ticks import Sampled
 from eha_bench.plants.channel_roles import KNOWN as KNOWN_CHANNELS
 from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.plant import Drive
@@ -73,6 +75,12 @@ class Measured:
         colours: channel -> colour of its noise, where that is not white.
         start: angle of the shaft at the first sample. roles: what the channels are.
         first: channel -> its first reading as logged, whether it may be believed or not.
+        taken: channel -> (n,) s that its samples were taken after their ticks; without: at them.
+        late: channel -> clock that may be stamped late by always the same (`ticks`).
+        clocks: clock -> place of its lateness in a vector of parameters.
+        lateness: clock -> s by which its stamps are late, as far as it is known.
+        unsure: input -> its values that were not logged.
+        apart: whether channels tick on clocks of their own.
     """
 
     run: Run
@@ -90,6 +98,35 @@ class Measured:
     start: StartAngle = KNOWN
     roles: ChannelRoles = KNOWN_CHANNELS
     first: Mapping[str, FirstReading] = field(default_factory=dict)
+    taken: Mapping[str, FloatArray] = field(default_factory=dict)
+    late: Mapping[str, str] = field(default_factory=dict)
+    clocks: Mapping[str, int] = field(default_factory=dict)
+    lateness: Mapping[str, float] = field(default_factory=dict)
+    unsure: Mapping[str, Unsure] = field(default_factory=dict)
+    apart: bool = False
+
+    def at(self, channel: str, ticks: slice | NDArray[np.intp]) -> FloatArray:
+        """Return when a channel's samples at some ticks were taken, s from the first tick."""
+        taken = self.taken.get(channel)
+        if taken is None:
+            return self.time[ticks]
+        late = self.lateness.get(self.late.get(channel, ""), 0.0)
+        return self.time[ticks] + taken[ticks] - late
+
+    def as_taken(
+        self, channel: str, simulated: FloatArray, lateness: Mapping[str, float]
+    ) -> FloatArray:
+        """Return a simulated channel at the instants at which its samples were taken, (n,).
+
+        Args:
+            channel: name. simulated: (n,) at the ticks.
+            lateness: clock -> s that its stamps are late by.
+        """
+        taken = self.taken.get(channel)
+        if taken is None:
+            return simulated
+        instants = self.time + taken - lateness.get(self.late.get(channel, ""), 0.0)
+        return np.interp(instants, self.time, simulated)
 
     def begun(self, starts: Mapping[str, StartAngle]) -> Measured:
         """Return the same run with the shaft at another angle at its start, given by run's name."""
@@ -214,9 +251,15 @@ def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[s
 
 def _noise_of_column(measured: Measured, name: str, column: FloatArray) -> float:
     """Return a channel's noise in one run; where it has a colour, that of all of it."""
-    parted = _parted(measured.time, column)
+    parted = _own_parted(measured.time, column)
     colour = measured.colours.get(name)
     return noise_of(colour.whitened(parted) if colour else parted)
+
+
+def _own_parted(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Return a channel's own samples with NaN in gaps between them."""
+    good = np.isfinite(values)
+    return _parted(time[good], values[good])
 
 
 def _parted(time: FloatArray, values: FloatArray) -> FloatArray:
@@ -230,7 +273,7 @@ def _parted(time: FloatArray, values: FloatArray) -> FloatArray:
 
 def admit(
     run: Run,
-    recording: Recording,
+    recording: Recording | Sampled,
     inputs: Sequence[str],
     outputs: Sequence[str],
     *,
@@ -241,7 +284,7 @@ def admit(
     """Pass one recording through the gate.
 
     Args:
-        run: where it is from. recording: what was read.
+        run: where it is from. recording: what was read, on one clock or of topics on common ticks.
         inputs: channels that drive the model. outputs: channels that the model gives.
         strict: whether a recording without any output to compare is an error.
         restful: channels that read the same for as long as nothing moves, as other runs show:
@@ -253,9 +296,13 @@ def admit(
         RecordingError: an input is nowhere finite, or no output can be compared.
     """
     where = Place(file=str(run.log))
+    sampled = recording if isinstance(recording, Sampled) else Sampled(recording)
+    recording, apart = sampled.recording, sampled.is_of_several
     time = np.array(recording.time - recording.time[0])
     notes = [f"{run.name}: {note}" for note in recording.notes]
-    regular = regular_clock(time, [recording[name] for name in outputs if name in recording])
+    regular = None
+    if not apart:
+        regular = regular_clock(time, [recording[name] for name in outputs if name in recording])
     if regular is not None:
         beside = 1e3 * float(np.std(time - regular))
         notes.append(
@@ -263,21 +310,7 @@ def admit(
             "were taken by that clock, so it is used"
         )
         time = regular
-    driven: dict[str, FloatArray] = {}
-    noise: dict[str, float] = {}
-    missing = np.zeros(time.size, dtype=np.bool_)
-    for name in inputs:
-        if name not in recording and name in roles.on_top:
-            notes.append(f"{run.name}: no '{name}' in the log, so none are taken to have acted")
-            driven[name] = np.zeros(time.size)
-            continue
-        raw = _input(name, recording, where)
-        bad = ~np.isfinite(raw)
-        if bad.any():
-            notes.append(f"{run.name}: input '{name}' has {int(bad.sum())} gaps, bridged")
-            missing |= bad
-        driven[name] = _filled(time, raw, held=name in roles.commands)
-        noise |= _input_noise(name, time, raw, roles)
+    driven = _driven(run, sampled, time, inputs, roles, where, notes)
     names, columns, masks = [], [], []
     held: dict[str, float] = {}
     unmoved: dict[str, FloatArray] = {}
@@ -296,7 +329,7 @@ def admit(
         if run.locked and name in roles.locked:
             unmoved[name] = raw
             continue
-        still = _stuck(raw, good, limited=name in roles.limited)
+        still = _stuck(raw, good, limited=name in roles.limited, own=apart)
         if still.any():
             notes.append(
                 f"{run.name}: '{name}' stands still or is clipped for "
@@ -305,7 +338,7 @@ def admit(
             good &= ~still
         if not good.all():
             gaps = int((~np.isfinite(raw)).sum())
-            if gaps:
+            if gaps and not apart:
                 notes.append(f"{run.name}: '{name}' has {gaps} samples missing")
         names.append(name)
         columns.append(np.where(good, raw, 0.0))
@@ -317,11 +350,11 @@ def admit(
             hint=f"one of {', '.join(outputs)} must be there and change; it has: "
             f"{', '.join(recording)}; map it in channels.yaml",
         )
-    breaks = _clock(run, time, driven, missing, notes)
+    breaks = _clock(run, time, driven.values, driven.missing, notes)
     return Measured(
         run,
         time,
-        driven,
+        driven.values,
         tuple(names),
         np.column_stack(columns) if columns else np.zeros((time.size, 0)),
         np.column_stack(masks) if masks else np.zeros((time.size, 0), dtype=np.bool_),
@@ -329,10 +362,65 @@ def admit(
         tuple(notes),
         held,
         unmoved,
-        noise,
+        driven.noise,
         first=_first_readings(recording),
         roles=roles,
+        taken={name: sampled.taken[name] for name in names if name in sampled.taken},
+        late={name: sampled.late[name] for name in names if name in sampled.late},
+        unsure={name: item for name, item in driven.unsure.items() if item.ticks.size},
+        apart=apart,
     )
+
+
+@dataclass(frozen=True)
+class _Driven:
+    """What drives a run.
+
+    Attributes:
+        values: input -> (n,), SI, without gaps. noise: of those that were measured, SI.
+        unsure: input -> its values that were not logged. missing: (n,) where any of them has none.
+    """
+
+    values: dict[str, FloatArray]
+    noise: dict[str, float]
+    unsure: dict[str, Unsure]
+    missing: BoolArray
+
+
+def _driven(
+    run: Run,
+    sampled: Sampled,
+    time: FloatArray,
+    inputs: Sequence[str],
+    roles: ChannelRoles,
+    where: Place,
+    notes: list[str],
+) -> _Driven:
+    """Return what drives a run, and say what is not there."""
+    found = _Driven({}, {}, {}, np.zeros(time.size, dtype=np.bool_))
+    recording = sampled.recording
+    for name in inputs:
+        if name not in recording and name in roles.on_top:
+            notes.append(f"{run.name}: no '{name}' in the log, so none are taken to have acted")
+            found.values[name] = np.zeros(time.size)
+            continue
+        raw = _input(name, recording, where)
+        lost = sampled.lost.get(name, ~np.isfinite(raw))
+        asked = name in roles.commands
+        known = raw
+        if lost.any():
+            found.missing[lost] = True
+            text = f"{run.name}: input '{name}' has {int(lost.sum())} gaps, "
+            if asked:
+                known, found.unsure[name] = guessed(time, raw, lost)
+                count = found.unsure[name].ticks.size
+                text += f"bridged; for {count} of them it is not known what it was"
+            else:
+                text += "bridged"
+            notes.append(text)
+        found.values[name] = _filled(time, known, held=asked)
+        found.noise.update(_input_noise(name, time, raw, roles))
+    return found
 
 
 def _first_readings(recording: Recording) -> dict[str, FirstReading]:
@@ -387,9 +475,14 @@ def _stands(
     return False
 
 
-def _stuck(raw: FloatArray, good: BoolArray, *, limited: bool) -> BoolArray:
+def _stuck(raw: FloatArray, good: BoolArray, *, limited: bool, own: bool) -> BoolArray:
+    """Return where a reading is stuck; a channel with samples of its own is looked at in these."""
     read = raw[good]
-    still = stuck(raw, quantum_of(read), sharp_noise_of(raw))
+    if own:
+        still = np.zeros(raw.size, dtype=np.bool_)
+        still[good] = stuck(read, quantum_of(read), sharp_noise_of(read))
+    else:
+        still = stuck(raw, quantum_of(read), sharp_noise_of(raw))
     # at its limit a drive's current does stand still
     return still & (np.abs(raw) < np.nanmax(np.abs(raw))) if limited else still
 
@@ -407,7 +500,7 @@ def _input_noise(
     name: str, time: FloatArray, raw: FloatArray, roles: ChannelRoles
 ) -> dict[str, float]:
     """Return an input's noise by its name; what was asked for, or never changes, has none."""
-    level = 0.0 if name in roles.commands else noise_of_input(_parted(time, raw))
+    level = 0.0 if name in roles.commands else noise_of_input(_own_parted(time, raw))
     return {name: level} if level > 0.0 else {}
 
 

@@ -32,6 +32,8 @@ _CLEAR = {"m": 1.5e-3, "rad": 0.02}
 """How far something has to have moved on since it last reversed or rested, by its unit."""
 _QUIET = 0.015
 _HALF_FIT = 8
+_ENOUGH = 7
+"""Samples around a tick that say how far a polynomial through them may be off."""
 
 
 @dataclass(frozen=True)
@@ -133,13 +135,23 @@ def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_
     for name in measured.roles.rates:
         speed = measured.column(name)
         if speed is not None:
+            if measured.apart:
+                good = np.isfinite(speed)
+                speed = np.interp(time, time[good], speed[good])
             level = np.abs(_smooth(np.nan_to_num(speed), reach))
             fine &= level > 5.0 * noise.get(name, 0.0)
     for column in range(measured.values.shape[1]):
-        fine &= measured.valid[:, column]
+        valid = measured.valid[:, column]
+        fine &= _known_near(valid) if measured.apart else valid
     fine[: _HALF_FIT + 1] = False
     fine[n - _HALF_FIT - 1 :] = False
     return fine
+
+
+def _known_near(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where enough samples are near for a start state, of a channel that ticks by itself."""
+    near = np.convolve(valid.astype(float), np.ones(2 * _HALF_FIT + 1), mode="same")
+    return np.asarray(near >= _ENOUGH - 0.5)
 
 
 def _clear_of_reversals(
@@ -198,7 +210,9 @@ def _start(
                     continue
             spread[name] = max(3.0 * loud / np.sqrt(part.size), 0.1 * sigma)
         else:
-            local = _local(measured.time, column, first, _around(measured, first))
+            around = _around(measured, first)
+            since = measured.at(name, around) - measured.time[first]
+            local = _local(since, column[around])
             if local is None:
                 continue
             state[name] = local[0]
@@ -252,8 +266,9 @@ def _turn(
 def _start_current(measured: Measured, name: str, state: Mapping[str, float]) -> float:
     value = state.get(name, 0.0)
     column = measured.column(name)
-    if column is not None and np.isfinite(column[0]):
-        value = float(column[0])
+    first = int(np.argmax(np.isfinite(column))) if column is not None and measured.apart else 0
+    if column is not None and np.isfinite(column[first]):
+        value = float(column[first])
         # at rest a current within the noise of nothing is nothing
         if abs(value) < 0.02 * float(np.nanmax(np.abs(column))):
             value = 0.0
@@ -290,7 +305,7 @@ def _slope(
     if position is None:
         return
     around = _around(measured, first)
-    t, x = measured.time[around], position[around]
+    t, x = measured.at(name, around), position[around]
     good = np.isfinite(x)
     if good.sum() < 4:
         return
@@ -316,7 +331,8 @@ def _rest_length(measured: Measured, noise: Mapping[str, float]) -> int:
         column = measured.column(name)
         if column is None:
             continue
-        moved = np.flatnonzero(np.abs(column[:end] - column[0]) > 6.0 * noise.get(name, 0.0))
+        begins = column[int(np.argmax(np.isfinite(column)))]
+        moved = np.flatnonzero(np.abs(column[:end] - begins) > 6.0 * noise.get(name, 0.0))
         if moved.size:
             # it began to move earlier than it left the noise
             end = min(end, max(1, int(moved[0]) // 4))
@@ -344,15 +360,12 @@ def _around(measured: Measured, first: int) -> slice:
     return slice(low, high)
 
 
-def _local(
-    time: FloatArray, column: FloatArray, first: int, around: slice
-) -> tuple[float, float] | None:
-    """Value at a tick from a polynomial through its neighbours, and how far the next degree is."""
-    t, y = time[around] - time[first], column[around]
+def _local(t: FloatArray, y: FloatArray) -> tuple[float, float] | None:
+    """Value at time zero from a polynomial through neighbours, and how far the next degree is."""
     good = np.isfinite(y)
     if good.sum() < 3:
         return None
-    if good.sum() < 7:
+    if good.sum() < _ENOUGH:
         return float(np.mean(y[good])), float(np.ptp(y[good]))
     value = float(np.polyfit(t[good], y[good], 2)[-1])
     return value, abs(float(np.polyfit(t[good], y[good], 4)[-1]) - value)

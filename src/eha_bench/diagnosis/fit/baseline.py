@@ -21,12 +21,13 @@ from eha_bench.diagnosis.data.gate import (
 )
 from eha_bench.diagnosis.data.quiet import coloured, quiet_stretches, with_colours
 from eha_bench.diagnosis.data.start_angle import StartAngle
-from eha_bench.diagnosis.data.windows import Window, begun, cut, split
+from eha_bench.diagnosis.data.ticks import on_ticks
+from eha_bench.diagnosis.data.windows import Window, begun, cut, split, window_at
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.odd_runs import notes_of, odd_runs
-from eha_bench.diagnosis.fit.own_parameters import with_own
+from eha_bench.diagnosis.fit.own_parameters import with_clocks, with_own
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
 from eha_bench.diagnosis.fit.residual_colour import NOTHING_SEEN, noise_of_residual
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
@@ -136,11 +137,13 @@ def gather(
     runs, recordings = [], []
     for run in with_own(plant.layout, dataset.training, dataset.model.per_run):
         try:
-            recordings.append(run.read())
+            recordings.append(on_ticks(run.topics(), dataset.inputs, compared))
             runs.append(run)
         except RecordingError as error:
             unread.append(error)
-    restful = restful_channels((name, item[name]) for item in recordings for name in item)
+    restful = restful_channels(
+        (name, item.recording[name]) for item in recordings for name in item.recording
+    )
     for run, recording in zip(runs, recordings, strict=True):
         try:
             measured.append(
@@ -150,7 +153,7 @@ def gather(
             unread.append(error)
     if unread and not measured:
         raise unread[0]
-    measured = [*coloured(measured)]
+    measured = [*with_clocks(plant.layout, coloured(measured))]
     noise = pooled_noise(measured, compared)
     if not noise:
         raise InputError(
@@ -232,6 +235,13 @@ def _calibrated(
         windows = [window for window in windows if window.measured.run.name not in odd]
         noise = pooled_noise(measured, plant.outputs)
         declared, rough, arrival = _roughly(dataset, windows, noise, best)
+    if late := rough.places.lateness(arrival.fit.vector):
+        # windows begin where their samples were taken
+        measured = tuple(replace(item, lateness=late) for item in measured)
+        own = {item.run.name: item for item in measured}
+        windows = [window_at(own[w.measured.run.name], w.first, w.last, noise) for w in windows]
+        rough = rough.over(windows)
+        rough.prepare(arrival.fit.vector)
     seen = NOTHING_SEEN
     if not _rest_is_seen(measured):
         seen = noise_of_residual(rough, arrival.fit.vector)
@@ -301,10 +311,9 @@ def _roughly(
 
 
 def _keys(dataset: Dataset, problem: Problem) -> tuple[str, ...]:
-    """Return what a calibration estimates: for all runs, and of each run's own."""
-    return tuple(
-        dict.fromkeys((*dataset.model.calibrate, *(item.key for item in problem.places.own)))
-    )
+    """Return what a calibration estimates: for all runs, of each run's own, and of their clocks."""
+    behind = (item.key for item in problem.places.behind)
+    return tuple(dict.fromkeys((*dataset.model.calibrate, *behind)))
 
 
 def _noise_notes(measured: Sequence[Measured]) -> Iterator[str]:

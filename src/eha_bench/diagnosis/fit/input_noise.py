@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 _FIRST = 8
 _FURTHER = 1.5
 """Factor by which the number of cosines grows while the faster ones still show."""
-_SHOWS = 0.02
+SHOWS = 0.02
 """Square of what faster cosines may move a residual by, as a share of one channel's noise."""
 _FASTEST = 125.0
 """Frequency of the fastest cosine, Hz: masses on oil swing slower, and each takes a simulation.
@@ -116,7 +116,7 @@ def _responses(
             break
         faster = by(np.where(np.arange(ticks) < count, 0.0, draw))
         draws += 1
-        if float(faster @ faster) < _SHOWS * ticks:
+        if float(faster @ faster) < SHOWS * ticks:
             break
         count = min(int(count * _FURTHER), most)
     return columns, len(columns) + draws

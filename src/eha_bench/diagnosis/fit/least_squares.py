@@ -45,6 +45,7 @@ class Free:
         scale: a change that matters, SI.
         of_effect: whether it is an effect's, which may be hardly there.
         run: the run that has it of its own, and alone tells of it; "" for all runs.
+        of_log: whether it is the log's (how late stamps are), and not the machine's.
     """
 
     key: str
@@ -54,6 +55,7 @@ class Free:
     scale: float
     of_effect: bool = False
     run: str = ""
+    of_log: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,10 +109,11 @@ def free_parameters(
     found = []
     places = layout if isinstance(layout, Places) else Places(layout)
     plants_own = {parameter.name for parameter in places.layout.parameters}
+    logs = {item.key for item in places.late}
     for key in keys:
         parameter = layout.by_key[key]
         run = places.runs.get(key, "")
-        of_effect = not run and key not in plants_own
+        of_effect = not run and key not in plants_own and key not in logs
         for k in range(parameter.size):
             at = layout.index[key] + k
             scale = max(abs(vector[at]), 0.1 * abs(parameter.default))
@@ -121,7 +124,7 @@ def free_parameters(
                 scale = 0.1 * width if np.isfinite(width) else 1.0
             name = key if parameter.size == 1 else f"{key}[{k}]"
             bounds = parameter.low, parameter.high
-            found.append(Free(name, at, *bounds, float(scale), of_effect, run))
+            found.append(Free(name, at, *bounds, float(scale), of_effect, run, key in logs))
     return tuple(found)
 
 

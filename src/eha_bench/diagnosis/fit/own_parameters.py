@@ -4,6 +4,9 @@ A load that nobody measured is another one in every run. So a parameter under `p
 vector once for all runs, where no run reads it, and behind the plant's layout once for each
 training run, where a fit moves it with everything else (`Run.vector` puts it in its place). Only
 its own run tells of it.
+
+Behind these stands by how much each topic's stamps are late (`data.ticks`): always the same,
+nothing of the machine's, and known only by a fit.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.diagnosis.data.dataset import Run
+from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 
@@ -38,27 +42,53 @@ class Own:
         return f"{self.parameter} in {self.run}"
 
 
+LATEST = 2e-3
+"""Most that a topic's stamps are taken to be late by, s; early ones likewise."""
+LATENESS = Parameter("lateness", "s", 0.0, -LATEST, LATEST)
+
+
+@dataclass(frozen=True)
+class Late:
+    """A clock whose stamps may be late by always the same, and the place of that number."""
+
+    clock: str
+    place: int
+
+    @property
+    def key(self) -> str:
+        """Its key beside those of the layout."""
+        return f"lateness of {self.clock}"
+
+
 @dataclass(frozen=True)
 class Places:
     """Where the numbers of a vector stand, by key.
 
     Attributes:
         layout: of the plant. own: what runs have of their own, in the order of their places.
+        late: clocks whose lateness is estimated.
     """
 
     layout: Layout
     own: tuple[Own, ...] = ()
+    late: tuple[Late, ...] = ()
+
+    @cached_property
+    def behind(self) -> tuple[Own | Late, ...]:
+        """What stands behind the plant's parameters."""
+        return (*self.own, *self.late)
 
     @cached_property
     def index(self) -> dict[str, int]:
         """Place of each number, by key."""
-        return {**self.layout.index, **{item.key: item.place for item in self.own}}
+        return {**self.layout.index, **{item.key: item.place for item in self.behind}}
 
     @cached_property
     def by_key(self) -> dict[str, Parameter]:
         """What each number is, by key."""
         known = self.layout.by_key
-        return {**known, **{item.key: known[item.parameter] for item in self.own}}
+        own = {item.key: known[item.parameter] for item in self.own}
+        return {**known, **own, **{item.key: LATENESS for item in self.late}}
 
     @cached_property
     def runs(self) -> dict[str, str]:
@@ -67,7 +97,7 @@ class Places:
 
     def lengthened(self, vector: FloatArray) -> FloatArray:
         """Return a plant's vector with what runs have of their own, as declared for all of them."""
-        size = max((item.place + 1 for item in self.own), default=vector.size)
+        size = max((item.place + 1 for item in self.behind), default=vector.size)
         if size <= vector.size:
             return vector
         out = np.concatenate([vector, np.zeros(size - vector.size)])
@@ -82,6 +112,18 @@ class Places:
             out[item.place] = values.get(item.run, {}).get(item.parameter, out[item.place])
         return out
 
+    def lateness(self, vector: FloatArray) -> dict[str, float]:
+        """Return clock -> what its stamps are late by, s, of those that a vector knows of."""
+        known = (item for item in self.late if item.place < vector.size)
+        return {item.clock: float(vector[item.place]) for item in known}
+
+    def with_lateness(self, vector: FloatArray, lateness: Mapping[str, float]) -> FloatArray:
+        """Return a vector, as long as `lengthened` makes it, with clocks late by what is given."""
+        out = self.lengthened(vector).copy()
+        for item in self.late:
+            out[item.place] = lateness.get(item.clock, out[item.place])
+        return out
+
     def values(self, vector: FloatArray) -> OwnValues:
         """Return run -> parameter -> the value that the run has of its own, SI."""
         found: dict[str, dict[str, float]] = {}
@@ -90,10 +132,33 @@ class Places:
         return found
 
 
-def places_of(layout: Layout, runs: Iterable[Run]) -> Places:
+def places_of(layout: Layout, runs: Iterable[Measured]) -> Places:
     """Return where the numbers of a plant and of some runs stand."""
-    own = {place: Own(key, run.name, place) for run in runs for key, place in run.own.items()}
-    return Places(layout, tuple(own[place] for place in sorted(own)))
+    own: dict[int, Own] = {}
+    late: dict[int, Late] = {}
+    for item in runs:
+        run = item.run
+        own |= {place: Own(key, run.name, place) for key, place in run.own.items()}
+        late |= {place: Late(clock, place) for clock, place in item.clocks.items()}
+    return Places(
+        layout,
+        tuple(own[place] for place in sorted(own)),
+        tuple(late[place] for place in sorted(late)),
+    )
+
+
+def with_clocks(layout: Layout, measured: Sequence[Measured]) -> tuple[Measured, ...]:
+    """Return runs with a place for the lateness of every clock that may be late."""
+    behind = [place + 1 for item in measured for place in item.run.own.values()]
+    first = max((layout.size, *behind))
+    names = dict.fromkeys(clock for item in measured for clock in item.late.values())
+    places = {name: first + k for k, name in enumerate(names)}
+    return tuple(
+        replace(item, clocks={name: places[name] for name in dict.fromkeys(item.late.values())})
+        if item.late
+        else item
+        for item in measured
+    )
 
 
 def with_own(layout: Layout, runs: Sequence[Run], per_run: Sequence[str]) -> tuple[Run, ...]:
@@ -107,3 +172,10 @@ def with_own(layout: Layout, runs: Sequence[Run], per_run: Sequence[str]) -> tup
         found.append(replace(run, own={key: place + k for k, key in enumerate(keys)}))
         place += len(keys)
     return tuple(found)
+
+
+def like_clocks(measured: Measured, others: Sequence[Measured]) -> Measured:
+    """Return a run whose clocks have the places that they have in other runs."""
+    known = {name: place for item in others for name, place in item.clocks.items()}
+    own = {name: known[name] for name in measured.late.values() if name in known}
+    return replace(measured, clocks=own) if own else measured

@@ -31,6 +31,8 @@ from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.beliefs import Belief, believed_residual
 from eha_bench.diagnosis.fit.effort import simulated
 from eha_bench.diagnosis.fit.input_noise import Shaken, shaken
+from eha_bench.diagnosis.fit.instants import Instants, instants_of
+from eha_bench.diagnosis.fit.lost_inputs import lost
 from eha_bench.diagnosis.fit.own_parameters import places_of
 from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.fit.whitening import whitening
@@ -62,12 +64,26 @@ class _Prepared:
     shrink: FloatArray
     shaken: Shaken | None = None
     whitening: csr_array | None = None
+    instants: Instants | None = None
+    lost: Shaken | None = None
 
     @property
     def length(self) -> float:
         """Time that a simulation of it covers, s."""
         time = self.window.measured.time
         return float(time[self.window.last - 1] - time[self.window.first])
+
+
+@dataclass(frozen=True)
+class _At:
+    """What a run is simulated with.
+
+    Attributes:
+        plant: with the run's parameters. lateness: clock -> s that its stamps are late by.
+    """
+
+    plant: Parametrised
+    lateness: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -112,7 +128,7 @@ class Problem:
         self.beliefs = tuple(beliefs)
         self._defect: FloatArray | None = None
         self._outputs = {name: at for at, name in enumerate(plant.outputs)}
-        self.places = places_of(plant.layout, (window.measured.run for window in windows))
+        self.places = places_of(plant.layout, (window.measured for window in windows))
         self._parts = [self._ready(window) for window in windows]
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
         self._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
@@ -189,12 +205,21 @@ class Problem:
         other._defect = residual - other.residual(vector)
         return other
 
+    def over(self, windows: Sequence[Window]) -> Problem:
+        """Return the same over other windows; it needs `prepare`."""
+        other = Problem(self.plant, windows, self.noise, self.step, self.beliefs)
+        other.soft = self.soft
+        return other
+
     def with_noise(self, noise: Mapping[str, float]) -> Problem:
         """Return the same windows weighted by another noise; it needs `prepare`."""
         other = Problem(self.plant, self.windows, noise, self.step, self.beliefs)
         for own, part in zip(self._parts, other._parts, strict=True):
-            if own.shaken is not None and own.pick.size == part.pick.size:
-                part.shaken = own.shaken.reweighted(own.scale / part.scale)
+            if own.pick.size != part.pick.size:
+                continue
+            ratio = own.scale / part.scale
+            part.shaken = own.shaken.reweighted(ratio) if own.shaken is not None else None
+            part.lost = own.lost.reweighted(ratio) if own.lost is not None else None
         return other
 
     def scale_to(self, residual: FloatArray) -> None:
@@ -213,6 +238,8 @@ class Problem:
         for part in self._parts:
             if part.shaken is not None and not part.shaken.is_near(vector):
                 part.shaken = None
+            if part.lost is not None and not part.lost.is_near(vector):
+                part.lost = None
         self.prepare_starts(vector)
 
     def prepare_starts(self, vector: FloatArray) -> None:
@@ -244,6 +271,18 @@ class Problem:
                     )
                     further = part.shaken.simulations * part.length
                 columns += [*part.shaken.columns.T]
+            if unsure := part.window.measured.unsure:
+                if part.lost is None:
+                    part.lost = lost(
+                        part.drive,
+                        unsure,
+                        part.window.first - part.drive.first,
+                        part.drive.time[part.drive.first + part.pick // part.columns.size],
+                        vector,
+                        lambda drive: rough._weighted(replace(part, drive=drive), at, {}),
+                    )
+                    further += part.lost.simulations * part.length
+                columns += [*part.lost.columns.T]
             if columns:
                 q, s, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
                 part.basis = q
@@ -330,8 +369,9 @@ class Problem:
         in_run = self._in_runs(vector)
         return self._each(lambda part: self._simulated(part, in_run(part), {})[part.drive.first :])
 
-    def _in_runs(self, vector: FloatArray) -> Callable[[_Prepared], Parametrised]:
+    def _in_runs(self, vector: FloatArray) -> Callable[[_Prepared], _At]:
         """Return what gives a window the plant with the parameters that its run has."""
+        late = self.places.lateness(vector)
         runs = {part.window.measured.run.name: part.window.measured.run for part in self._parts}
         layout = self.plant.layout
         shared = self.plant.at(vector[: layout.size])
@@ -339,7 +379,10 @@ class Problem:
             name: self.plant.at(run.vector(layout, vector)) if run.parameters or run.own else shared
             for name, run in runs.items()
         }
-        return lambda part: found[part.window.measured.run.name]
+        return lambda part: _At(
+            found[part.window.measured.run.name],
+            {**part.window.measured.lateness, **late} if part.instants else late,
+        )
 
     def _each(self, function: Callable[[_Prepared], T], seconds: float | None = None) -> list[T]:
         """Do something with every window; `seconds` are simulated by it (default: each once)."""
@@ -378,7 +421,8 @@ class Problem:
         pick = np.flatnonzero(valid.ravel())
         columns = np.array([self._outputs[measured.outputs[at]] for at in use], dtype=np.intp)
         ticks, channels = np.divmod(pick, columns.size)
-        colours = [measured.colours.get(measured.outputs[at]) for at in use]
+        compared = [measured.outputs[at] for at in use]
+        colours = [measured.colours.get(name) for name in compared]
         return _Prepared(
             window,
             drive,
@@ -390,20 +434,27 @@ class Problem:
             np.zeros((pick.size, 0)),
             np.zeros(0),
             whitening=whitening(measured.time[span], valid, colours),
+            instants=instants_of(
+                measured,
+                compared,
+                columns,
+                (window.first, window.last),
+                drive.first,
+                (ticks, channels),
+            ),
         )
 
-    def _simulated(
-        self, part: _Prepared, at: Parametrised, shift: Mapping[str, float]
-    ) -> FloatArray:
-        initial = start_of(at, part.drive, part.window.initial)
+    def _simulated(self, part: _Prepared, at: _At, shift: Mapping[str, float]) -> FloatArray:
+        initial = start_of(at.plant, part.drive, part.window.initial)
         for name, change in shift.items():
             initial[name] = initial.get(name, 0.0) + change
-        return at.simulate(part.drive, initial, self.step)
+        return at.plant.simulate(part.drive, initial, self.step)
 
-    def _weighted(
-        self, part: _Prepared, at: Parametrised, shift: Mapping[str, float]
-    ) -> FloatArray:
-        out = self._simulated(part, at, shift).ravel()[part.places]
+    def _weighted(self, part: _Prepared, at: _At, shift: Mapping[str, float]) -> FloatArray:
+        simulated = self._simulated(part, at, shift)
+        out = simulated.ravel()[part.places]
+        if part.instants is not None:
+            out[part.instants.rows] = part.instants.read(simulated, at.lateness)
         out /= part.scale
         difference = np.subtract(part.target, out, out=out)
         if not np.abs(difference).max(initial=0.0) <= _BAD:

@@ -269,12 +269,12 @@ def posterior(fit: Fit, groups: Groups) -> Covariance:
     white noise makes it (`spreads`), and a Gaussian belief beside it: half a parameter's size, or
     a uniform distribution's deviation between its bounds where that is less. Draws from it move
     along what data leave open, and nowhere else. What one run has of its own is left out
-    (marginal).
+    (marginal), and so is what is the log's.
 
     Args:
         fit: with a Jacobian of its own place. groups: rows by block and by run.
     """
-    keep = [k for k, item in enumerate(fit.free) if not item.run]
+    keep = [k for k, item in enumerate(fit.free) if not item.run and not item.of_log]
     keys = tuple(fit.free[k].key for k in keep)
     if not keys:
         return Covariance((), np.zeros((0, 0)))

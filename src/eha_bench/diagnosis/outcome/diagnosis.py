@@ -141,6 +141,7 @@ class Diagnosis:
         failed: the stage that failed, if any: what was found before it stands.
         rivals: what was found, and what it was held against, each as a model with its covariance.
         covered: where the training recordings have been.
+        lateness: clock of a log -> s by which its stamps are late by always the same: mundane.
         seconds: how long it took.
         simulations: how many simulations of all training data that equals, by simulated time.
     """
@@ -168,6 +169,7 @@ class Diagnosis:
     covered: Covered | None = None
     seconds: float = math.nan
     simulations: float = math.nan
+    lateness: Mapping[str, Estimate] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """What it is in one line: the verdict, and what was found."""
@@ -236,6 +238,7 @@ class Diagnosis:
             "covered": None if self.covered is None else self.covered.to_dict(),
             "calibrated": {name: estimate_to_dict(e) for name, e in self.calibrated.items()},
             "per_run": own_to_dict(self.per_run),
+            "lateness": {name: estimate_to_dict(e) for name, e in self.lateness.items()},
             "undetermined": list(self.undetermined),
             "convergence": None if self.convergence is None else self.convergence.to_dict(),
             "notes": list(self.notes),

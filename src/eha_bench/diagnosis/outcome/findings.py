@@ -13,7 +13,7 @@ from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.diagnosis.fit.convergence import convergence, moved_notes
 from eha_bench.diagnosis.fit.finish import Finished, finished
 from eha_bench.diagnosis.fit.least_squares import Fit
-from eha_bench.diagnosis.fit.own_parameters import Places
+from eha_bench.diagnosis.fit.own_parameters import LATENESS, Places
 from eha_bench.diagnosis.fit.profile import profiled
 from eha_bench.diagnosis.fit.uncertainty import (
     Estimate,
@@ -52,6 +52,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
     ended = convergence(fit, base.starts, base.agreed)
     own = own_estimates(search.problem.places, values)
+    late = lateness_estimates(search.problem.places, values)
     calibrated = {key: values[key] for key in keys if key in values and key in layout.index}
     unknown = open_parameters(fit) if ended.has_intervals else calibrated.keys()
     calibrated = {k: v.without_interval if k in unknown else v for k, v in calibrated.items()}
@@ -96,6 +97,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
             f"{key} is only assumed in the model; the data ask for "
             f"{fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}"
         )
+    notes += lateness_note(late)
     notes += decision.notes
     notes += ended.notes()
     notes += moved_notes(
@@ -118,6 +120,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         convergence=ended,
         notes=tuple(notes),
         rivals=(found_rival(search, fit, final, added),),
+        lateness=late,
     )
 
 
@@ -129,6 +132,25 @@ def own_estimates(places: Places, values: Mapping[str, Estimate]) -> dict[str, d
             unit = places.by_key[item.key].unit
             found.setdefault(item.run, {})[item.parameter] = replace(values[item.key], unit=unit)
     return found
+
+
+def lateness_estimates(places: Places, values: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """Return clock -> what its stamps are late by, s, from estimates by key."""
+    return {
+        item.clock: replace(values[item.key], unit=LATENESS.unit)
+        for item in places.late
+        if item.key in values
+    }
+
+
+def lateness_note(lateness: Mapping[str, Estimate]) -> list[str]:
+    """Say by how much stamps are late."""
+    return [
+        f"the stamps of '{clock}' are {1e3 * item.value:.3g} ms late "
+        f"({1e3 * item.low:.3g} to {1e3 * item.high:.3g} ms), beside those of the inputs: that is "
+        "the log's, and no effect"
+        for clock, item in lateness.items()
+    ]
 
 
 def _finished(search: Search, decision: Decision) -> Finished:

@@ -16,10 +16,11 @@ from eha_bench.core.errors import EhaBenchError
 from eha_bench.diagnosis.data.dataset import Dataset, Use
 from eha_bench.diagnosis.data.gate import Measured, admit, restful_channels
 from eha_bench.diagnosis.data.quiet import coloured_like
+from eha_bench.diagnosis.data.ticks import on_ticks
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.baseline import STEP, Baseline, thinned
 from eha_bench.diagnosis.fit.first_part import first_part
-from eha_bench.diagnosis.fit.own_parameters import OwnValues
+from eha_bench.diagnosis.fit.own_parameters import OwnValues, like_clocks
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import angles_of, counts_on, estimated, said, starts_of
 from eha_bench.diagnosis.fit.uncertainty import Estimate
@@ -83,9 +84,10 @@ def scored(
     """
     places = base.problem.places
     own = {run: {key: item.value for key, item in it.items()} for run, it in found.per_run.items()}
+    late = {clock: item.value for clock, item in found.lateness.items()}
     vectors = (
         places.with_values(recalibrated, {}),
-        places.with_values(found.revised.vector(), own),
+        places.with_lateness(places.with_values(found.revised.vector(), own), late),
     )
     models = (dataset.model, found.recalibrated, found.revised)
     scores = scores_of(dataset, base, models, vectors, progress)
@@ -111,6 +113,7 @@ def scores_of(
     noise = base.problem.noise
     held_out, notes = _read(dataset, base.measured)
     held_out = [coloured_like(item, base.measured) for item in held_out]
+    held_out = [like_clocks(item, base.measured) for item in held_out]
     begun = starts_of(base.problem)
     if begun and counts_on(dataset.model.plant.layout, vectors[-1]):
         seen = angles_of(base.problem)
@@ -130,7 +133,8 @@ def scores_of(
     )  # fmt: skip
     notes += [note for item in parts[-1] for note in item.notes()]
     runs = (*base.measured, *held_out)
-    replays = replay(runs, models, noise, lambda done: progress("replay", done), own)
+    late = [base.problem.places.lateness(vector) for vector in (vectors[0], *vectors)]
+    replays = replay(runs, models, noise, lambda done: progress("replay", done), own, late)
     errors: dict[Use, dict[str, ChannelError]] = {}
     for use in Use:
         mine = [item for item in replays if item.use is use]
@@ -152,7 +156,7 @@ def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured],
     restful = restful_channels((name, column) for name, column in columns if column is not None)
     for run in dataset.held_out:
         try:
-            recording = run.read()
+            recording = on_ticks(run.topics(), dataset.inputs, compared)
             found.append(
                 admit(
                     run,

@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,7 @@ def replay(
     noise: Mapping[str, float],
     progress: Callable[[float], None] | None = None,
     own: Sequence[OwnValues] = (),
+    lateness: Sequence[Mapping[str, float]] = (),
 ) -> tuple[Replay, ...]:
     """Replay runs from their inputs and first samples, as `predict` does.
 
@@ -103,12 +104,18 @@ def replay(
         noise: channel -> standard deviation of the sensors' noise, SI.
         progress: called with the fraction done.
         own: of each model, what runs have of their own.
+        lateness: of each model, clock -> s by which its fit takes stamps to be late.
     """
     found = []
     values = own or [{}] * len(models)
+    late = lateness or [{}] * len(models)
     usable = [item for item in runs if item.outputs]
+
+    def one(measured: Measured) -> Replay:
+        return _one(measured, models, values, late, noise)
+
     with ThreadPoolExecutor(_WORKERS) as pool:
-        for number, item in enumerate(pool.map(lambda m: _one(m, models, values, noise), usable)):
+        for number, item in enumerate(pool.map(one, usable)):
             found.append(item)
             simulated(len(models) * float(item.time[-1]))
             if progress:
@@ -120,9 +127,13 @@ def _one(
     measured: Measured,
     models: Sequence[Model],
     given: Sequence[OwnValues],
+    late: Sequence[Mapping[str, float]],
     noise: Mapping[str, float],
 ) -> Replay:
-    runs = [measured.knowing(item.get(measured.run.name, {})) for item in given]
+    runs = [
+        replace(measured.knowing(item.get(measured.run.name, {})), lateness=clocks)
+        for item, clocks in zip(given, late, strict=True)
+    ]
     own = _with_difference(
         {name: column for name in measured.outputs
          if (column := measured.column(name)) is not None},
@@ -241,13 +252,19 @@ def _simulated(
     measured: Measured, model: Model, start: Mapping[str, float], step: float
 ) -> Columns:
     values = simulate_from(measured, model, start, step)
-    return _columns(values, measured.outputs, model.plant)
+    return _columns(values, measured, model.plant)
 
 
-def _columns(values: FloatArray, channels: Sequence[str], plant: Plant) -> Columns:
+def _columns(values: FloatArray, measured: Measured, plant: Plant) -> Columns:
+    """Return simulated channels at the instants at which their samples were taken."""
     outputs = plant.outputs
     return _with_difference(
-        {name: np.ascontiguousarray(values[:, outputs.index(name)]) for name in channels},
+        {
+            name: np.ascontiguousarray(
+                measured.as_taken(name, values[:, outputs.index(name)], measured.lateness)
+            )
+            for name in measured.outputs
+        },
         plant.roles.pair,
     )
 

@@ -1,0 +1,223 @@
+"""Topics of a log on common ticks, each sample at its own instant beside one.
+
+A plain log has a topic for each sensor, at its own rate and with its own losses. Nothing is carried
+from one topic's clock onto another's: a model is simulated from tick to tick, and a sample is held
+against the simulation at its own instant. Ticks are those of what drives the model, so that a
+command acts from its own stamp; ticks whose command was lost are there too, their value unknown.
+An output's sample belongs to the tick next to it, and `taken` says how long after it was taken.
+Where no tick is near, it gets one of its own.
+
+Stamps that stay beside a regular clock, while the readings follow that clock, are put back on it
+(`clock`). Whatever lies beside the ticks of the inputs by always the same may only be stamped so:
+how late is a number that a fit has to find (`late`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.clock import RegularClock, Telling, clock_beside, telling
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+_SAME = 0.05
+"""What samples of one tick lie apart at most, in periods of the fastest topic."""
+_USUALLY = 0.9
+"""Quantile of what a topic lies beside ticks that has to be so little."""
+_FURTHEST = 0.5e-3
+"""Largest distance of a sample from its tick, s: a simulation is taken to be straight so far."""
+_PERIODIC = 0.25
+"""What most steps of a topic that ticks regularly differ by from the usual one, as a share."""
+_LOST = 20
+"""Most messages in a row that a regular topic may lose and still have lost them."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A recording on common ticks.
+
+    Attributes:
+        recording: values at the ticks; NaN where a channel has no sample at one.
+        taken: channel -> (n,) s that its samples were taken after their ticks; without: at them.
+        late: channel -> name of the clock that may be stamped late by always the same.
+        lost: channel -> (n,) ticks at which a message of an input was lost.
+        is_of_several: whether channels tick on clocks of their own.
+    """
+
+    recording: Recording
+    taken: Mapping[str, FloatArray] = field(default_factory=dict)
+    late: Mapping[str, str] = field(default_factory=dict)
+    lost: Mapping[str, BoolArray] = field(default_factory=dict)
+    is_of_several: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Topic:
+    """The samples of channels that tick together.
+
+    Attributes:
+        part: their recording. names: channels that matter. time: (m,) s, as samples were taken.
+        clock: regular one, if they have one.
+    """
+
+    part: Recording
+    names: tuple[str, ...]
+    time: FloatArray
+    clock: RegularClock | None
+
+    @property
+    def title(self) -> str:
+        """What it is called in notes."""
+        return ", ".join(self.names)
+
+
+def on_ticks(
+    topics: Sequence[Recording], inputs: Collection[str], outputs: Collection[str]
+) -> Sampled:
+    """Return topics of one log on common ticks; a single one is as it was.
+
+    Args:
+        topics: recordings whose time has a common zero.
+        inputs: channels that drive a model. outputs: channels that are held against it.
+    """
+    if len(topics) == 1:
+        return Sampled(topics[0])
+    wanted = {*inputs, *outputs}
+    used = [_topic(item, wanted) for item in topics if wanted & {*item.values}]
+    if not used:
+        return Sampled(topics[0])
+    said, notes = _at_their_clocks(used)
+    driving = [item for item in said if {*item.names} & {*inputs}]
+    beside = [item for item in said if item not in driving]
+    if not driving:
+        driving = [max(said, key=lambda item: item.time.size)]
+        beside = [item for item in said if item is not driving[0]]
+    period = min(_usual(item.time) for item in said)
+    ticks = _driven(driving, _SAME * period)
+    reach = min(0.5 * _usual(ticks), _FURTHEST)
+    for item in sorted(beside, key=lambda item: -item.time.size):
+        ticks = _with_own(ticks, item.time, reach)
+    values: dict[str, FloatArray] = {}
+    taken: dict[str, FloatArray] = {}
+    late: dict[str, str] = {}
+    lost: dict[str, BoolArray] = {}
+    firsts, lasts = [], []
+    for item in said:
+        at = nearest(ticks, item.time)
+        after = item.time - ticks[at]
+        same = float(np.quantile(np.abs(after), _USUALLY)) <= _SAME * period
+        offsets = np.zeros(ticks.size)
+        if item not in driving and not same:
+            offsets[at] = after
+            taken |= dict.fromkeys(item.names, offsets)
+            late |= dict.fromkeys(item.names, item.names[0])
+        for name in item.names:
+            values[name] = np.full(ticks.size, np.nan)
+            values[name][at] = item.part.values[name]
+        if item in driving:
+            there = np.zeros(ticks.size, dtype=np.bool_)
+            there[nearest(ticks, _filled(item.time))] = True
+            there[at] = False
+            lost |= dict.fromkeys(item.names, there)
+        firsts.append(int(at[0]))
+        lasts.append(int(at[-1]) if item not in driving else ticks.size - 1)
+    kept = slice(max(firsts), min(lasts) + 1)
+    first = said[0].part
+    recording = Recording(
+        ticks[kept],
+        {name: column[kept] for name, column in values.items()},
+        {name: item.part.unit(name) for item in said for name in item.names},
+        epoch_ns=first.epoch_ns,
+        metadata=first.metadata,
+        attachments=first.attachments,
+        notes=(*dict.fromkeys(note for item in topics for note in item.notes), *notes),
+        source=first.source,
+        damaged=first.damaged,
+    )
+    return Sampled(
+        recording,
+        {name: column[kept] for name, column in taken.items()},
+        late,
+        {name: mask[kept] for name, mask in lost.items()},
+        is_of_several=True,
+    )
+
+
+def nearest(ticks: FloatArray, time: FloatArray) -> NDArray[np.intp]:
+    """Return the place of the tick that is nearest to each instant, (m,)."""
+    after = np.clip(np.searchsorted(ticks, time), 1, ticks.size - 1)
+    return np.asarray(after - (time - ticks[after - 1] < ticks[after] - time))
+
+
+def _topic(part: Recording, wanted: Collection[str]) -> _Topic:
+    names = tuple(name for name in part.values if name in wanted)
+    return _Topic(part, names, np.array(part.time), clock_beside(part.time))
+
+
+def _at_their_clocks(topics: Sequence[_Topic]) -> tuple[list[_Topic], list[str]]:
+    """Return topics on regular clocks where the log's readings do not speak for its stamps."""
+    said = Telling()
+    for item in topics:
+        if item.clock is not None:
+            said += telling(item.clock, [item.part.values[name] for name in item.names])
+    regular = not (said.tells and said.for_stamps)
+    found, notes = [], []
+    for item in topics:
+        own = item
+        period = _usual(item.time) if item.clock is None else item.clock.period
+        text = f"{item.title}: every {1e3 * period:.4g} ms"
+        if item.clock is not None:
+            if item.clock.lost:
+                text += f", {item.clock.lost} of {item.clock.lost + item.time.size} messages lost"
+            if regular:
+                own = replace(item, time=item.clock.times)
+            if 1e3 * item.clock.beside >= 1e-3:
+                how = "which is used" if regular else "but the readings follow the stamps"
+                text += f", stamps {1e3 * item.clock.beside:.2g} ms beside a regular clock, {how}"
+        found.append(own)
+        notes.append(text)
+    return found, notes
+
+
+def _usual(time: FloatArray) -> float:
+    return float(np.median(np.diff(time))) if time.size > 1 else np.inf
+
+
+def _driven(driving: Sequence[_Topic], same: float) -> FloatArray:
+    """Return the ticks of all that drives a model, lost ones included, the fastest's first."""
+    ticks = np.zeros(0)
+    for item in sorted(driving, key=lambda item: -item.time.size):
+        time = _filled(item.time)
+        if ticks.size:
+            time = time[np.abs(time - ticks[nearest(ticks, time)]) > same]
+        ticks = np.sort(np.concatenate([ticks, time]))
+    return ticks
+
+
+def _filled(time: FloatArray) -> FloatArray:
+    """Return a topic's instants with those of lost messages, if it ticks regularly."""
+    if time.size < 3:
+        return time
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    count = np.rint(steps / usual)
+    regular = np.abs(steps - count * usual) <= _PERIODIC * usual
+    if np.mean(regular & (count == 1)) < 0.5 or np.mean(regular) < _USUALLY:
+        return time
+    gaps = np.flatnonzero(regular & (count > 1) & (count <= _LOST + 1))
+    own = [time[k] + steps[k] * np.arange(1, int(count[k])) / count[k] for k in gaps]
+    return np.sort(np.concatenate([time, *own]))
+
+
+def _with_own(ticks: FloatArray, time: FloatArray, reach: float) -> FloatArray:
+    """Return ticks with those that samples need which lie near none, or share one."""
+    at = nearest(ticks, time)
+    alone = np.abs(time - ticks[at]) > reach
+    alone[1:] |= at[1:] == at[:-1]
+    return np.unique(np.concatenate([ticks, time[alone]])) if alone.any() else ticks

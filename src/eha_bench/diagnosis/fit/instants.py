@@ -1,0 +1,93 @@
+"""Simulated outputs at the instants at which samples were taken, between the ticks of a simulation.
+
+A command acts at a tick, so between two ticks a simulation bends little, and is taken for straight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.diagnosis.data.gate import Measured
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Instants:
+    """When samples of a window were taken that were not taken at a tick.
+
+    Attributes:
+        rows: (k,) which of the window's samples they are. columns: (k,) outputs that they are of.
+        stamps: (k,) s, by their stamps. clocks: (k,) numbers of their clocks in `names`.
+        names: of clocks whose stamps may be late. ticks: (n,) s, those of the simulation.
+        first: tick at which the window begins.
+    """
+
+    rows: IntArray
+    columns: IntArray
+    stamps: FloatArray
+    clocks: IntArray
+    names: tuple[str, ...]
+    ticks: FloatArray
+    first: int
+
+    def read(self, out: FloatArray, lateness: Mapping[str, float]) -> FloatArray:
+        """Return what a simulation gives at the instants, (k,).
+
+        Args:
+            out: (n, outputs) at the ticks. lateness: clock -> s that its stamps are late by.
+        """
+        late = np.array([lateness.get(name, 0.0) for name in self.names])
+        instants = self.stamps - late[self.clocks]
+        after = np.clip(
+            np.searchsorted(self.ticks, instants), self.first + 1, max(self.ticks.size - 1, 1)
+        )
+        begin = self.ticks[after - 1]
+        share = (instants - begin) / (self.ticks[after] - begin)
+        before = out[after - 1, self.columns]
+        return np.asarray(before + share * (out[after, self.columns] - before))
+
+
+def instants_of(
+    measured: Measured,
+    channels: Sequence[str],
+    columns: IntArray,
+    span: tuple[int, int],
+    lead: int,
+    picked: tuple[IntArray, IntArray],
+) -> Instants | None:
+    """Return when samples of a window were taken, None where all were taken at ticks.
+
+    Args:
+        measured: the run. channels: those compared. columns: (m,) outputs that they are.
+        span: first tick of the window, and the one behind it. lead: ticks simulated before it.
+        picked: (N,) tick in the window and (N,) number of the channel of each sample.
+    """
+    if not any(name in measured.taken for name in channels):
+        return None
+    ticks, numbers = picked
+    names = tuple(dict.fromkeys(measured.late.values()))
+    rows, stamps, clocks = [], [], []
+    for number, name in enumerate(channels):
+        if name not in measured.taken:
+            continue
+        own = np.flatnonzero(numbers == number)
+        at = span[0] + ticks[own]
+        rows.append(own)
+        stamps.append(measured.time[at] + measured.taken[name][at])
+        clocks.append(np.full(own.size, names.index(measured.late[name]), dtype=np.intp))
+    row = np.concatenate(rows)
+    return Instants(
+        row,
+        columns[numbers[row]],
+        np.concatenate(stamps),
+        np.concatenate(clocks),
+        names,
+        measured.time[span[0] - lead : span[1]],
+        lead,
+    )

@@ -1,0 +1,128 @@
+"""Commands whose message was lost: what is guessed, how far it may be off, and what that does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from eha_bench.core.recording import Recording
+from eha_bench.core.shipped import shipped
+from eha_bench.diagnosis.data.dataset import Run, Use
+from eha_bench.diagnosis.data.gate import admit
+from eha_bench.diagnosis.data.lost_inputs import Unsure, guessed
+from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.fit.lost_inputs import lost
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.plants.model import load_model
+from eha_bench.plants.plant import Drive
+
+TIME = np.arange(2000) * 1e-3
+SIGMA = {"motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
+
+
+def _without(values: np.ndarray, ticks: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    gone = np.zeros(values.size, dtype=bool)
+    gone[ticks] = True
+    return np.where(gone, np.nan, values), gone
+
+
+def test_a_smooth_command_is_guessed_and_its_spread_holds_the_error() -> None:
+    values = 10.0 * np.sin(2 * np.pi * 10.0 * TIME)
+    ticks = [*range(10, 1990, 37)]
+    found, unsure = guessed(TIME, *_without(values, ticks))
+    error = np.abs(found - values)[ticks]
+    assert error.max() < 1e-3
+    assert unsure.ticks.tolist() == ticks
+    assert (unsure.stops == unsure.ticks + 1).all()
+    assert np.mean(error <= unsure.spread) > 0.9
+    assert unsure.spread.max() < 5e-3
+
+
+def test_a_command_lost_at_a_jump_may_be_of_either_side() -> None:
+    values = np.where(TIME < 1.0, 2.0, 14.0)
+    found, unsure = guessed(TIME, *_without(values, [1000]))
+    assert unsure.ticks.tolist() == [1000]
+    assert 2.0 < found[1000] < 14.0
+    assert abs(found[1000] - 8.0) + 6.0 <= 1.1 * unsure.spread[0] <= 8.0
+
+
+def test_a_command_that_rests_is_known_and_long_holes_are_not_guessed() -> None:
+    found, unsure = guessed(TIME, *_without(np.full(TIME.size, 3.0), [500, 501]))
+    assert found[[500, 501]].tolist() == [3.0, 3.0]
+    assert not unsure.ticks.size
+    moves = np.sin(20.0 * TIME)
+    found, unsure = guessed(TIME, *_without(moves, [*range(100, 110)]))
+    assert np.isnan(found[100:110]).all()
+    assert not unsure.ticks.size
+
+
+def test_a_command_on_a_slower_clock_is_lost_until_the_next_one() -> None:
+    values = np.full(TIME.size, np.nan)
+    values[::10] = np.sin(9.0 * TIME[::10])
+    gone = np.zeros(TIME.size, dtype=bool)
+    gone[500], values[500] = True, np.nan
+    _, unsure = guessed(TIME, values, gone)
+    assert (unsure.ticks.tolist(), unsure.stops.tolist()) == ([500], [510])
+
+
+def test_what_lost_messages_do_is_what_each_alone_does() -> None:
+    decay = np.exp(-np.arange(TIME.size) / 30.0)
+
+    def residual(drive: Drive) -> np.ndarray:
+        return np.convolve(drive.inputs["current_command"], decay)[: TIME.size]
+
+    unsure = Unsure(np.array([100, 900, 905]), np.array([101, 901, 908]), np.array([2.0, 1.0, 3.0]))
+    drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
+    found = lost(drive, {"current_command": unsure}, 0, TIME, np.ones(1), residual)
+    expected = np.zeros((3, TIME.size))
+    for row, tick, stop, spread in zip(
+        expected, unsure.ticks, unsure.stops, unsure.spread, strict=True
+    ):
+        pulse = np.zeros(TIME.size)
+        pulse[tick:stop] = spread
+        row[:] = np.convolve(pulse, decay)[: TIME.size]
+    assert np.linalg.norm(found.columns @ found.columns.T - expected.T @ expected, 2) < 1e-3
+    # the first and the second die away before one another: simulated together
+    assert found.simulations < 1 + 3 + 3
+
+
+def test_what_does_next_to_nothing_is_left_out() -> None:
+    unsure = Unsure(np.arange(10, 1990, 10), np.arange(11, 1991, 10), np.full(198, 1e-4))
+    drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
+    found = lost(drive, {"current_command": unsure}, 0, TIME, np.ones(1),
+                 lambda d: d.inputs["current_command"])  # fmt: skip
+    assert found.columns.shape == (TIME.size, 0)
+    assert found.simulations == 2
+
+
+def test_the_right_model_leaves_noise_though_commands_at_jumps_are_lost() -> None:
+    model = load_model(shipped("models/physical.yaml"))
+    rng = np.random.default_rng(0)
+    command = np.repeat(rng.choice([4.0, 9.0, 14.0], 100), 20)
+    ticks = [k for k in range(60, 1990, 20) if command[k] != command[k - 1]][:30]
+    start = {"pressure_a": 6e5, "pressure_b": 6e5}
+    drive = Drive(TIME, {"current_command": command}, start, locked=True)
+    out = model.plant.simulate(model.vector(), drive, 2e-4)
+    place = {name: at for at, name in enumerate(model.plant.outputs)}
+    values = {
+        name: out[:, place[name]] + sigma * rng.standard_normal(TIME.size)
+        for name, sigma in SIGMA.items()
+    }
+    values["current_command"] = _without(command, ticks)[0]
+    reading = Recording(TIME, values)
+    run = Run("log", Path("log.mcap"), None, True, False, Use.TRAIN, lambda: reading)
+    measured = admit(run, reading, ["current_command"], model.plant.outputs)
+    assert measured.unsure["current_command"].ticks.size == len(ticks)
+    assert "not known what it was" in " ".join(measured.notes)
+
+    def left(*, known: bool) -> float:
+        own = measured if known else replace(measured, unsure={})
+        problem = Problem(model.plant, cut(own, SIGMA), SIGMA, 2e-4)
+        problem.prepare(model.vector())
+        return float(np.mean(problem.residual(model.vector()) ** 2))
+
+    # a pulse of some amperes makes friction stick elsewhere, which no slope foresees
+    assert left(known=False) > 2.0
+    assert left(known=True) < 1.0 + 0.1 * (left(known=False) - 1.0)

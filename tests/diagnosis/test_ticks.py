@@ -1,0 +1,122 @@
+"""Topics on common ticks: rates, losses, late and jittered stamps, and what is made of each."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.ticks import nearest, on_ticks
+
+PERIOD = 1e-3
+COUNT = 4000
+FAST = 2 * np.pi * 20.0
+
+
+def _speed(time: np.ndarray) -> np.ndarray:
+    return 100.0 * np.sin(FAST * time)
+
+
+class _Log:
+    """A drive and a pressure sensor in topics of their own."""
+
+    def __init__(self, seed: int = 0) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.clock = np.arange(COUNT) * PERIOD
+        self.parts: list[Recording] = []
+
+    def add(
+        self, name: str, *, every: int = 1, lost: float = 0.0, jitter: float = 0.0,
+        late: float = 0.0, true: bool = False,
+    ) -> np.ndarray:  # fmt: skip
+        """Add a topic; return which ticks its messages are of."""
+        ticks = np.arange(0, COUNT, every)
+        kept = self.rng.random(ticks.size) >= lost
+        kept[[0, -1]] = True
+        ticks = ticks[kept]
+        stamps = self.clock[ticks] + late + jitter * self.rng.random(ticks.size)
+        values = _speed(stamps if true else self.clock[ticks])
+        values += 0.01 * self.rng.standard_normal(ticks.size)
+        self.parts.append(Recording(stamps, {name: values}))
+        return ticks
+
+
+def test_a_single_recording_stays_as_it_is() -> None:
+    alone = Recording(np.arange(9.0), {"motor_speed": np.arange(9.0)}, {"motor_speed": "rad/s"})
+    found = on_ticks([alone], ["current_command"], ["motor_speed"])
+    assert found.recording is alone
+    assert not found.is_of_several
+    assert not found.taken
+
+
+def test_a_plain_log_comes_back_onto_its_ticks() -> None:
+    log = _Log()
+    asked = log.add("current_command", lost=0.01, jitter=60e-6)
+    state = log.add("motor_speed", every=2, lost=0.01, jitter=60e-6)
+    pressure = log.add("pressure_a", lost=0.01, jitter=60e-6, late=0.25e-3)
+    found = on_ticks(log.parts, ["current_command"], ["motor_speed", "pressure_a"])
+    time = found.recording.time
+    # up to the last message of the drive, whose other ones are between
+    assert time.size == state[-1] + 1
+    assert np.abs(np.diff(time) - PERIOD).max() < 1e-6
+    assert {*found.taken} == {*found.late} == {"pressure_a"}
+    assert found.taken["pressure_a"][pressure[:-1]] == pytest.approx(0.25e-3, abs=3e-6)
+    for name, ticks in {"current_command": asked, "motor_speed": state}.items():
+        there = np.flatnonzero(np.isfinite(found.recording[name]))
+        assert there.tolist() == ticks[ticks < time.size].tolist()
+    lost = np.setdiff1d(np.arange(time.size), asked)
+    assert np.flatnonzero(found.lost["current_command"]).tolist() == lost.tolist()
+    said = " ".join(found.recording.notes)
+    assert f"current_command: every 1 ms, {COUNT - asked.size} of {COUNT} messages lost" in said
+    assert "motor_speed: every 2 ms" in said
+    assert "beside a regular clock, which is used" in said
+
+
+def test_stamps_that_the_readings_follow_are_kept_sample_by_sample() -> None:
+    log = _Log()
+    log.add("current_command")
+    log.add("motor_speed", jitter=200e-6, true=True)
+    found = on_ticks(log.parts, ["current_command"], ["motor_speed"])
+    good = np.isfinite(found.recording["motor_speed"])
+    taken = found.recording.time[good] + found.taken["motor_speed"][good]
+    assert found.recording["motor_speed"][good] == pytest.approx(_speed(taken), abs=0.06)
+    assert np.ptp(found.taken["motor_speed"][good]) > 150e-6
+    assert "the readings follow the stamps" in " ".join(found.recording.notes)
+
+
+@pytest.mark.parametrize("rate", [437.0, 1000.7, 93.0])
+def test_topics_that_tick_by_themselves_keep_every_sample_at_its_instant(rate: float) -> None:
+    own = 1.3e-4 + np.arange(int(3.9 * rate)) / rate
+    asked = Recording(np.arange(COUNT) * PERIOD, {"current_command": np.zeros(COUNT)})
+    read = Recording(own, {"pressure_a": np.arange(float(own.size))})
+    found = on_ticks([asked, read], ["current_command"], ["pressure_a"])
+    good = np.isfinite(found.recording["pressure_a"])
+    taken = found.recording.time[good] + found.taken["pressure_a"][good]
+    number = found.recording["pressure_a"][good].astype(int)
+    assert number.tolist() == list(range(own.size))
+    assert taken == pytest.approx(own[number], abs=1e-9)
+    assert np.abs(found.taken["pressure_a"]).max() <= 0.5e-3 + 1e-9
+
+
+def test_slow_commands_act_from_their_own_stamps() -> None:
+    asked = Recording(0.0003 + np.arange(100) * 0.02, {"current_command": np.arange(100.0)})
+    read = Recording(np.arange(2000) * PERIOD, {"motor_speed": np.zeros(2000)})
+    found = on_ticks([asked, read], ["current_command"], ["motor_speed"])
+    command = found.recording["current_command"]
+    at = np.flatnonzero(np.isfinite(command))
+    assert found.recording.time[at] == pytest.approx(asked.time, abs=1e-9)
+    assert not found.lost["current_command"].any()
+
+
+def test_commands_that_come_when_they_change_are_not_lost_between() -> None:
+    time = np.sort(np.random.default_rng(1).random(60)) * 3.0
+    asked = Recording(time, {"current_command": np.arange(60.0)})
+    read = Recording(np.arange(3500) * PERIOD, {"motor_speed": np.zeros(3500)})
+    found = on_ticks([asked, read], ["current_command"], ["motor_speed"])
+    assert not found.lost["current_command"].any()
+
+
+def test_the_nearest_tick() -> None:
+    ticks = np.array([0.0, 1.0, 2.0])
+    found = nearest(ticks, np.array([-5.0, 0.4, 0.6, 1.49, 1.51, 9.0]))
+    assert found.tolist() == [0, 0, 1, 1, 2, 2]
