@@ -66,6 +66,12 @@ class Page:
         self._load(path.resolve().as_uri() + fragment)
         return self
 
+    def visit(self, url: str) -> Page:
+        """Load an address as a new document and wait until it is there."""
+        self.requests.clear()
+        self._load(url)
+        return self
+
     def _load(self, url: str) -> None:
         loader = self.send("Page.navigate", url=url)["loaderId"]
         self.browser.pump(lambda: loader in self.loaded)

@@ -16,6 +16,7 @@ from eha_bench.cli import (
     recording_files,
     rig,
     running,
+    serving,
     sweeping,
 )
 
@@ -65,3 +66,4 @@ comparing.register(app)
 exporting.register(app)
 layout.register(app)
 rig.register(app)
+serving.register(app)

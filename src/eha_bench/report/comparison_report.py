@@ -10,13 +10,14 @@ from typing import Final
 from eha_bench.comparison.comparison import Compared, Comparison
 from eha_bench.comparison.side import Run, Side
 from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.recordings import read
 from eha_bench.report.comparison_rows import GRAVITY, LOOKS, Row, rows_of
 from eha_bench.report.engineering import limit_text, metric_name
 from eha_bench.report.figure_view import FigureView, figure_of
 from eha_bench.report.overlay import overlay
-from eha_bench.report.page import Fact, write_page
+from eha_bench.report.page import Fact, render_page
 from eha_bench.report.run_report import moment
 
 REPORT_NAME: Final = "comparison.html"
@@ -47,6 +48,13 @@ class TrialView:
 
 def write_comparison(folder: Path, comparison: Comparison) -> Path:
     """Write `comparison.html` into a folder that exists; return its path."""
+    path = folder / REPORT_NAME
+    write_text(path, comparison_page(comparison))
+    return path
+
+
+def comparison_page(comparison: Comparison) -> str:
+    """Return the page of a comparison, whole."""
     look, word = _WORDS[comparison.status]
     missed, kept = limits_turned(comparison)
     content = {
@@ -68,7 +76,7 @@ def write_comparison(folder: Path, comparison: Comparison) -> Path:
         "trials": _trials(comparison),
     }
     title = f"{word}: {content['suite']}"
-    return write_page(folder / REPORT_NAME, "comparison.html.j2", content, title=title)
+    return render_page("comparison.html.j2", content, title=title)
 
 
 def limits_turned(comparison: Comparison) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -49,11 +49,12 @@ _LOOKS: Final = {
     State.STEADY: ("passed", "✓"),
     State.TOO_FEW: ("undecided", "?"),
 }
-_VERDICTS: Final = {
+VERDICTS: Final = {
     "drifted": ("failed", "✕", "The newest run drifted"),
     "steady": ("passed", "✓", "Steady"),
     "undecided": ("undecided", "?", "Nothing can be said yet"),
 }
+"""Look, sign and word of what a history says."""
 
 
 @dataclass(frozen=True)
@@ -111,20 +112,22 @@ class TrendView:
     spark: Markup
 
 
-def write_site(out: Path, history: History, folder: Path) -> Path:
+def write_site(out: Path, history: History, folder: Path, *, seen_at: Path | None = None) -> Path:
     """Write index.html and trends/*.html into a folder; return the index's path.
 
     Args:
         out: where the site goes; must exist.
         history: what to show.
         folder: that the nights' paths are relative to.
+        seen_at: where its readers see it, which links to reports start from; `out` if None.
     """
+    seen = out if seen_at is None else seen_at
     pages = out / "trends"
     pages.mkdir(exist_ok=True)
     several = len({(trend.suite, trend.target) for trend in history.trends}) > 1
     reports = {night.id: _report(night, folder) for night in history.nights}
     names = {night.id: _called(night) for night in history.nights}
-    from_site, from_pages = (_links(reports, where) for where in (out, pages))
+    from_site, from_pages = (_links(reports, where) for where in (seen, seen / pages.name))
     views = []
     for trend in history.trends:
         view = _view(trend, names, from_pages, several=several)
@@ -132,7 +135,7 @@ def write_site(out: Path, history: History, folder: Path) -> Path:
         _write_trend(pages, view, trend, names, from_pages)
     for stale in set(pages.glob("*.html")) - {pages / view.page for view in views}:
         stale.unlink()
-    look, sign, word = _VERDICTS[history.status]
+    look, sign, word = VERDICTS[history.status]
     both = list(zip(views, history.trends, strict=True))
     shown = history.nights[-MOST_NIGHTS:]
     by_trend = {id(trend): view for view, trend in both}
