@@ -14,11 +14,13 @@ from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.scoring import RECORDINGS, score_recordings
 from eha_bench.bench.store import Shelf
+from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place, TargetFault
 from eha_bench.core.output_folder import writable
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
+from eha_bench.core.shipped import find
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import workers_from
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
@@ -27,7 +29,7 @@ from eha_bench.diagnosis.run import diagnose as close_the_loop
 from eha_bench.experiment.files import suite_path, write_proposal
 from eha_bench.experiment.proposal import Proposal
 from eha_bench.experiment.propose import ASKED, WITHIN, propose
-from eha_bench.posterior.file import read_posterior
+from eha_bench.posterior.file import beside, read_posterior
 from eha_bench.recordings import read
 from eha_bench.report import append_step_summary, markdown_summary, write_junit, write_report
 from eha_bench.report.diagnosis_report import write_diagnosis_report
@@ -35,6 +37,7 @@ from eha_bench.report.experiment_report import write_experiment_report
 from eha_bench.report.page import Fact
 from eha_bench.report.probability_page import write_probability_page
 from eha_bench.report.sweep_page import POINTS, write_sweep_page
+from eha_bench.report.tuning_page import write_tuning_page
 from eha_bench.suites import Suite, load_suite
 from eha_bench.sweeps.case import case_of
 from eha_bench.sweeps.probability import Probability, judged_only
@@ -44,6 +47,11 @@ from eha_bench.sweeps.sweep_file import load_sweep
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
+from eha_bench.tuning.aim import Robust
+from eha_bench.tuning.files import write_tuned
+from eha_bench.tuning.tune import Effort, Tuned, gains_space
+from eha_bench.tuning.tune import tune as find_gains
+from eha_bench.tuning.vary_file import load_vary
 
 Loader = Callable[[], Recording]
 Given: TypeAlias = str | Path | Mapping[str, Any]
@@ -187,6 +195,68 @@ def probability(
         facts = (Fact("Posterior", str(posterior)), Fact("Draws", str(draws)))
         identity = case.simulator.identity.name
         write_probability_page(found, folder, loaded.name, identity, facts)
+    return found
+
+
+def tune(  # noqa: PLR0913 - as the options of the command
+    suite: Given,
+    model: Given,
+    vary: Given,
+    out: str | Path,
+    *,
+    controller: str | Path | None = None,
+    posterior: str | Path | None = None,
+    draws: int = 200,
+    candidates: int = 240,
+    robust: str | None = None,
+    seed: int = 0,
+    workers: str | int | None = None,
+    progress: Progress = silent,
+) -> Tuned:
+    """Find the gains that pass with the highest probability, then with most margin.
+
+    Args:
+        suite: as for `run`. model: model.yaml, or a simulator's target.yaml.
+        vary: vary.yaml, or a dict of what it would hold.
+        out: folder that gets tuned.yaml (a controller), target.yaml, tuning.json and tuning.html.
+        controller: where to begin; the suite's or the target's own if None.
+        posterior: diagnosis.json or calibration.json; the one that wrote the model beside it if
+            None, and no probability where there is none.
+        draws: machines that the best is proven on. candidates: gains that are tried in all.
+        robust: `worst` or `cvar` in place of P(pass). seed: of search and draws.
+        workers: number of processes, dask://host:port or ray://host:port.
+        progress: told after every generation.
+
+    Raises:
+        EhaBenchError: bad input, or the posterior of another model.
+    """
+    loaded, folder = load_suite(suite), writable(Path(out))
+    if robust is not None and robust not in set(Robust):
+        raise InputError(f"--robust '{robust}' is not known", hint=f"known: {', '.join(Robust)}")
+    case = case_of(loaded, open_target(model, loaded.file))
+    if controller is not None:
+        own = load_controllers(find(controller, "controllers"))
+        case = replace(case, simulator=case.simulator.varied(controllers=own))
+    file = load_vary(vary)
+    gains_space(case, file)
+    at = Path(posterior) if posterior is not None else None
+    if at is None and not isinstance(model, Mapping) and Path(model).is_file():
+        at = beside(Path(model))
+    known = None if at is None else read_posterior(at, case.simulator.model)
+    found = find_gains(
+        case, file, known,
+        effort=Effort(candidates, min(draws, Effort.few), draws, seed),
+        aim=Robust(robust).aim if robust else None,
+        workers=workers_from(workers), progress=progress,
+    )  # fmt: skip
+    folder.mkdir(parents=True, exist_ok=True)
+    write_tuned(found, folder)
+    facts = (
+        Fact("Controller before", case.simulator.controllers.name),
+        Fact("Posterior", str(at) if at else "none"),
+        Fact("Seed", str(seed)),
+    )
+    write_tuning_page(found, folder, facts)
     return found
 
 

@@ -18,6 +18,7 @@ from eha_bench.cli import (
     running,
     serving,
     sweeping,
+    tuning,
 )
 
 _WELCOME = """\
@@ -58,6 +59,7 @@ project.register(app)
 listing.register(app)
 running.register(app)
 sweeping.register(app)
+tuning.register(app)
 files.register(app)
 recording_files.register(app)
 closing.register(app)

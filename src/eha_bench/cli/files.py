@@ -20,7 +20,7 @@ def validate(
         bool, typer.Option("--json", help="Print what was found on standard output.")
     ] = False,
 ) -> None:
-    """Check YAML files: suite, sweep, target, model, controller, channels, dataset, nightly."""
+    """Check YAML files of any kind: suite, sweep, target, model, controller, channels, dataset."""
     from eha_bench.core.errors import EhaBenchError
     from eha_bench.core.file_kind import kind_of
     from eha_bench.core.plugins import running_nothing
@@ -65,7 +65,7 @@ def schema(
     kind: Annotated[
         str,
         typer.Argument(
-            help="suite, sweep, target, model, controller, channels, dataset or nightly.",
+            help="suite, sweep, vary, target, model, controller, channels, dataset or nightly.",
             autocompletion=complete_kinds,
         ),
     ],

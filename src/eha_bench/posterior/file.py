@@ -186,6 +186,14 @@ def _check_same(component: Component, model: Model, file: Path, text: str) -> No
     for effect in model.effects:
         if effect.id not in {item.id for item in found.effects}:
             raise refuse("model", f"it has no effect {effect.id}, which this one declares")
+    layout = model.plant.layout
+    for key in component.keys:
+        name = key.partition("[")[0]
+        owner = name.rpartition(".")[0]
+        if name not in layout.index:
+            raise refuse(key, f"it has {key}, which this one does not")
+        if owner in {item.id for item in layout.effects} - declared:
+            raise refuse(key, f"it has the effect {owner}, which this one does not")
     theirs = Component(component.id, model, component.keys, component.covariance).fitted
     for key, ours, given in zip(component.keys, component.fitted, theirs, strict=True):
         if not math.isclose(ours, given, rel_tol=_SAME, abs_tol=1e-300):

@@ -183,6 +183,12 @@ def evaluated(case: Case, draw: int = 0, curves: dict[str, Curve] | None = None)
         results += runs
         margins += trial_margins(trial, runs)
         reasons += [f"{run.id}: {run.reason}" for run in runs if run.reason]
+        reasons += [
+            f"{run.id}: {score.metric} is not scored: {score.measure.reason}"
+            for run in runs
+            for score in run.scores
+            if score.limit and not math.isfinite(score.value)
+        ]
         for key, scores in _by_key(trial, runs).items():
             values[key] = float(np.mean([score.value for score in scores]))
             units[key] = scores[0].unit

@@ -1,0 +1,110 @@
+"""`eha-bench tune`: the gains that pass with the highest probability."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eha_bench.cli.completion import complete_sweeps, complete_targets
+from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
+from eha_bench.cli.running import Posterior, Suite, Workers, say_probability
+
+if TYPE_CHECKING:
+    from eha_bench.tuning.tune import Tuned
+
+
+def tune(  # noqa: PLR0913, PLR0917 - the options of a command
+    suite: Suite,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            help="model.yaml that gains are tuned for, or a simulator's target.yaml.",
+            autocompletion=complete_targets,
+        ),
+    ],
+    vary: Annotated[
+        Path,
+        typer.Option(
+            "--vary", help="vary.yaml: which gains, how far.", autocompletion=complete_sweeps
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for tuned.yaml and its page.")],
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            "--controller", help="controller.yaml to begin from (default: the suite's or target's)."
+        ),
+    ] = None,
+    posterior: Posterior = None,
+    draws: Annotated[
+        int, typer.Option("--draws", min=1, help="Machines that the best gains are proven on.")
+    ] = 200,
+    candidates: Annotated[
+        int, typer.Option("--candidates", min=8, help="Gains that are tried in all.")
+    ] = 240,
+    robust: Annotated[
+        str | None,
+        typer.Option(
+            "--robust",
+            help="worst: the least margin of any draw; cvar: of the worst tenth; in place of "
+            "P(pass).",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of search and draws.")] = 0,
+    workers: Workers = "",
+    json: Annotated[
+        bool, typer.Option("--json", help="Print tuning.json on standard output.")
+    ] = False,
+) -> None:
+    """Find the gains that pass with the highest probability over what is not known."""
+    from eha_bench.api import tune as find
+
+    with TerminalProgress() as progress:
+        found = find(
+            suite, model, vary, out,
+            controller=controller, posterior=posterior, draws=draws, candidates=candidates,
+            robust=robust, seed=seed, workers=workers, progress=progress,
+        )  # fmt: skip
+    _say(found)
+    if json:
+        typer.echo((out / "tuning.json").read_text(encoding="utf-8"), nl=False)
+    else:
+        typer.echo(str(out / "tuned.yaml"))
+    if not found.complete:
+        raise typer.Exit(INTERRUPTED)
+    if not found.feasible:
+        raise typer.Exit(1)
+
+
+def _say(found: Tuned) -> None:
+    """Print the gains, how likely they pass, or what contradicts what."""
+    for factor, before, after in zip(found.space.factors, found.before, found.point, strict=True):
+        say(f"{factor.key}: {factor.told(before)} -> {factor.told(after)}")
+    if found.after is not None:
+        say_probability(found.after)
+    else:
+        for note in found.notes:
+            say(f"note: {note}")
+    if found.declared is not None:
+        say(f"with the gains as they were: P(pass) {found.declared.suite}")
+    worst = min(
+        zip(found.margins, found.limits, strict=True), key=lambda item: (item[0] >= -1e9, item[0])
+    )
+    say(f"at the model as fitted: least margin {worst[0]:+.3f}, {worst[1].key}")
+    clash = found.contradiction
+    if clash is None:
+        return
+    say(f"infeasible: none of {clash.tried} candidates keeps all limits")
+    for place in clash.never:
+        say(f"  none keeps {found.limits[place].key} ({found.limits[place].text})")
+    for group in clash.together:
+        said = " and ".join(f"{found.limits[k].key} ({found.limits[k].text})" for k in group)
+        say(f"  none keeps together: {said}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(tune)

@@ -1,0 +1,1 @@
+"""Gains that pass with the highest probability over what is not known of the machine."""

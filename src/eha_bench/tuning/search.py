@@ -1,0 +1,123 @@
+"""A search over gains by differential evolution, in shares of their ranges.
+
+Storn, Price, J. Global Optimization 11 (1997) 341, doi:10.1023/A:1008202821328, as SciPy has it.
+All of a generation is tried at once, so that it can be spread over workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.sweeps.space import Point, Space
+from eha_bench.tuning.aim import Aim
+from eha_bench.tuning.trying import Machine, Trying
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Gains that were tried.
+
+    Attributes:
+        shares: places in the ranges, (gains,). point: the gains, SI. worth: by the aim.
+        margins: (machines, limits).
+    """
+
+    shares: tuple[float, ...]
+    point: Point
+    worth: float
+    margins: FloatArray
+
+
+@dataclass
+class Search:
+    """One search: what is aimed at, on which machines, and everything that was tried.
+
+    Attributes:
+        trying: runs candidates. machines: that they are tried on. aim: what is made large.
+        stop: whether somebody asked to stop. tell: called with each generation.
+    """
+
+    trying: Trying
+    machines: Sequence[Machine]
+    aim: Aim
+    stop: Callable[[], bool]
+    tell: Callable[[Search], None]
+    tried: list[Candidate] = field(default_factory=list)
+
+    @property
+    def best(self) -> Candidate:
+        """The candidate of most worth, the first of equals."""
+        return max(self.tried, key=lambda item: item.worth)
+
+    def run(self, start: FloatArray, generations: int, seed: int) -> None:
+        """Try a first population, (n, gains) of shares, and generations bred from it."""
+        from scipy import optimize
+
+        if self.stop():
+            return
+        # the stubs know neither the vectorized form nor the callback that is told all
+        evolve: Any = optimize.differential_evolution
+        evolve(
+            self._worths,
+            [(0.0, 1.0)] * start.shape[1],
+            init=start,
+            maxiter=generations,
+            polish=False,
+            vectorized=True,
+            updating="deferred",
+            tol=0.0,
+            rng=np.random.default_rng(seed),
+            callback=self._stopped,
+        )
+
+    def _stopped(self, intermediate_result: object) -> bool:
+        """Tell SciPy, which looks for the argument's name, whether to stop."""
+        del intermediate_result
+        return self.stop()
+
+    def _worths(self, shares: FloatArray) -> FloatArray:
+        """Return the cost of candidates, (n,), of (gains, n) or (gains,) shares."""
+        columns = np.atleast_2d(shares.T)
+        if self.stop():
+            return np.full(len(columns), np.inf)
+        points = [at(self.trying.space, column) for column in columns]
+        margins = self.trying.margins(points, self.machines)
+        for column, point, found in zip(columns, points, margins, strict=True):
+            place = tuple(float(share) for share in column)
+            self.tried.append(Candidate(place, point, self.aim.of(found), found))
+        self.tell(self)
+        return np.array([-item.worth for item in self.tried[-len(columns) :]])
+
+
+def at(space: Space, shares: Sequence[float] | FloatArray) -> Point:
+    """Return the gains at shares of their ranges."""
+    return tuple(
+        factor.span.at(float(share)) for factor, share in zip(space.factors, shares, strict=True)
+    )
+
+
+def first_population(known: Sequence[FloatArray], gains: int, size: int, seed: int) -> FloatArray:
+    """Return a population that fills the ranges, with known places among it, (size, gains)."""
+    from scipy.stats import qmc
+
+    filled = qmc.LatinHypercube(gains, rng=np.random.default_rng(seed)).random(size)
+    for row, place in enumerate(known[:size]):
+        filled[row] = place
+    return np.asarray(filled)
+
+
+def narrow_population(best: Sequence[Candidate], size: int, spread: float, seed: int) -> FloatArray:
+    """Return the best places, and others scattered around them, (size, gains)."""
+    generator = np.random.default_rng(seed)
+    places = np.array([item.shares for item in best])
+    chosen = places[np.arange(size) % len(places)]
+    scattered = chosen + spread * generator.standard_normal(chosen.shape)
+    scattered[: len(places)] = places[:size]
+    return np.asarray(np.clip(scattered, 0.0, 1.0))

@@ -1,0 +1,367 @@
+"""Tunes gains: a search at the model as fitted, one over draws of its posterior, and the proof.
+
+The first search finds where all limits are kept at all, or what contradicts what; the second makes
+P(pass) as large as possible on a few draws, the same for all candidates; the last step takes its
+best and the gains as they are to all draws. Only these figures are told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eha_bench.bench.progress import Progress, silent
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.interruption import Interruption
+from eha_bench.core.workers import HERE, Workers
+from eha_bench.core.yaml_file import line_of, parse
+from eha_bench.posterior.posterior import Draw, Posterior
+from eha_bench.sweeps.case import Case
+from eha_bench.sweeps.evaluation import LimitName, limits_of
+from eha_bench.sweeps.factor import Gain
+from eha_bench.sweeps.probability import Probability, judged_only
+from eha_bench.sweeps.space import Point, Space, space_of
+from eha_bench.sweeps.span import Range
+from eha_bench.tuning.aim import Aim, Only, Passing, Worst
+from eha_bench.tuning.contradiction import Contradiction, contradiction
+from eha_bench.tuning.search import (
+    Candidate,
+    Search,
+    first_population,
+    narrow_population,
+)
+from eha_bench.tuning.trying import Machine, Trying
+from eha_bench.tuning.vary_file import VaryFile
+
+_AS_FITTED = -1
+"""Number of the machine that is the model itself; draws count from 0."""
+_SHARE_AT_FITTED = 0.4
+"""Of all candidates, those that are tried at the model as fitted only."""
+_SPREAD = 0.08
+"""Standard deviation of the second search's first population, in shares of the ranges."""
+_FINALISTS = 2
+_MOST_DOUBTS = 8
+"""Limits, or sets of them, of which a search of their own finds out whether they can be kept."""
+_GENERATIONS_OF_DOUBT = 4
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is tried.
+
+    Attributes:
+        candidates: gains that are tried in all. few: draws that the second search uses.
+        draws: that the best is proven on. seed: of search and draws.
+    """
+
+    candidates: int = 240
+    few: int = 10
+    draws: int = 200
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What tuning found.
+
+    Attributes:
+        space: the gains. point: the best of them. before: as they were, None where a gain lies
+            outside of its range. margins: of the best at the model as fitted.
+        after: over the draws; None without a posterior, or where it was interrupted before.
+        declared: the same of the gains as they were.
+        tried: candidates. contradiction: why nothing passes; None where something does.
+        notes: one sentence each. complete: False where it was interrupted.
+    """
+
+    space: Space
+    point: Point
+    before: Point
+    margins: tuple[float, ...]
+    limits: tuple[LimitName, ...]
+    tried: int
+    after: Probability | None = None
+    declared: Probability | None = None
+    contradiction: Contradiction | None = None
+    notes: tuple[str, ...] = ()
+    complete: bool = True
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the best gains pass anywhere."""
+        return self.contradiction is None
+
+
+def gains_space(case: Case, file: VaryFile) -> Space:
+    """Return the space of a vary file's gains.
+
+    Raises:
+        InputError: a gain that no controller has, or an empty range.
+    """
+    return space_of(case, {Gain.kind: file.entries})
+
+
+def tune(
+    case: Case,
+    file: VaryFile,
+    posterior: Posterior | None,
+    *,
+    effort: Effort | None = None,
+    aim: Aim | None = None,
+    workers: Workers = HERE,
+    progress: Progress = silent,
+) -> Tuned:
+    """Return the gains that pass with the highest probability, and among these with most margin.
+
+    Ctrl-C ends it and keeps the best so far.
+
+    Args:
+        case: suite, model and controllers. file: what may be changed. posterior: of the model;
+            None tunes for the model as it stands. effort: how much is tried. aim: another one
+            than P(pass). workers: where candidates are run. progress: told after each generation.
+
+    Raises:
+        InputError: a gain that no controller has, an empty range, gains that no limit follows, or
+            a limit that nothing scores.
+    """
+    effort, aim = effort or Effort(), aim or Passing()
+    space = gains_space(judged_only(case), file)
+    trying = Trying(space, workers)
+    if not trying.moves:
+        raise InputError(
+            "no trial with a limit is run under a controller of these gains",
+            where=file.entries.place(),
+            hint=f"its modes are: {', '.join(_modes(space.case))}",
+        )
+    for trial in space.case.suite.trials:
+        space.case.simulator.check(trial)
+    with Interruption() as interrupted:
+        return _Tuning(trying, posterior, effort, aim, interrupted, progress).run()
+
+
+def _modes(case: Case) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(trial.mode.name for trial in case.suite.trials))
+
+
+@dataclass
+class _Tuning:
+    trying: Trying
+    posterior: Posterior | None
+    effort: Effort
+    aim: Aim
+    interrupted: Callable[[], bool]
+    progress: Progress
+
+    def run(self) -> Tuned:
+        space, effort = self.trying.space, self.effort
+        size = max(8, 4 * len(space.factors))
+        before = tuple(_declared(space))
+        first = self._search([Machine(_AS_FITTED, space.case.simulator.model)], Worst())
+        whole = self.posterior is None
+        generations = self._generations(size, 1.0 if whole else _SHARE_AT_FITTED)
+        known = [np.array(_shares(space, before))]
+        start = first_population(known, len(space.factors), size, effort.seed)
+        with suppress(KeyboardInterrupt):  # asked for twice: the best so far stands
+            first.run(start, generations, effort.seed)
+        if not first.tried:
+            raise KeyboardInterrupt
+        self._check_scored(first)
+        if self.posterior is None:
+            return self._told(first, first.best, before, None, None)
+        return self._over_draws(first, before, self.posterior)
+
+    def _over_draws(self, first: Search, before: Point, posterior: Posterior) -> Tuned:
+        space, effort = self.trying.space, self.effort
+        draws = posterior.draws(effort.draws, effort.seed)
+        few = [Machine(draw.number, draw.model) for draw in draws[: effort.few]]
+        second = self._search(few, self.aim)
+        ranked = sorted(first.tried, key=lambda item: -item.worth)
+        size = max(5, 2 * len(space.factors))
+        chosen = ranked[0]
+        after: Probability | None = None
+        declared: Probability | None = None
+        with suppress(KeyboardInterrupt):
+            start = narrow_population(ranked[:3], size, _SPREAD, effort.seed)
+            second.run(start, self._generations(size, 1.0 - _SHARE_AT_FITTED), effort.seed)
+            chosen = second.best if second.tried else chosen
+            if second.tried and not self.interrupted():
+                chosen, after, declared = self._proven(second, before, draws)
+        return self._told(first, chosen, before, after, declared, second)
+
+    def _proven(
+        self, second: Search, before: Point, draws: Sequence[Draw]
+    ) -> tuple[Candidate, Probability, Probability]:
+        """Return the best of the finalists over all draws, and the gains as they were."""
+        machines = [Machine(draw.number, draw.model) for draw in draws]
+        finalists: list[Candidate] = []
+        for item in sorted(second.tried, key=lambda item: -item.worth):
+            if item.point not in [other.point for other in finalists]:
+                finalists.append(item)
+            if len(finalists) == _FINALISTS:
+                break
+        points = [*(item.point for item in finalists), before]
+        limits = limits_of(self.trying.space.case.suite)
+        found = []
+        for number, point in enumerate(points):
+            self.progress(number, len(points), "proving the best on all draws")
+            row = self.trying.results([point], machines)[0]
+            notes = self.posterior.notes if self.posterior else ()
+            found.append(Probability(limits, tuple(draws), tuple(row), (), notes))
+        worths = [self.aim.of(item.margins) for item in found[:-1]]
+        best = int(np.argmax(worths))
+        return finalists[best], found[best], found[-1]
+
+    def _search(self, machines: Sequence[Machine], aim: Aim) -> Search:
+        def tell(search: Search) -> None:
+            if isinstance(aim, Only):
+                self.progress(0, self.effort.candidates, "looking for what cannot be kept")
+                return
+            what = "at the model as fitted" if len(machines) == 1 else f"over {len(machines)} draws"
+            self.progress(
+                len(search.tried), self.effort.candidates, f"{what}: best {search.best.worth:+.3f}"
+            )
+
+        return Search(self.trying, machines, aim, self.interrupted, tell)
+
+    def _generations(self, size: int, share: float) -> int:
+        return max(1, round(share * self.effort.candidates / size) - 1)
+
+    def _check_scored(self, first: Search) -> None:
+        """Raise an InputError where a limit is scored for no candidate."""
+        margins = np.concatenate([item.margins for item in first.tried])
+        unscored = np.flatnonzero(~np.isfinite(margins).any(axis=0))
+        if not unscored.size or self.interrupted():
+            return
+        suite = self.trying.space.case.suite
+        limit = limits_of(suite)[int(unscored[0])]
+        alone = replace(suite, trials=tuple(t for t in suite.trials if t.id == limit.trial))
+        case = replace(self.trying.space.case, suite=alone)
+        trying = Trying(replace(self.trying.space, case=case), HERE)
+        machine = Machine(_AS_FITTED, case.simulator.model)
+        found = trying.results([first.best.point], [machine])[0][0]
+        raise InputError(
+            f"nothing scores the limit on {limit.metric} ({found.reason or 'no reason is known'})",
+            where=_place_of(suite.text, str(suite.path), limit),
+            hint="take the limit out, or widen what is varied",
+        )
+
+    def _explained(self, first: Search) -> Contradiction:
+        """Return why nothing passes; what nobody kept so far gets a search of its own first."""
+        tried = [*first.tried]
+        asked: set[tuple[int, ...]] = set()
+        size = max(8, 4 * len(self.trying.space.factors))
+        found = contradiction(np.concatenate([item.margins for item in tried]))
+        while len(asked) < _MOST_DOUBTS and not self.interrupted():
+            doubts = [*((place,) for place in found.never), *found.together]
+            doubt = next((item for item in doubts if item not in asked), None)
+            if doubt is None:
+                break
+            asked.add(doubt)
+            search = self._search(first.machines, Only(doubt))
+            nearest = sorted(tried, key=lambda item: -search.aim.of(item.margins))[:3]
+            start = narrow_population(nearest, size, 3.0 * _SPREAD, self.effort.seed)
+            search.run(start, _GENERATIONS_OF_DOUBT, self.effort.seed)
+            tried += search.tried
+            found = contradiction(np.concatenate([item.margins for item in tried]))
+        return found
+
+    def _told(
+        self,
+        first: Search,
+        chosen: Candidate,
+        before: Point,
+        after: Probability | None,
+        declared: Probability | None,
+        second: Search | None = None,
+    ) -> Tuned:
+        space = self.trying.space
+        machine = Machine(_AS_FITTED, space.case.simulator.model)
+        margins = self.trying.margins([chosen.point], [machine])[0][0]
+        passes = bool(np.all(margins >= 0.0)) if after is None else after.suite.kept > 0
+        notes = list(self.posterior.notes) if self.posterior else []
+        notes += [
+            f"{factor.key} was {factor.told(value)}, outside of what may be varied"
+            for factor, value in zip(space.factors, before, strict=True)
+            if isinstance(factor.span, Range)
+            and not factor.span.low <= float(value) <= factor.span.high
+        ]
+        notes += _at_ends(space, chosen.point)
+        if self.interrupted():
+            notes.append("interrupted: these are the best gains so far")
+        elif self.posterior is None:
+            notes.append(
+                "without a posterior the gains are tuned for the model as it stands, and nothing "
+                "is said of the machine"
+            )
+        tried = len(first.tried) + (len(second.tried) if second else 0)
+        return Tuned(
+            space,
+            chosen.point,
+            before,
+            tuple(float(value) for value in margins),
+            limits_of(space.case.suite),
+            tried,
+            after,
+            declared,
+            None if passes else self._explained(first),
+            tuple(notes),
+            not self.interrupted(),
+        )
+
+
+def _declared(space: Space) -> list[float]:
+    found = []
+    for factor in space.factors:
+        value = factor.declared(space.case)
+        assert value is not None
+        found.append(float(value))
+    return found
+
+
+def _shares(space: Space, point: Sequence[float | str]) -> list[float]:
+    """Return where gains lie in their ranges; of a list the nearest level."""
+    found = []
+    for factor, value in zip(space.factors, point, strict=True):
+        span = factor.span
+        if isinstance(span, Range):
+            found.append(span.share(float(value)))
+            continue
+        levels = [float(level) for level in span.levels]
+        nearest = int(np.argmin([abs(level - float(value)) for level in levels]))
+        found.append((nearest + 0.5) / len(levels))
+    return found
+
+
+def _at_ends(space: Space, point: Point) -> list[str]:
+    """Return notes on gains that lie at an end of their range, beyond which may be better ones."""
+    notes = []
+    for factor, value in zip(space.factors, point, strict=True):
+        if isinstance(factor.span, Range):
+            share = factor.span.share(float(value))
+            if not 0.01 < share < 0.99:
+                notes.append(
+                    f"{factor.key} lies at the end of its range, {factor.told(value)}: beyond it "
+                    "may be better ones"
+                )
+    return notes
+
+
+def _place_of(text: str, name: str, limit: LimitName) -> Place:
+    """Return where a suite writes a limit."""
+    content = parse(text, name)
+    for number, trial in enumerate(content.get("trials", [])):
+        stem = str(trial.get("id", "")).partition("${")[0]
+        accept = trial.get("accept") or {}
+        if limit.trial.startswith(stem) and limit.metric in accept:
+            keys = ("trials", number, "accept", limit.metric)
+            key = f"trials.{limit.trial}.accept.{limit.metric}"
+            return Place(file=name, line=line_of(content, keys), key=key)
+    return Place(file=name, key=f"trials.{limit.trial}.accept.{limit.metric}")
+
+
+def finite_least(margins: Sequence[float]) -> float:
+    """Return the least margin; NaN where one is not scored."""
+    return float(np.min(margins)) if margins else math.nan
