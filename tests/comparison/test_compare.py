@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure
 from eha_bench.report.comparison_markdown import comparison_markdown
+from eha_bench.report.comparison_report import write_comparison
 from eha_bench.report.comparison_rows import row_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -338,3 +340,22 @@ def test_no_difference_is_called_one_in_at_most_five_per_cent() -> None:
             wrong += bool(found.of(Verdict.WORSE, Verdict.BETTER))
         # 150 at 5 %: 14 or more by chance once in 60
         assert wrong < 14
+
+
+def test_rows_of_a_trial_and_an_aspect_stand_together(tmp_path: Path) -> None:
+    item = Compared("a", "", "x", "s", verdict=Verdict.WORSE, margin=1.0)
+    items = tuple(
+        replace(item, trial=trial, metric=metric, difference=size)
+        for trial, metric, size in (
+            ("a", "rise_time", 9.0), ("b", "overshoot", 8.0), ("a", "overshoot", 7.0),
+            ("a", "peak_time", 6.0), ("b", "rise_time", 5.0), ("b", "settling_time", 4.0),
+        )
+    )  # fmt: skip
+    empty = Side("s", ((result([1.0]), tmp_path),))
+    page = write_comparison(tmp_path, Comparison(empty, empty, items)).read_text("utf-8")
+    table = page.partition("What changed, by trial and aspect")[2].partition("</table>")[0]
+    shown = re.findall(r'class="aspect">(\w[\w ]*)<|class="name">([^<]+)<', table)
+    assert [aspect or name for aspect, name in shown] == [
+        "Speed", "Rise time (10–90 %)", "Peak time", "Damping", "Overshoot",
+        "Damping", "Overshoot", "Settling time (2 %)", "Speed", "Rise time (10–90 %)",
+    ]  # fmt: skip

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
+from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.metrics import judge, judge_repeats
 
@@ -93,7 +94,7 @@ def test_the_median_forgives_one_outlier_and_says_so():
     judged = judge_repeats(repeats([40, 60, 45], kept), (kept,))
     assert statuses(judged) == [PASSED] * 3
     assert [scores[0].value for scores in judged] == [40, 60, 45]
-    assert "median of 3 repeats, 45" in judged[0][0].measure.reason
+    assert "median of 3 repeats, 45" in judged[0][0].reason
     assert judged[0][1] == repeats([40], kept)[0][1]
 
 
@@ -101,20 +102,20 @@ def test_the_worst_counts_for_all():
     kept = limit(repeats=Repeats.WORST)
     judged = judge_repeats(repeats([40, 60, 45], kept), (kept,))
     assert statuses(judged) == [FAILED] * 3
-    assert "worst of 3 repeats, 60" in judged[2][0].measure.reason
+    assert "worst of 3 repeats, 60" in judged[2][0].reason
 
 
 def test_the_worst_is_the_one_nearest_to_either_side():
     kept = limit(50.0, low=10.0, repeats=Repeats.WORST)
     judged = judge_repeats(repeats([30, 12, 45], kept), (kept,))
-    assert "repeats, 12" in judged[0][0].measure.reason
+    assert "repeats, 12" in judged[0][0].reason
 
 
 def test_a_repeat_that_could_not_be_scored_is_not_left_out():
     kept = limit(repeats=Repeats.MEDIAN)
     judged = judge_repeats(repeats([40, math.nan, 45], kept), (kept,))
     assert statuses(judged) == [NOT_SCORED] * 3
-    assert "1 of 3" in judged[0][0].measure.reason
+    assert "1 of 3" in judged[0][0].reason
 
 
 def test_repeats_that_scatter_leave_a_confident_median_undecided():
@@ -135,3 +136,14 @@ def test_a_single_repeat_keeps_its_own_verdict():
     kept = limit(repeats=Repeats.MEDIAN)
     scores = repeats([60], kept)
     assert judge_repeats(scores, (kept,)) == scores
+
+
+def test_what_a_limit_is_applied_to_survives_a_file_and_a_second_judgement(tmp_path):
+    kept = limit(repeats=Repeats.WORST)
+    once = judge_repeats(repeats([40, 60, 45], kept), (kept,))
+    assert once == judge_repeats(once, (kept,))
+    run = TrialResult("step", 0, Status.PASSED, "", "", once[0])
+    Result("s", "t", Status.PASSED, (run,), {}).write(tmp_path / "result.json")
+    found = Result.read(tmp_path / "result.json").trials[0].scores[0]
+    assert (found.judged_by, found.reason) == (once[0][0].judged_by, once[0][0].reason)
+    assert found.measure.reason == once[0][0].measure.reason

@@ -151,7 +151,7 @@ class LimitItem(pytest.Item):
             self.user_properties.append((f"{limit.metric}[{run.repeat}]", f"{score.value:.6g}"))
             if score.status.rejects:
                 value = f"{score.value:.6g} {score.unit}".strip()
-                reason = score.measure.reason
+                reason = score.reason
                 found = reason if score.status.value == "not_scored" else value
                 yield (
                     f"repeat {run.repeat}: {limit.metric} {score.status.value.replace('_', ' ')}: "

@@ -102,7 +102,7 @@ class Result:
             found += [
                 MissedLimit(
                     run.id, run.repeat, item.metric, item.status.value, item.value, item.unit,
-                    item.limit, "" if math.isfinite(item.value) else item.measure.reason,
+                    item.limit, "" if math.isfinite(item.value) else item.reason,
                 )
                 for item in missed
             ]  # fmt: skip
@@ -151,7 +151,7 @@ class Result:
                 "unit": score.unit,
                 "limit": score.limit,
                 "status": score.status.value,
-                "reason": score.measure.reason,
+                "reason": score.reason,
             }
             for run in self.trials
             for score in run.scores
@@ -255,6 +255,7 @@ def _score_to_dict(score: Score) -> dict[str, Any]:
         "matters": score.matters,
         "status": score.status.value,
         "reason": score.measure.reason,
+        "judged_by": score.judged_by,
         "budget": [_contribution_to_dict(part) for part in score.measure.budget.parts],
     }
 
@@ -328,6 +329,7 @@ def _score(data: Mapping[str, Any]) -> Score:
         limit=str(data.get("limit_written") or data.get("limit") or ""),
         limit_in_si=str(data.get("limit") or "") if data.get("limit_written") else "",
         matters=str(data.get("matters") or ""),
+        judged_by=str(data.get("judged_by") or ""),
     )
 
 

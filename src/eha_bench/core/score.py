@@ -55,6 +55,7 @@ class Score:
         limit: as the suite wrote it (`<= 41 ms`), which people are shown; "" where there is none.
         limit_in_si: the same in SI (`<= 0.041 s`), which programs read.
         matters: the smallest difference that matters between two results, as the suite wrote it.
+        judged_by: which value of all repeats the limit is applied to; "" for this one's own.
     """
 
     metric: str
@@ -65,6 +66,13 @@ class Score:
     limit: str = ""
     matters: str = ""
     limit_in_si: str = ""
+    judged_by: str = ""
+
+    @property
+    def reason(self) -> str:
+        """Why there is no value, or the convention used, and what the limit is applied to."""
+        judged = f"judged by {self.judged_by}" if self.judged_by else ""
+        return "; ".join(part for part in (self.measure.reason, judged) if part)
 
     @property
     def value(self) -> float:

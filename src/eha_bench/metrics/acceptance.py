@@ -10,8 +10,6 @@ from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
 from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.metrics.repeats import median
 
-_SEPARATOR = "; judged by "
-
 
 def judge(measure: Measure, limit: AcceptanceLimit | None) -> ScoreStatus:
     """Return what the limit says of the measure; without a limit, a value has nothing to fail.
@@ -54,8 +52,8 @@ def judge_repeats(
 ) -> list[tuple[Score, ...]]:
     """Return the scores of all repeats of a trial, limits on the worst or the median applied.
 
-    Such a limit has one verdict: every repeat's score carries it, with the value it comes from in
-    its reason. The values and intervals of the repeats stay their own.
+    Such a limit has one verdict: every repeat's score carries it, with the value it comes from.
+    The values and intervals of the repeats stay their own.
     """
     found = [list(scores) for scores in repeats]
     for limit in limits:
@@ -73,9 +71,7 @@ def judge_repeats(
         status = judge(common, limit)
         for run, index in places:
             score = found[run][index]
-            own = score.measure.reason.partition(_SEPARATOR)[0]  # a resumed run judges anew
-            measure = replace(score.measure, reason=f"{own}{_SEPARATOR}{common.reason}")
-            found[run][index] = replace(score, measure=measure, status=status)
+            found[run][index] = replace(score, judged_by=common.reason, status=status)
     return [tuple(scores) for scores in found]
 
 

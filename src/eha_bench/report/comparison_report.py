@@ -121,10 +121,16 @@ def needed(comparison: Comparison) -> str:
 
 
 def _by_trial(items: tuple[Compared, ...]) -> tuple[Row, ...]:
-    """Return rows with those of a trial together, the trials and rows with most first."""
+    """Return rows with those of a trial and of an aspect together, each with the worst first."""
     rows = rows_of(items)
-    order = list(dict.fromkeys(row.trial for row in rows))
-    return tuple(sorted(rows, key=lambda row: order.index(row.trial)))
+    trials = list(dict.fromkeys(row.trial for row in rows))
+    aspects = list(dict.fromkeys((row.trial, row.aspect) for row in rows))
+    return tuple(
+        sorted(
+            rows,
+            key=lambda row: (trials.index(row.trial), aspects.index((row.trial, row.aspect))),
+        )
+    )
 
 
 def headline(comparison: Comparison) -> str:

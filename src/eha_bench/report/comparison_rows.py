@@ -8,6 +8,7 @@ from typing import Final
 
 from eha_bench.comparison.comparison import Compared, Values
 from eha_bench.comparison.verdict import Verdict
+from eha_bench.report.aspects import aspect_of
 from eha_bench.report.engineering import (
     COUNTS,
     PERCENT,
@@ -56,6 +57,7 @@ class Row:
     """A compared metric as a table shows it; all text is for people."""
 
     trial: str
+    aspect: str
     metric: str
     channel: str
     baseline: str
@@ -74,7 +76,7 @@ class Row:
 
 
 def rows_of(items: tuple[Compared, ...]) -> tuple[Row, ...]:
-    """Return the rows, the gravest verdicts first and within them the largest differences."""
+    """Return the rows, the worst verdicts first and within them the largest differences."""
     ordered = sorted(items, key=lambda item: (GRAVITY.index(item.verdict), -_size(item)))
     return tuple(row_of(item) for item in ordered)
 
@@ -95,6 +97,7 @@ def row_of(item: Compared) -> Row:
         places = 0
     return Row(
         trial=item.trial,
+        aspect=aspect_of(item.metric, item.unit),
         metric=metric_name(item.metric) if item.metric else "all",
         channel=channel_name(item.channel) if item.channel else "",
         baseline=_side(item.baseline, unit, places),
@@ -127,7 +130,7 @@ def note_of(item: Compared) -> str:
     if item.verdict is Verdict.CHANGED:
         parts.append("which value is better is not known")
     if item.better.startswith("nearer"):
-        parts.append(f"better is {item.better}: the differences are those of the distances")
+        parts.append(f"{item.better} is better: differences are of the distances")
     return ". ".join(part[:1].upper() + part[1:] for part in parts)
 
 

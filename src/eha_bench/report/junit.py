@@ -81,7 +81,7 @@ def _limit_case(suite: ET.Element, result: Result, run: TrialResult, score: Scor
         },
     )
     value = quantity(score.value, score.unit, metric=score.metric, written=score.limit)
-    reason = score.measure.reason
+    reason = score.reason
     if not score.status.rejects:
         return
     if score.status is ScoreStatus.NOT_SCORED and run.status in (Status.FAULT, Status.INCOMPLETE):

@@ -40,7 +40,7 @@ Key = tuple[str, str, str, str, str, str]
 
 @dataclass(frozen=True)
 class History:
-    """Trends of all metrics, the gravest first.
+    """Trends of all metrics, the most serious state first.
 
     Attributes:
         folder: what was watched.
