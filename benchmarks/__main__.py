@@ -29,6 +29,7 @@ FULL: dict[str, list[str]] = {
     "intervals": [],
     "comparison": [],
     "blind": ["--cases", "40"],
+    "next_experiment": ["--cases", "4"],
     "rig_safety": ["--faults", "--kills", "30", "--signals", "5", "--disk", "--minutes", "10"],
     "rig_agreement": [],
 }
@@ -43,6 +44,7 @@ QUICK: dict[str, list[str]] = {
     "intervals": ["--cases", "4"],
     "comparison": ["--quick"],
     "blind": ["--cases", "1"],
+    "next_experiment": ["--quick"],
     "rig_safety": ["--kills", "1", "--disk"],
     "rig_agreement": ["--rounds", "1", "--control", "host"],
 }

@@ -19,6 +19,7 @@ from eha_bench.experiment.decision import (
     shares_of_a_decision,
 )
 from eha_bench.experiment.decision import _least_costs as least_costs
+from eha_bench.experiment.response import _furthest as furthest
 
 FloatArray = NDArray[np.float64]
 
@@ -119,3 +120,13 @@ def test_a_gain_in_a_single_block_decides_nothing():
     everywhere = np.full(400, 20.0)
     layout, rows, _ = linear(rng, [np.zeros(400), everywhere], [nothing, nothing], 0)
     assert odds(rivals, layout, blocks_of(rows, 40), 10.0)[-1].right == 1.0
+
+
+def test_an_extreme_reaches_as_far_as_that_of_a_thousand_draws():
+    rng = np.random.default_rng(6)
+    seen = []
+    for _ in range(200):
+        seen.append(furthest(rng.standard_normal(24)))
+    # the largest of a thousand normal numbers is 3.24 on average
+    assert np.mean(seen) == pytest.approx(3.24, abs=0.3)
+    assert furthest(np.array([5.0])) == 5.0

@@ -18,6 +18,8 @@ from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.experiment.hypothesis import read_question
 from eha_bench.experiment.permitted import permitted
 from eha_bench.experiment.proposal import Ending
+from eha_bench.experiment.response import simulated
+from eha_bench.plants.plant import Drive
 from eha_bench.suites import load_suite
 from eha_bench.targets.simulator import Simulator
 
@@ -60,6 +62,31 @@ def test_the_suite_keeps_every_limit_when_either_cause_is_the_true_one(proposed:
         assert outcome.ending == "complete", outcome.reason
         low, high = LOCKED["current_command"]
         assert Bounds(low, high).holds(float(np.abs(outcome.recording["current_command"]).max()))
+
+
+def test_no_draw_of_a_wide_posterior_breaks_a_tight_limit(tmp_path: Path):
+    # limits that only a small experiment keeps, and parameters that may be off by a third
+    tight = {**LOCKED, "pressure_a": (-1e6, 1e6), "pressure_b": (-1e6, 1e6)}
+    rivals = [rival(*DELAY, share=0.15), rival(*LAG, share=0.15)]
+    folder = write_question(tmp_path, rivals, extremes=tight, unexplained={"pressure_a": 2e4})
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=1.0)
+    assert found.ending is Ending.PROPOSED
+    assert max(room.used for trial in found.trials for room in trial.rooms) > 0.2
+    rng = np.random.default_rng(8)
+    for trial in load_suite(tmp_path / "next.yaml").trials:
+        clock = trial.clock()
+        drive = Drive(clock, {"current_command": trial.reference(clock)}, locked=True)
+        known = read_question(folder).rivals
+        vectors = [item.at(rng.standard_normal((100, len(item.keys)))) for item in known]
+        for readings in simulated(known, vectors, drive):
+            names = known[0].model.plant.outputs
+            for name in ("pressure_a", "pressure_b", "motor_speed"):
+                values = readings[:, :, names.index(name)]
+                values = values + NOISE[name] * rng.standard_normal(values.shape)
+                beyond = 4.0 * NOISE[name]
+                low, high = tight[name][0] - beyond, tight[name][1] + beyond
+                assert values.min() >= low
+                assert values.max() <= high
 
 
 def test_a_dataset_takes_what_the_suite_records(proposed: Path):

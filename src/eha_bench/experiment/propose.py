@@ -69,8 +69,6 @@ _GENTLER = (0.6, 0.6, 0.6, 0.6)
 """Shares by which the experiment is made smaller, one after the other, while it still decides."""
 _PLENTY = 120.0
 """Distance that it keeps then: four times what suffices, as no rival is quite the machine."""
-_LOST = 0.02
-"""Probability that may be lost by it."""
 _BEST = 5
 _VARIATIONS = 5
 _TOGETHER = 3
@@ -360,8 +358,7 @@ class _Search:
             grams = self._products(responses, layout, self._ticks(item), 50)
             found = odds(self.rivals, layout, grams, self._before)[-1]
             plenty = float(distances(layout, grams[-1]).min()) >= _PLENTY
-            least = max(self.probability, expected.right - _LOST)
-            if not (plenty and found.right >= least and found.wrong <= MOST_WRONG):
+            if not (plenty and found.right >= expected.right and found.wrong <= expected.wrong):
                 break
             chosen = item
         return chosen

@@ -27,6 +27,8 @@ MEMORY = 0.02
 _SIGMAS = 4.0
 """Noise, in standard deviations, that a reading has to stay off a limit: one sample in 16,000."""
 _REMAINDER = 3.0
+_TAIL = 3.1
+"""Standard deviations that one of a thousand draws goes beyond."""
 _SHARE = 0.03
 """Margin beside that, as a share of the distance between a channel's start and its limit."""
 
@@ -68,7 +70,8 @@ class Room:
     """How near a trial comes to one limit, over all that was simulated.
 
     Attributes:
-        channel: what is limited. low, high: predicted extremes, SI. limit: what it has to keep.
+        channel: what is limited. limit: what it has to keep. low, high: extremes that a thousand
+            draws would reach, SI.
         used: share of the way from where it starts to the limit; the margin for noise and
             remainder is used as well. 1 is at the limit.
     """
@@ -200,7 +203,8 @@ def _room(name: str, curves: FloatArray, limit: Limit, bench: Bench) -> Room:
     margin = bench.margin.get(name, 0.0)
     if name == "pressure_difference":
         margin = bench.margin.get("pressure_a", 0.0) + bench.margin.get("pressure_b", 0.0)
-    low, high = float(curves.min()), float(curves.max())
+    high = _furthest(curves.max(axis=1))
+    low = -_furthest(-curves.min(axis=1))
     begin = float(np.median(curves[:, 0]))
     used = 0.0
     for end, extreme, side in ((limit.high, high, 1.0), (limit.low, low, -1.0)):
@@ -215,6 +219,11 @@ def _room(name: str, curves: FloatArray, limit: Limit, bench: Bench) -> Room:
         rate = float(np.abs(np.diff(curves, axis=1)).max()) * bench.rate
         used = max(used, (rate + 1.5 * margin * bench.rate) / ((1.0 - _SHARE) * limit.rate))
     return Room(name, low, high, limit, float(used) if np.isfinite(used) else 1e9)
+
+
+def _furthest(tops: FloatArray) -> float:
+    """Return how far an extreme may go: of those simulated, or of a thousand draws like them."""
+    return float(max(tops.max(), tops.mean() + _TAIL * tops.std()))
 
 
 @cache
