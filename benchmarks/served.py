@@ -8,7 +8,7 @@ Wanted: the first page of 1,000 nights of 100 metrics within 0.3 s, once its ind
 from __future__ import annotations
 
 import argparse
-import json
+import math
 import shutil
 import socket
 import sys
@@ -19,6 +19,7 @@ import urllib.request
 from pathlib import Path
 
 import uvicorn
+from benchmarks.table import Row, write_rows
 
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
@@ -86,10 +87,13 @@ def main() -> int:
             thread.join()
     finally:
         shutil.rmtree(folder)
-    for name, seconds in found.items():
-        print(f"{name:40}{seconds:9.3f} s")
-    if options.json:
-        options.json.write_text(json.dumps(found, indent=1) + "\n")
+    rows = [
+        Row(name, seconds, "s", "<", WANTED if name == "/" else math.nan)
+        for name, seconds in found.items()
+    ]
+    for row in rows:
+        print(row)
+    write_rows(options.json, rows)
     return int(found["/"] > WANTED)
 
 
