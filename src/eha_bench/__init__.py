@@ -10,7 +10,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eha_bench.api import diagnose, next_experiment, run, score_files
+    from eha_bench.api import (
+        diagnose,
+        next_experiment,
+        probability,
+        run,
+        score_files,
+        sweep,
+        tune,
+    )
     from eha_bench.comparing import ab, compare, history
     from eha_bench.core.recording import Recording
     from eha_bench.core.result import Result
@@ -37,6 +45,9 @@ _HOME = {
     "Result": "eha_bench.core.result",
     "run": "eha_bench.api",
     "score_files": "eha_bench.api",
+    "probability": "eha_bench.api",
+    "sweep": "eha_bench.api",
+    "tune": "eha_bench.api",
     "score": "eha_bench.metrics",
 }
 
@@ -52,10 +63,13 @@ __all__ = [
     "load_suite",
     "next_experiment",
     "predict",
+    "probability",
     "read",
     "run",
     "score",
     "score_files",
+    "sweep",
+    "tune",
     "write",
 ]
 
