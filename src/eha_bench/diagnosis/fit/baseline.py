@@ -26,7 +26,7 @@ from eha_bench.diagnosis.data.windows import Window, begun, cut, split, window_a
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
-from eha_bench.diagnosis.fit.odd_runs import notes_of, odd_runs
+from eha_bench.diagnosis.fit.outlier_runs import notes_of, outlier_runs
 from eha_bench.diagnosis.fit.own_parameters import with_clocks, with_own
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
 from eha_bench.diagnosis.fit.residual_colour import NOTHING_SEEN, noise_of_residual
@@ -229,10 +229,10 @@ def _calibrated(
     layout = plant.layout
     progress("calibrate", 0.1)
     declared, rough, arrival = _roughly(dataset, windows, noise, best)
-    odd = odd_runs(rough, (declared, arrival.fit.residual))
-    if odd:
-        measured = tuple(item for item in measured if item.run.name not in odd)
-        windows = [window for window in windows if window.measured.run.name not in odd]
+    outliers = outlier_runs(rough, (declared, arrival.fit.residual))
+    if outliers:
+        measured = tuple(item for item in measured if item.run.name not in outliers)
+        windows = [window for window in windows if window.measured.run.name not in outliers]
         noise = pooled_noise(measured, plant.outputs)
         declared, rough, arrival = _roughly(dataset, windows, noise, best)
     if late := rough.places.lateness(arrival.fit.vector):
@@ -272,7 +272,7 @@ def _calibrated(
         (*keys, *nuisance),
         nuisance,
         float(np.sum(declared**2)),
-        (*notes_of(odd), *(_colour_notes(measured) if seen.colours else ())),
+        (*notes_of(outliers), *(_colour_notes(measured) if seen.colours else ())),
         arrival.tried,
         arrival.agreed,
     )

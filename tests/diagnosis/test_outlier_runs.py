@@ -15,11 +15,11 @@ from drive_data import write_drive
 
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.baseline import COARSE, gather
-from eha_bench.diagnosis.fit.odd_runs import odd_runs
+from eha_bench.diagnosis.fit.outlier_runs import outlier_runs
 from eha_bench.diagnosis.fit.problem import Problem
 
 
-def _odd(folder: Path, logs: list[str], others: Sequence[float] = ()) -> dict[str, str]:
+def _outliers(folder: Path, logs: list[str], others: Sequence[float] = ()) -> dict[str, str]:
     path = folder / "dataset.yaml"
     head = "model: model.yaml\nchannels: channels.yaml\ninputs: [reference]\nruns:\n"
     path.write_text(head + "".join(f"  - {{log: {log}.csv, use: train}}\n" for log in logs))
@@ -29,7 +29,7 @@ def _odd(folder: Path, logs: list[str], others: Sequence[float] = ()) -> dict[st
     vector = dataset.model.vector()
     problem.prepare(vector)
     residual = problem.residual(vector)
-    return odd_runs(problem, [residual, *(share * residual for share in others)])
+    return outlier_runs(problem, [residual, *(share * residual for share in others)])
 
 
 @pytest.fixture(scope="module")
@@ -43,17 +43,17 @@ def folder(tmp_path_factory) -> Path:
     return folder
 
 
-def test_a_run_with_a_sensor_upside_down_is_odd(folder: Path) -> None:
-    assert _odd(folder, ["train", "held", "odd"]) == {"odd": "piston_position"}
+def test_a_run_with_a_sensor_upside_down_is_outliers(folder: Path) -> None:
+    assert _outliers(folder, ["train", "held", "odd"]) == {"odd": "piston_position"}
 
 
-def test_what_is_missing_in_the_model_makes_no_run_odd(folder: Path) -> None:
-    assert _odd(folder, ["train", "held"]) == {}
+def test_what_is_missing_in_the_model_makes_no_run_outliers(folder: Path) -> None:
+    assert _outliers(folder, ["train", "held"]) == {}
 
 
-def test_of_two_runs_nobody_knows_which_is_odd(folder: Path) -> None:
-    assert _odd(folder, ["train", "odd"]) == {}
+def test_of_two_runs_nobody_knows_which_is_outliers(folder: Path) -> None:
+    assert _outliers(folder, ["train", "odd"]) == {}
 
 
-def test_a_run_that_one_of_two_models_explains_is_not_odd(folder: Path) -> None:
-    assert _odd(folder, ["train", "held", "odd"], others=[0.0]) == {}
+def test_a_run_that_one_of_two_models_explains_is_not_outliers(folder: Path) -> None:
+    assert _outliers(folder, ["train", "held", "odd"], others=[0.0]) == {}

@@ -4,7 +4,7 @@ A log under another name, a sensor with the wrong sign, a setup that was not the
 declared: such a run is another machine's, and what is missing in it is missing nowhere else. An
 effect leaves an error of some percent of a signal; where the error is larger than what the signal
 itself does, no effect is meant. Only a run beside which as many others of its setup are explained
-is odd: else nobody knows whether it is the run or the model.
+is an outlier: otherwise run and model cannot be told apart.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ import numpy as np
 from eha_bench.diagnosis.fit.problem import FloatArray, Problem
 
 _NOTHING = 1.0
-"""Error over what a channel does itself from which nothing of it is explained."""
+"""Error over the channel's own standard deviation from which nothing of it is explained."""
 _WELL = 0.3
 """And below which a channel is explained, whatever is missing in the model."""
 _LOUD = 10.0
-"""Least that a channel must do to be asked, in standard deviations of its noise."""
+"""Least standard deviation of a channel that counts, in those of its noise."""
 _ALIKE = 0.5
 """Correlation of what is simulated and measured from which something of it is explained."""
 _FEW = 1.0 / 3.0
-"""Largest share of all runs that may be odd."""
+"""Largest share of all runs that may be outliers."""
 
 
-def odd_runs(problem: Problem, residuals: Sequence[FloatArray]) -> dict[str, str]:
+def outlier_runs(problem: Problem, residuals: Sequence[FloatArray]) -> dict[str, str]:
     """Return the runs that are left out, each with the channel of which least is explained.
 
     Args:
         problem: over whole runs. residuals: of models, of which each run counts by the one that
-            explains most of it: a fit that is caught somewhere makes no run odd.
+            explains most of it: a fit that is caught somewhere makes no run an outlier.
     """
     runs = {window.measured.run.name: window.measured for window in problem.windows}
     tried = [_shares(problem, problem.in_readings(residual)) for residual in residuals]
@@ -46,18 +46,18 @@ def odd_runs(problem: Problem, residuals: Sequence[FloatArray]) -> dict[str, str
     setups = {(item.run.locked, item.run.bypass_open) for item in runs.values()}
     for setup in sorted(setups):
         own = [n for n in worst if (runs[n].run.locked, runs[n].run.bypass_open) == setup]
-        odd = [name for name in own if worst[name][1] > _NOTHING]
-        if len(odd) <= sum(worst[name][1] < _WELL for name in own):
-            found |= {name: worst[name][0] for name in odd}
+        far = [name for name in own if worst[name][1] > _NOTHING]
+        if len(far) <= sum(worst[name][1] < _WELL for name in own):
+            found |= {name: worst[name][0] for name in far}
     return found if len(found) <= _FEW * len(runs) else {}
 
 
-def notes_of(odd: Mapping[str, str]) -> tuple[str, ...]:
+def notes_of(outliers: Mapping[str, str]) -> tuple[str, ...]:
     """Say which runs are left out, and what to look at."""
     return tuple(
         f"{run} is left out: nothing of its '{channel}' is explained, as it is in other runs of "
         "this setup; are its file, its channel map, its piston and bypass the right ones?"
-        for run, channel in odd.items()
+        for run, channel in outliers.items()
     )
 
 
