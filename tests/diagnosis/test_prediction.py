@@ -334,3 +334,19 @@ def test_a_summary_stands_beside_the_tables(tmp_path):
     rms = float(np.sqrt(np.mean(difference**2)))
     assert run["error"]["pressure_difference"]["rms"] == pytest.approx(rms)
     assert run["notes"] == list(found.notes)
+
+
+def test_a_log_of_topics_is_predicted_from_every_command_at_the_stamps_of_its_recording() -> None:
+    whole = simulated()
+    state = {name: whole[name][::2] for name in ("motor_speed", "current", "pressure_a")}
+    stamps = whole.time[::2] + 40e-6
+    asked = Recording(whole.time, {"current_command": whole["current_command"]})
+    alone = Recording(stamps, {"current_command": whole["current_command"][::2], **state})
+    run = Run(
+        "one", Path("one.mcap"), None, True, False, Use.HOLDOUT, lambda: alone,
+        by_topic=lambda: (asked, Recording(stamps, state)),
+    )  # fmt: skip
+    (found,) = predict(Dataset(MODEL, ("current_command",), (run,)))
+    assert found.time == pytest.approx(stamps)
+    for name, values in state.items():
+        assert np.abs(found.values[name] - values).max() < 1e-6 * np.ptp(values), name

@@ -20,6 +20,7 @@ from eha_bench.core.output_folder import writable
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, pooled_noise
+from eha_bench.diagnosis.data.ticks import Sampled, nearest, on_ticks
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.problem import Problem
@@ -32,6 +33,9 @@ FloatArray = NDArray[np.float64]
 
 STEP = 1e-4
 """Integration step of a prediction, s: its error is below a tenth of usual noise."""
+
+_SAME = 0.1
+"""What a stamp lies beside a tick at most and still is that tick's, in periods."""
 
 SCHEMA_VERSION = 1
 SUMMARY = "prediction.json"
@@ -179,11 +183,12 @@ def predict(
         if progress:
             progress(run.name, number / len(dataset.runs))
         recording = run.read()
+        sampled = on_ticks(run.topics(), dataset.inputs, determined)
         measured = admit(
-            run, recording, dataset.inputs, determined, strict=False, roles=model.plant.roles
+            run, sampled, dataset.inputs, determined, strict=False, roles=model.plant.roles
         )
         measured = _with_its_own(measured, model)
-        prediction = _predicted(_at_its_angle(measured, model), recording, model)
+        prediction = _predicted(_at_its_angle(measured, model), recording, sampled, model)
         if out is not None:
             folder = Path(out)
             folder.mkdir(parents=True, exist_ok=True)
@@ -196,8 +201,10 @@ def predict(
     return tuple(found)
 
 
-def _predicted(measured: Measured, recording: Recording, model: Model) -> Prediction:
-    """Return the prediction of a run that passed the gate."""
+def _predicted(
+    measured: Measured, recording: Recording, sampled: Sampled, model: Model
+) -> Prediction:
+    """Return the prediction of a run that passed the gate, at the stamps of its recording."""
     plant = model.plant
     start = first_sample(measured, model)
     values = simulate_from(measured, model, start.state, STEP)
@@ -211,6 +218,9 @@ def _predicted(measured: Measured, recording: Recording, model: Model) -> Predic
         columns["pressure_difference"] = columns["pressure_a"] - columns["pressure_b"]
     derived = plant.derived(model.vector(), columns)
     columns |= {n: v for n, v in derived.items() if n in recording and n not in measured.inputs}
+    errors = _errors(columns, measured, sampled.recording)
+    if sampled.is_of_several:
+        columns = _at_stamps(columns, sampled.recording, recording)
     notes = measured.notes + start.notes
     if measured.start.is_estimated:
         notes += (said({measured.run.name: measured.start}),)
@@ -219,10 +229,25 @@ def _predicted(measured: Measured, recording: Recording, model: Model) -> Predic
         np.array(recording.time),
         columns,
         notes,
-        _errors(columns, measured, recording),
+        errors,
         recording.epoch_ns,
         plant.units,
     )
+
+
+def _at_stamps(
+    columns: Mapping[str, FloatArray], ticks: Recording, recording: Recording
+) -> dict[str, FloatArray]:
+    """Return what was simulated at ticks at the stamps of a recording; zero may be another.
+
+    A reading that is stamped a little beside a tick was taken at it.
+    """
+    apart = (recording.epoch_ns - ticks.epoch_ns) / 1e9
+    stamps = np.array(recording.time) + apart
+    at = nearest(ticks.time, stamps)
+    same = np.abs(stamps - ticks.time[at]) <= _SAME * ticks.sample_period
+    stamps[same] = ticks.time[at[same]]
+    return {name: np.interp(stamps, ticks.time, values) for name, values in columns.items()}
 
 
 def _errors(
@@ -237,6 +262,7 @@ def _errors(
         column = _believed(name, measured, recording)
         if column is None or not (there := np.isfinite(column)).any():
             continue
+        values = measured.as_taken(name, values, {})  # noqa: PLW2901
         other = np.where(np.isfinite(values[there]), values[there], np.inf)
         with np.errstate(over="ignore"):
             found[name] = float(np.sqrt(np.mean((column[there] - other) ** 2)))
