@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped
@@ -13,7 +14,7 @@ from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.lost_inputs import Unsure, guessed
 from eha_bench.diagnosis.data.windows import cut
-from eha_bench.diagnosis.fit.lost_inputs import lost
+from eha_bench.diagnosis.fit.lost_inputs import at_their_best, lost
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
@@ -126,3 +127,22 @@ def test_the_right_model_leaves_noise_though_commands_at_jumps_are_lost() -> Non
     # a pulse of some amperes makes friction stick elsewhere, which no slope foresees
     assert left(known=False) > 2.0
     assert left(known=True) < 1.0 + 0.1 * (left(known=False) - 1.0)
+
+
+def test_lost_values_are_found_where_readings_tell_and_stay_where_they_do_not() -> None:
+    decay = np.exp(-np.arange(TIME.size) / 30.0)
+    truth = np.zeros(TIME.size)
+    truth[[100, 900]] = 2.0, -1.0
+    measured = np.convolve(truth, decay)[: TIME.size] * 50.0
+
+    def residual(drive: Drive) -> np.ndarray:
+        return measured - 50.0 * np.convolve(drive.inputs["current_command"], decay)[: TIME.size]
+
+    unsure = Unsure(np.array([100, 900, 1995]), np.array([101, 901, 1996]), np.array([2.0, 1.5, 4]))
+    drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
+    found = at_their_best(drive, {"current_command": unsure}, TIME, residual)
+    assert found.inputs["current_command"] == pytest.approx(truth, abs=1e-3)
+    # never further than three spreads, whatever is missing
+    near = Unsure(unsure.ticks, unsure.stops, np.full(3, 0.1))
+    found = at_their_best(drive, {"current_command": near}, TIME, residual)
+    assert np.abs(found.inputs["current_command"]).max() == pytest.approx(0.3)

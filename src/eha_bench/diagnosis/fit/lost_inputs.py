@@ -10,7 +10,7 @@ begins. Those whose guesses together make less than the noise are left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,18 @@ _APART = 0.4
 """Time between lost messages that are simulated together, s: masses on oil have come to rest."""
 _FEWER = 4
 """Factor by which the number of messages grows while what is left still shows."""
+_FURTHEST = 3.0
+"""Most that a lost value is taken to be off by, in its spreads."""
+
+
+@dataclass(frozen=True)
+class _Pulse:
+    """A lost message: its input, the ticks that it acts over, and how far it may be off, SI."""
+
+    name: str
+    tick: int
+    stop: int
+    spread: float
 
 
 def lost(
@@ -42,23 +54,54 @@ def lost(
         begin: tick of the run at which the drive begins. times: (N,) s of the residual's rows.
         vector: of the plant. residual: (N,) weighted by its own noise, of the window under a drive.
     """
+    _, columns, simulations = _responses(drive, unsure, begin, times, residual)
+    return Shaken(columns, vector, simulations)
+
+
+def at_their_best(
+    drive: Drive,
+    unsure: Mapping[str, Unsure],
+    times: FloatArray,
+    residual: Callable[[Drive], FloatArray],
+) -> Drive:
+    """Return a whole run's drive with lost values as its readings ask for, within their spreads.
+
+    One Gauss-Newton step; a value is as likely off by its spread as a reading is by its noise.
+
+    Args:
+        drive: of the run. unsure: input -> its values that were not logged.
+        times: (N,) s of the residual's rows. residual: (N,) weighted by its noise, under a drive.
+    """
+    pulses, columns, _ = _responses(drive, unsure, 0, times, residual)
+    if not pulses:
+        return drive
+    normal = columns.T @ columns + np.eye(len(pulses))
+    found = -np.linalg.solve(normal, columns.T @ residual(drive))
+    return _with(drive, pulses, np.clip(found, -_FURTHEST, _FURTHEST))
+
+
+def _responses(
+    drive: Drive,
+    unsure: Mapping[str, Unsure],
+    begin: int,
+    times: FloatArray,
+    residual: Callable[[Drive], FloatArray],
+) -> tuple[list[_Pulse], FloatArray, int]:
+    """Return lost messages that show, what each does, (N, k), and how many simulations it took."""
     items = [
-        (name, max(int(tick) - begin, 0), min(int(stop) - begin, drive.time.size), float(spread))
+        _Pulse(name, max(int(tick) - begin, 0), min(int(stop) - begin, drive.time.size), spread)
         for name, own in unsure.items()
-        for tick, stop, spread in zip(own.ticks, own.stops, own.spread, strict=True)
+        for tick, stop, spread in zip(own.ticks, own.stops, own.spread.tolist(), strict=True)
         if stop > begin and tick - begin < drive.time.size
     ]
-    items.sort(key=lambda item: -item[3])
+    items.sort(key=lambda item: -item.spread)
     if not items:
-        return Shaken(np.zeros((times.size, 0)), vector, 0)
+        return [], np.zeros((times.size, 0)), 0
     base = residual(drive)
     simulations = 1
 
-    def change(chosen: list[tuple[str, int, int, float]], signs: FloatArray) -> FloatArray:
-        inputs = {name: values.copy() for name, values in drive.inputs.items()}
-        for (name, tick, stop, spread), sign in zip(chosen, signs, strict=True):
-            inputs[name][tick:stop] += sign * spread
-        return residual(replace(drive, inputs=inputs)) - base
+    def change(chosen: list[_Pulse], signs: FloatArray) -> FloatArray:
+        return residual(_with(drive, chosen, signs)) - base
 
     signs = np.random.default_rng(0).choice([-1.0, 1.0], len(items))
     count = 0
@@ -68,24 +111,32 @@ def lost(
         if float(left @ left) < SHOWS * drive.time.size:
             break
         count = min(max(_FEWER * count, _FEWER), len(items))
-    columns = []
+    columns: list[FloatArray] = []
+    pulses: list[_Pulse] = []
     for batch in _apart(items[:count], drive.time):
         moved = change(batch, np.ones(len(batch)))
         simulations += 1
-        begins = [float(drive.time[tick]) for _, tick, _, _ in batch]
+        pulses += batch
+        begins = [float(drive.time[item.tick]) for item in batch]
         for start, stop in zip(begins, [*begins[1:], np.inf], strict=True):
             columns.append(np.where((times >= start) & (times < stop), moved, 0.0))
-    return Shaken(np.array(columns).reshape(-1, times.size).T, vector, simulations)
+    return pulses, np.array(columns).reshape(-1, times.size).T, simulations
 
 
-def _apart(
-    items: list[tuple[str, int, int, float]], time: FloatArray
-) -> list[list[tuple[str, int, int, float]]]:
+def _with(drive: Drive, pulses: list[_Pulse], sizes: FloatArray) -> Drive:
+    """Return a drive whose lost values are off by so many of their spreads."""
+    inputs = {name: values.copy() for name, values in drive.inputs.items()}
+    for item, size in zip(pulses, sizes, strict=True):
+        inputs[item.name][item.tick : item.stop] += size * item.spread
+    return replace(drive, inputs=inputs)
+
+
+def _apart(items: list[_Pulse], time: FloatArray) -> list[list[_Pulse]]:
     """Return lost messages in batches of which each is far from the one before it."""
-    batches: list[list[tuple[str, int, int, float]]] = []
-    for item in sorted(items, key=lambda item: item[1]):
+    batches: list[list[_Pulse]] = []
+    for item in sorted(items, key=lambda item: item.tick):
         for batch in batches:
-            if time[item[1]] - time[batch[-1][1]] >= _APART:
+            if time[item.tick] - time[batch[-1].tick] >= _APART:
                 batch.append(item)
                 break
         else:

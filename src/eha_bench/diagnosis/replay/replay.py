@@ -5,7 +5,8 @@ The errors of a diagnosis are those of these replays, so that anybody can comput
 from, and where a small change of the start lasts or grows, its error says more about that sample
 than about the model. So each run is replayed once more from a start one standard deviation of the
 sensors' noise away; where that shows, the run is replayed from the start within three standard
-deviations that fits it best (one Gauss-Newton step). Both errors are kept.
+deviations that fits it best (one Gauss-Newton step). Commands that were lost are taken likewise, as
+far off as they may be. Both errors are kept.
 """
 
 from __future__ import annotations
@@ -22,11 +23,12 @@ from eha_bench.core.channels import unit_of
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.effort import simulated
+from eha_bench.diagnosis.fit.lost_inputs import at_their_best
 from eha_bench.diagnosis.fit.own_parameters import OwnValues
 from eha_bench.diagnosis.replay.first_sample import first_sample, first_state
 from eha_bench.diagnosis.replay.prediction import STEP, simulate_from
 from eha_bench.plants.model import Model
-from eha_bench.plants.plant import Plant
+from eha_bench.plants.plant import Drive, Plant
 
 FloatArray = NDArray[np.float64]
 Columns = Mapping[str, FloatArray]
@@ -149,6 +151,15 @@ def _one(
         else _simulated(run, model, first, STEP)
         for run, model, start, values in zip(runs, models, starts, begun, strict=True)
     ]  # fmt: skip
+    if measured.unsure:
+        runs = [
+            _with_lost_inputs(run, model, start, own, noise)
+            for run, model, start in zip(runs, models, starts, strict=True)
+        ]
+        begun = [
+            _simulated(run, model, start, STEP)
+            for run, model, start in zip(runs, models, starts, strict=True)
+        ]
     moved = _moved(runs[-1], models[-1], starts[-1], own, noise)
     loose = any(value > _LOOSE * noise[name] for name, value in moved.items() if name in noise)
     simulated = [
@@ -168,6 +179,28 @@ def _one(
         moved,
         models[-1].plant.units,
     )
+
+
+def _with_lost_inputs(
+    measured: Measured,
+    model: Model,
+    start: Mapping[str, float],
+    own: Columns,
+    noise: Mapping[str, float],
+) -> Measured:
+    """Return a run with lost values of its inputs as fits best, within what they may be."""
+    weights = {name: size for name, size in noise.items() if name in own and size > 0.0}
+    if not weights:
+        return measured
+    times = np.concatenate([measured.time[np.isfinite(own[name])] for name in weights])
+
+    def residual(drive: Drive) -> FloatArray:
+        values = _simulated(replace(measured, inputs=drive.inputs), model, start, COARSE)
+        left = _stacked(own, values, weights)
+        return left if np.isfinite(left).all() else np.zeros(left.size)
+
+    drive = measured.drive(0, measured.time.size)
+    return replace(measured, inputs=at_their_best(drive, measured.unsure, times, residual).inputs)
 
 
 def _spreads(
