@@ -79,3 +79,37 @@ def test_it_is_run_predicted_calibrated_and_diagnosed(cli, flap: Path) -> None:
     assert diagnosis["verdict"] == "none"
     units = {name: error["unit"] for name, error in diagnosis["error"]["holdout"].items()}
     assert units == {"flap_angle": "rad", "spool_position": "m"}
+
+
+LATE = "effects:\n  - {effect: command_delay, delay: 12 ms}\n"
+SLOW = "effects:\n  - {effect: sensor_lag, at: flap_angle, time_constant: 20 ms}\n"
+VALUES = ", ".join(f"{0.05 * (k / 11.5 - 1) ** 2:.5f}" for k in range(24))
+BENT = f"""\
+effects:
+  - {{effect: learned, at: flap_angle.sensor, form: additive, variable: flap_angle, scale: 1,
+     low: -0.3, high: 0.3, values: [{VALUES}]}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("hidden", "effects", "unknown"),
+    [
+        (LATE, ["command_delay"], None),
+        (SLOW, ["sensor_lag"], None),
+        (BENT, [], ("measurement", ["flap_angle"])),
+    ],
+    ids=["late", "slow", "bent"],
+)
+def test_what_acts_on_its_signals_is_found(cli, flap: Path, hidden, effects, unknown) -> None:
+    (flap / "truth.yaml").write_text(FILES["truth.yaml"] + hidden)
+    cli("run", "suite.yaml", "--out", "run")
+    cli("diagnose", "dataset.yaml", "--out", "out", check=0)
+    found = json.loads((flap / "out" / "diagnosis.json").read_text())
+    assert [item["id"] for item in found["effects"]] == effects
+    if unknown:
+        assert found["verdict"] == "unknown"
+        assert (found["unknown"]["equation"], found["unknown"]["variables"]) == unknown
+    # what is written is taken again
+    cli("predict", "dataset.yaml", "--model", "out/revised.yaml", "--out", "again", check=0)
+    before, after = (found["error"]["holdout"]["flap_angle"][key] for key in ("before", "after"))
+    assert after < 0.5 * before

@@ -192,8 +192,10 @@ def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch)
     """Where no place can act there is no equation, and none is made up."""
     left = Excess(1e4, 1000, {}, 50.0, {})
     search = cast("Search", SimpleNamespace(
-        excess_left=left, excess_base=left, effects=[], fit=None, problem=None
+        excess_left=left, excess_base=left, effects=[], fit=None,
+        problem=SimpleNamespace(plant=None),
     ))  # fmt: skip
+    monkeypatch.setattr(decide_module, "places_of", lambda _: ("somewhere",))
     monkeypatch.setattr(decide_module, "locate", lambda *_: (None, "", []))
     found = decide_module.decide(search, COARSE, no_progress)
     assert found.verdict is Verdict.UNKNOWN
@@ -204,3 +206,8 @@ def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch)
     found = decide_module.decide(search, COARSE, no_progress)
     assert found.unknown is not None
     assert found.unknown.equation == "force"
+    monkeypatch.setattr(decide_module, "locate", lambda *_: (None, "", []))
+    monkeypatch.setattr(decide_module, "places_of", lambda _: ())
+    found = decide_module.decide(search, COARSE, no_progress)
+    assert found.unknown is not None
+    assert "not simulated moment by moment" in found.unknown.description

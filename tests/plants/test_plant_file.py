@@ -289,3 +289,26 @@ def test_a_command_line_names_it_too(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "plant.yaml:10" in message
     assert "did you mean 'pump'" in message
     assert "Traceback" not in message
+
+
+BRIDGE = """\
+plant: servo
+nodes:
+  shaft: {kind: rotation, inertia: 1e-3 kg*m^2}
+elements:
+  motor: {kind: motor, on: shaft, resistance: 2 ohm, torque_constant: 0.1 N*m/A,
+          supply_voltage: 24 V}
+  loop:  {kind: position_servo, on: shaft, motor: motor, proportional: 6 1/rad}
+inputs:   {goal: loop.reference}
+channels: {angle: shaft.angle}
+"""
+
+
+def test_a_supply_that_nothing_drives_has_its_declared_voltage(tmp_path: Path) -> None:
+    path = tmp_path / "plant.yaml"
+    path.write_text(BRIDGE)
+    plant = load_plant(path)
+    # the supply alone says that a bridge drives the motor
+    assert "motor.duty" in plant.inputs
+    assert plant.resting_inputs["motor.supply_voltage"] == 24.0
+    assert plant.references == ("goal",)

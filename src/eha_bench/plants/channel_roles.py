@@ -21,6 +21,7 @@ class ChannelRoles:
         pressures: pressures that are states.
         pair: the two chambers whose difference and sum are looked at, () where there are none.
         commands: inputs that are asked for: held between samples, and exact.
+        followed: inputs that a controller inside the plant makes a position follow.
         on_top: inputs that are added to another: where a log has none, nothing was added.
         acting: channel of what acts in a drive -> the input that asks for it.
         limited: channels that stand still where their drive is at its limit.
@@ -35,6 +36,7 @@ class ChannelRoles:
     pressures: tuple[str, ...] = ()
     pair: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
+    followed: tuple[str, ...] = ()
     on_top: tuple[str, ...] = ()
     acting: Mapping[str, str] = field(default_factory=dict)
     limited: tuple[str, ...] = ()
@@ -52,6 +54,7 @@ KNOWN = ChannelRoles(
     pressures=("pressure_a", "pressure_b"),
     pair=("pressure_a", "pressure_b"),
     commands=("current_command", "reference", "voltage", "pulses"),
+    followed=("reference",),
     on_top=("pulses",),
     acting={"current": "current_command"},
     limited=("current", "voltage"),

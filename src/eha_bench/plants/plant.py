@@ -96,6 +96,17 @@ class Parametrised:
         """
         return self.plant.simulate(self.vector, drive.starting(initial), step)
 
+    def following(self, reference: str) -> Parametrised:
+        """Return it driven by what a controller inside the plant follows, in place of its command.
+
+        Raises:
+            InputError: no controller inside the plant follows that.
+        """
+        raise InputError(
+            f"'{reference}' is nothing that a controller inside {self.plant.id} follows",
+            hint=f"it is commanded by {self.plant.command or 'nothing'}",
+        )
+
     # --- what a session rests on ------------------------------------------------
 
     @property
@@ -153,6 +164,8 @@ class Plant:
             controller commands, and disturbances. Inputs of `simulate` may be others, too.
         command: the one of `inputs` that a controller gives; "" where none does, and then there
             is no session.
+        references: those of `inputs` that a controller inside the plant follows: one of them may
+            stand in a session for `command`, which that controller then gives.
         resting_inputs: what inputs are where nobody gives them, SI; 0 for the rest.
         derived_channels: channels that `derived` gives from all outputs, in a session's order.
         can_lock: whether the setup `piston: locked` means something.
@@ -166,6 +179,7 @@ class Plant:
     state_places: Mapping[str, int]
     inputs: tuple[str, ...] = ()
     command: str = ""
+    references: tuple[str, ...] = ()
     resting_inputs: Mapping[str, float] = MappingProxyType({})
     derived_channels: tuple[str, ...] = ()
     can_lock: bool = False
@@ -253,6 +267,7 @@ class Plant:
         bypass_open: bool = False,
         step: float,
         start: float = 0.0,
+        command: str = "",
     ) -> Session:
         """Return a simulation that is advanced from moment to moment under a controller.
 
@@ -262,18 +277,21 @@ class Plant:
             locked, bypass_open: setup.
             step: largest integration step, s.
             start: time of the first moment, s.
+            command: one of `references` in place of the plant's command.
 
         Raises:
             InputError: no input commands this plant, its setup cannot be so, or a channel is no
                 state of it.
         """
+        at = self.at(vector)
         return Session(
-            self.at(vector),
+            at.following(command) if command and command != self.command else at,
             initial,
             locked=locked,
             bypass_open=bypass_open,
             step=step,
             start=start,
+            command=command,
         )
 
     def start(
@@ -397,6 +415,18 @@ class Plant:
         """
         return {}
 
+    def through_cells(
+        self,
+        vector: FloatArray,
+        readings: Mapping[str, float],
+    ) -> dict[str, float]:
+        """Return positions that a load cell between them and another part tells of, SI.
+
+        Args:
+            vector: parameters. readings: channel -> reading at one sample, SI; any channels.
+        """
+        return {}
+
     def derived(
         self,
         vector: FloatArray,
@@ -455,4 +485,6 @@ def get_plant(name: str) -> Plant:
     plant = plugins.load("plants", name)()
     if not isinstance(plant, Plant):
         raise PluginError(f"plant '{name}' is not a Plant but {type(plant).__name__}")
-    return plant
+    from eha_bench.plants.signals import with_signals
+
+    return with_signals(plant, registered_effects())

@@ -40,6 +40,7 @@ class Session:
         bypass_open: bool = False,
         step: float,
         start: float = 0.0,
+        command: str = "",
     ) -> None:
         """Start at rest, or where the sensors read `initial`.
 
@@ -49,6 +50,7 @@ class Session:
             locked, bypass_open: setup.
             step: largest integration step, s.
             start: time of the first moment, s.
+            command: the input that `advance` gives (default: the plant's command).
 
         Raises:
             InputError: no input commands this plant, its setup cannot be so, or a channel is no
@@ -59,7 +61,7 @@ class Session:
         self._at, self._step = at, step
         self._locked, self._bypass = locked, bypass_open
         self._places = {name: place for place, name in enumerate(plant.inputs)}
-        self._command = self._places[plant.command]
+        self._command = self._places[command or plant.command]
         self._given = np.array([plant.resting_inputs.get(name, 0.0) for name in plant.inputs])
         self._look_back = at.look_back
         self._time = np.full(_ROWS, start)
@@ -102,7 +104,7 @@ class Session:
             self._given[self._places[name]] = value
 
     def advance(self, to: float, command: float) -> None:
-        """Hold a command (SI unit of the plant's command) and go on to a later moment, s.
+        """Hold a command (SI unit of what commands the session) and go on to a later moment, s.
 
         What the sensors read is then that of just before the next command takes effect.
         """

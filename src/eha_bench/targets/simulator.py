@@ -118,7 +118,7 @@ class Simulator(Target):
 
     def check(self, trial: Trial) -> None:
         """Raise an InputError if there is no controller for the mode, or no such start."""
-        check_channels(trial, self._units, self._plant.id, self._plant.command)
+        check_channels(trial, self._units, self._plant.id, self._command(trial))
         self._controllers.make(trial.mode, self._context(trial))
         self._plant.check_session(
             locked=trial.setup.piston is Piston.LOCKED,
@@ -135,6 +135,7 @@ class Simulator(Target):
             bypass_open=trial.setup.bypass is Bypass.OPEN,
             step=self._step,
             start=float(trial.clock()[0]),
+            command=self._command(trial),
         )
         loop = ClosedLoop(
             trial,
@@ -144,7 +145,7 @@ class Simulator(Target):
             self._sensors,
             self._constants(),
             {name: unit for name, unit in self._units.items() if name not in CHANNELS},
-            self._plant.command,
+            self._command(trial),
         )
         return loop.run(session, stopping)
 
@@ -154,22 +155,28 @@ class Simulator(Target):
         return {f"model.{name}": repr(self._model.value(name)) for name in names}
 
     def _context(self, trial: Trial) -> Context:
-        plant, vector = self._plant, self._vector
+        plant, vector, command = self._plant, self._vector, self._command(trial)
+        own = command == plant.command
         return Context(
             period=1.0 / trial.sample_rate,
-            command_limit=plant.command_limit(vector),
+            command_limit=plant.command_limit(vector) if own else math.inf,
             linkage=plant.linkage(vector),
-            command=plant.command,
-            command_unit=plant.units[plant.command],
+            command=command,
+            command_unit=plant.units[command],
             channel=trial.channel,
             unit=self._units.get(trial.channel, trial.mode.unit),
         )
+
+    def _command(self, trial: Trial) -> str:
+        """Return what a trial commands: the plant's command, or what a loop inside it follows."""
+        asked = trial.mode.channel
+        return asked if asked in self._plant.references else self._plant.command
 
     @property
     def _units(self) -> dict[str, str]:
         """SI unit of everything that a trial may name."""
         plant = self._plant
-        names = (plant.command, *plant.outputs, *plant.derived_channels)
+        names = (plant.command, *plant.references, *plant.outputs, *plant.derived_channels)
         found = {name: plant.units[name] for name in names}
         if {"pressure_a", "pressure_b"} <= found.keys():
             found["pressure_difference"] = unit_of("pressure_difference")

@@ -14,6 +14,7 @@ from eha_bench.diagnosis.search.stepwise import Search
 from eha_bench.diagnosis.unknown.curves import Located
 from eha_bench.diagnosis.unknown.learn import learn, times_of
 from eha_bench.diagnosis.unknown.locator import Locator, locate
+from eha_bench.diagnosis.unknown.places import places_of
 
 Progress = Callable[[str, float], None]
 
@@ -83,6 +84,11 @@ def decide(search: Search, step: float, progress: Progress, said: Sequence[str] 
     if not located:
         where = f"something acts in the {equation} balance" if equation else "nothing was located"
         text = f"{where}; what it could depend on is not measured"
+        if not places_of(search.problem.plant):
+            text = (
+                "something is missing, but nothing could be asked where: this plant is not "
+                "simulated moment by moment (`advance`), so its parameters are all that was tried"
+            )
         unknown = Unknown(equation or None, (), text)
         return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
     progress("learn", 0.0)

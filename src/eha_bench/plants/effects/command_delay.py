@@ -58,7 +58,10 @@ EFFECT = Effect(
     id="command_delay",
     summary="The command takes effect after a constant delay.",
     parameters=(Parameter("delay", "s", 2e-3, 0.0, 0.5, "T"),),
-    actions={"drive": Action({"command": delayed}, start={"before": at_first})},
+    actions={
+        "drive": Action({"command": delayed}, start={"before": at_first}),
+        "command_path": Action({"command": delayed}, start={"before": at_first}),
+    },
     states=("before",),
     source="Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., 1997",
     separate="log the motor current during steps: a delay shifts it, a lag bends it",

@@ -83,7 +83,8 @@ def bridge(duty: float, supply: float) -> float:
 
 
 def _anatomy(declared: frozenset[str]) -> Anatomy:
-    if "resistance" not in declared and not {"input:voltage", "input:duty"} & declared:
+    bridged = bool({"input:duty", "duty_limit", "supply_voltage"} & declared)
+    if "resistance" not in declared and "input:voltage" not in declared and not bridged:
         return Anatomy(
             (_CONSTANT, _CURRENT_LIMIT),
             (Effort("on", torque_of_current, Side.DRIVE, "torque"),),
@@ -97,7 +98,7 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
     torque = torque_with_emf if own_emf else torque_of_voltage
     parameters = (_CONSTANT, *((_EMF,) if own_emf else ()), _RESISTANCE)
     efforts = (Effort("on", torque, Side.DRIVE, "torque"),)
-    if "input:duty" in declared:
+    if bridged:
         return Anatomy(
             (*parameters, _DUTY_LIMIT, _SUPPLY),
             efforts,

@@ -34,13 +34,7 @@ def roles_of_channels(plant: NetworkPlant) -> ChannelRoles:
         column.channel for column in system.columns
         if column.held and column.part is not None and column.part.anatomy.loop is not None
     ]  # fmt: skip
-    references = [
-        column.channel
-        for column in system.columns
-        if column.part is not None
-        and (loop := column.part.anatomy.loop) is not None
-        and column.signal == system.signals[f"{column.part.name}.{loop.reference}"]
-    ]
+    references = [item.channel for item in system.columns if system.is_followed(item)]
     on_top = [
         column.channel
         for column in system.columns
@@ -86,6 +80,7 @@ def roles_of_channels(plant: NetworkPlant) -> ChannelRoles:
         pressures=pressures,
         pair=pair,
         commands=tuple(dict.fromkeys((*held, *references))),
+        followed=tuple(references),
         on_top=tuple(on_top),
         acting=acting,
         limited=(*acting, *looped),

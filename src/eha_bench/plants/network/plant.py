@@ -84,6 +84,7 @@ class NetworkPlant(Plant):
         self.inputs = tuple(item.channel for item in system.columns)
         commands = [item.channel for item in system.columns if item.command is not None]
         self.command = commands[0] if commands else ""
+        self.references = tuple(item.channel for item in system.columns if system.is_followed(item))
         self.resting_inputs = {
             item.channel: math.nan
             if item.default == -2
@@ -609,7 +610,40 @@ class NetworkPlant(Plant):
                 found["pressure_b"] = readings["pressure_a"] - difference
             if "pressure_b" in readings:
                 found["pressure_a"] = readings["pressure_b"] + difference
-        return {name: value for name, value in found.items() if name in self.state_places}
+        found = {name: value for name, value in found.items() if name in self.state_places}
+        return {**self.through_cells(vector, {**readings, **found}), **found}
+
+    @cached_property
+    def _cells(self) -> tuple[tuple[str, str, str, str], ...]:
+        """Load cells: where their stiffness is, what shows their force, both sides' positions."""
+        system = self.system
+        names = {place: name for name, place in self.state_places.items()}
+        shown = {of: channel for channel, (of, _) in self.network.channels.items()}
+        found = []
+        for part in system.parts.values():
+            ports = part.element.ports
+            if part.element.kind.id != "load_cell" or any(
+                n in system.leaders for n in ports.values()
+            ):
+                continue
+            first, second = (
+                names[system.leader_of(ports[side]).position] for side in ("first", "second")
+            )
+            key = system.slot_of[f"{part.name}.stiffness"]
+            found.append((key, shown.get(part.name, ""), first, second))
+        return tuple(found)
+
+    def through_cells(self, vector: FloatArray, readings: Mapping[str, float]) -> dict[str, float]:
+        """Return a position beyond a load cell: as far off as the force that it reads bends it."""
+        found: dict[str, float] = {}
+        for key, force, first, second in self._cells:
+            stiffness = float(vector[self.system.index[key]])
+            bent = readings.get(force, 0.0) / stiffness if stiffness > 0.0 else 0.0
+            if first not in readings and second in readings:
+                found[first] = readings[second] + bent
+            elif second not in readings and first in readings:
+                found[second] = readings[first] - bent
+        return found
 
     def derived(
         self, vector: FloatArray, outputs: Mapping[str, FloatArray]
@@ -646,6 +680,26 @@ class _Fastest(Parametrised):
                 if column.part is part:
                     self._given[number] = False
             del name, loop
+        self._loop_period = 0.0
+
+    def following(self, reference: str) -> Parametrised:
+        """Return it driven by what a controller inside the plant follows, once its period.
+
+        Raises:
+            InputError: no controller inside the plant follows that.
+        """
+        plant, system = self.plant, self.plant.system
+        if reference not in plant.references:
+            return super().following(reference)
+        other = _Fastest(plant, self.vector)
+        column = system.columns[system.column_of[reference]]
+        assert column.part is not None
+        loop = system.loops[column.part.name][1]
+        other._given[system.column_of[reference]] = True
+        other._loop_period = float(
+            self.vector[system.index[system.slot_of[f"{column.part.name}.{loop.period}"]]]
+        )
+        return other
 
     def simulate(self, drive: Drive, initial: Mapping[str, float], step: float) -> FloatArray:
         """Return (n, outputs) in the order of the plant's outputs, SI."""
@@ -692,6 +746,13 @@ class _Fastest(Parametrised):
         out: FloatArray,
     ) -> None:
         """Go on as `Plant.advance` does."""
+        if self._loop_period > 0.0 and last > first:
+            for k in range(first, last):
+                self._tick(
+                    k, time, inputs, locked, bypass_open, step, fresh and k == first, memory,
+                    state, out,
+                )  # fmt: skip
+            return
         n = last + 1
         if n > len(self._imposed):
             self._imposed = np.zeros((2 * n, self._imposed.shape[1]))
@@ -699,6 +760,35 @@ class _Fastest(Parametrised):
             first, last, time, inputs, self._given, self._imposed, self._not_imposed, locked,
             bypass_open, step, fresh, self._parameters, memory, self._shown, state, out,
         )  # fmt: skip
+
+    def _tick(
+        self,
+        k: int,
+        time: FloatArray,
+        inputs: FloatArray,
+        locked: bool,
+        bypass_open: bool,
+        step: float,
+        fresh: bool,
+        memory: FloatArray,
+        state: FloatArray,
+        out: FloatArray,
+    ) -> None:
+        """Go on from moment k to the next by the clock of the controller inside the plant."""
+        parts = max(1, round(float(time[k + 1] - time[k]) / self._loop_period))
+        within = np.linspace(time[k], time[k + 1], parts + 1)
+        times = np.concatenate((time[:k], within))
+        # what is given is held until the next moment
+        values = np.concatenate((inputs[:k], np.repeat(inputs[k : k + 1], parts + 1, axis=0)))
+        values[-1] = inputs[k + 1]
+        shown = np.full((times.size, out.shape[1]), np.nan)
+        count = self.plant.system.size + len(self.plant._imposable)
+        self._kernel.simulate(
+            k, k + parts, times, values, self._given, np.zeros((times.size, count)),
+            self._not_imposed, locked, bypass_open, step, fresh, self._parameters, memory,
+            self._shown, state, shown,
+        )  # fmt: skip
+        inputs[k], out[k], out[k + 1] = values[k], shown[k], shown[-1]
 
 
 def _controller_clock(time: FloatArray, period: float) -> tuple[FloatArray, NDArray[np.intp]]:

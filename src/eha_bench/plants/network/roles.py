@@ -20,6 +20,12 @@ _USUAL_PRESSURE = 1e6
 
 HOLDING = "holding"
 """The role of a balance at standstill, which no network has: see `pump_hold`."""
+_ELSEWHERE = {
+    HOLDING: "a pump that holds a pressure at standstill",
+    "command_path": "the way of the command of a plant in Python",
+    "sensor": "a sensor of a plant in Python",
+}
+"""Roles that no network has, with what plays them."""
 
 
 def roles_of(system: System) -> dict[str, tuple[Spot, ...]]:
@@ -29,8 +35,8 @@ def roles_of(system: System) -> dict[str, tuple[Spot, ...]]:
 
 def role_summary(role: str) -> str:
     """Return what plays a role, in a few words."""
-    if role == HOLDING:
-        return "a pump that holds a pressure at standstill"
+    if role in _ELSEWHERE:
+        return _ELSEWHERE[role]
     text = (_ROLES[role].__doc__ or "").strip().splitlines()[0].removesuffix(".")
     return text[:1].lower() + text[1:]
 

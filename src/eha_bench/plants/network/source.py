@@ -922,9 +922,11 @@ class Writer:
                 f"        {before} = reading - {period} * Y[{coordinate.speed}]",
                 f"        {older} = {before} - {period} * Y[{coordinate.speed}]",
                 f"    slope = (reading - {older}) / (2.0 * {period})",
-                f"    {older} = {before}",
-                f"    {before} = reading",
                 f"    inputs[k, {number}] = {value}{more}",
+                # a last moment is read again where a session goes on
+                "    if k < last:",
+                f"        {older} = {before}",
+                f"        {before} = reading",
             ]
         return lines
 

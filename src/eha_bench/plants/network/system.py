@@ -440,6 +440,7 @@ class System:
                 )
             self.columns.append(self._column(channel, part, own[item.port], item.held))
         self._complete_loops()
+        self._complete_defaults()
         self.columns.append(
             Column("oil_temperature", "K", False, self.signals["oil_temperature"], -2, None, None)
         )
@@ -467,6 +468,23 @@ class System:
                     self._column(f"{driven.name}.{command.port}", driven, port, None)
                 )
             del part
+
+    def _complete_defaults(self) -> None:
+        """A parameter that stands in for an input (a supply) needs a column as well."""
+        for part in self.parts.values():
+            for port in part.anatomy.inputs:
+                signal = self.signals[f"{part.name}.{port.signal}"]
+                if port.default and all(c.signal != signal for c in self.columns):
+                    self.columns.append(self._column(f"{part.name}.{port.port}", part, port, None))
+
+    def is_followed(self, column: Column) -> bool:
+        """Whether a column holds what a controller inside the plant follows."""
+        loop = column.part.anatomy.loop if column.part is not None else None
+        return (
+            loop is not None
+            and column.part is not None
+            and column.signal == self.signals[f"{column.part.name}.{loop.reference}"]
+        )
 
     def column_for(self, part: Part, command: Command) -> int:
         """Return the input column of a command.
