@@ -27,6 +27,8 @@ _STRETCH = 0.128
 """Length of a quiet stretch, s."""
 _SHORTEST = 32
 """And least number of its samples."""
+_STEPS = 2.5
+"""Least range of readings that are noise, in steps of the resolution."""
 _MOVES = 2.0
 """What a reading may move by in a stretch, in standard deviations of what is beside its parabola:
 noise with a memory of a tenth of the stretch moves as much."""
@@ -71,8 +73,8 @@ def _colours(measured: Sequence[Measured]) -> dict[str, Colour]:
     for item in measured:
         for stretch in quiet_stretches(item):
             for name, values in stretch.items():
-                # what never changes tells nothing of noise, and its samples must not count
-                if np.ptp(values) > 0.0:
+                # what changes by a step or two of its resolution tells of that, and not of noise
+                if np.ptp(values) > _STEPS * item.steps.get(name, 0.0):
                     stretches.setdefault(name, []).append(values)
     return {name: colour for name, own in stretches.items() if (colour := colour_of(own))}
 

@@ -1,10 +1,11 @@
 """Cuts runs into windows that are simulated on their own: multiple shooting.
 
 A locked piston, or ports connected, keep the model's error bounded, so such runs are replayed whole
-from their start. A free rod integrates every error, so those runs are cut into windows of some
-0.4 s (Bock's multiple shooting with the start states taken from the measurement; Ljung, System
-Identification, 2nd ed. 1999, section 5.3). A window never starts at a jump of the command, nor
-within 1.5 mm of a stop or reversal, where bristles and backlash have a state nobody measured.
+from their start; so does a position loop inside the plant, where a log is too slow for windows. A
+free rod integrates every error, so those runs are cut into windows of some 0.4 s (Bock's multiple
+shooting with the start states taken from the measurement; Ljung, System Identification, 2nd ed.
+1999, section 5.3). A window never starts at a jump of the command, nor within 1.5 mm of a stop or
+reversal, where bristles and backlash have a state nobody measured.
 
 Where an input is a measured state its noise drives every simulation, and what that adds up to grows
 with the length of a window, so then locked and bypassed runs are cut as well, and where nothing
@@ -31,9 +32,15 @@ LONGEST_SHAKEN = 1.0
 _CLEAR = {"m": 1.5e-3, "rad": 0.02}
 """How far something has to have moved on since it last reversed or rested, by its unit."""
 _QUIET = 0.015
+_FEWEST = 100
+"""Least readings of a window in which a position that is controlled tells enough."""
 _HALF_FIT = 8
+"""Most ticks on either side of one from which its state is taken."""
 _ENOUGH = 7
 """Samples around a tick that say how far a polynomial through them may be off."""
+_FEWEST_BESIDE = 3
+_BESIDE = 0.04
+"""And about how far they may be, s, where the log is a slow one."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,8 @@ def cut(
     n = measured.time.size
     starts = [0]
     shaken = _is_shaken(measured)
-    whole = (measured.run.locked or measured.run.bypass_open) and not shaken
+    bounded = measured.run.locked or measured.run.bypass_open or _follows(measured)
+    whole = bounded and not shaken
     allowed = None if whole else _allowed(measured, noise)
     forced = set(measured.breaks)
     for k in range(1, n):
@@ -84,6 +92,15 @@ def cut(
     if not shaken:
         return windows
     return [part for window in windows for part in split(window, LONGEST_SHAKEN)]
+
+
+def _follows(measured: Measured) -> bool:
+    """Whether a controller inside the plant makes a position follow an input, in a slow log.
+
+    In a window of few readings the start state takes what the controller holds against.
+    """
+    slow = _FEWEST * _tick(measured) > FREE_WINDOW
+    return slow and any(name in measured.inputs for name in measured.roles.followed)
 
 
 def _is_shaken(measured: Measured) -> bool:
@@ -123,8 +140,7 @@ def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_
     time = measured.time
     n = time.size
     fine = np.ones(n, dtype=np.bool_)
-    period = float(np.median(np.diff(time)))
-    reach = max(2, round(_QUIET / period))
+    reach = max(2, round(_QUIET / _tick(measured)))
     for k in measured.jumps:
         fine[max(0, k - reach) : k + reach] = False
     for name in measured.roles.rate_of:
@@ -152,6 +168,11 @@ def _known_near(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Where enough samples are near for a start state, of a channel that ticks by itself."""
     near = np.convolve(valid.astype(float), np.ones(2 * _HALF_FIT + 1), mode="same")
     return np.asarray(near >= _ENOUGH - 0.5)
+
+
+def _tick(measured: Measured) -> float:
+    """Return the usual step of a run's clock, s."""
+    return float(np.median(np.diff(measured.time)))
 
 
 def _clear_of_reversals(
@@ -344,7 +365,8 @@ def _around(measured: Measured, first: int) -> slice:
 
     Beyond a jump everything bends, and a current is another one.
     """
-    low, high = max(0, first - _HALF_FIT), min(measured.time.size, first + _HALF_FIT + 1)
+    half = min(_HALF_FIT, max(_FEWEST_BESIDE, round(_BESIDE / _tick(measured))))
+    low, high = max(0, first - half), min(measured.time.size, first + half + 1)
     for tick in measured.breaks:
         if tick <= first:
             low = max(low, tick)

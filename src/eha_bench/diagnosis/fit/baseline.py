@@ -50,8 +50,14 @@ SCREENING = 5e-4
 BUDGET = 40.0
 """Most that is simulated for one residual, s; longer training data are sampled evenly."""
 
+BUDGET_TICKS = 3_000
+"""And in ticks: of a slow log, forty seconds are few readings."""
+
 CHUNK = 4.0
 """Length of the parts of long windows that are chosen from, s."""
+
+CHUNK_TICKS = 250
+"""And in ticks, at least."""
 
 _CREEPS = "creep_speed"
 _AT_REST: Mapping[str, tuple[float, ...]] = {
@@ -173,14 +179,22 @@ def gather(
 
 
 def thinned(windows: list[Window], budget: float = BUDGET) -> list[Window]:
-    """Return evenly chosen windows where all of them together are longer than a budget in s."""
+    """Return evenly chosen windows where all of them are longer than a budget in s and in ticks."""
     total = sum(_length(window) for window in windows)
+    budget = max(budget, BUDGET_TICKS * _tick(windows))
     if total <= budget:
         return windows
-    pieces = [part for window in windows for part in split(window, CHUNK)]
+    chunk = max(CHUNK, CHUNK_TICKS * _tick(windows))
+    pieces = [part for window in windows for part in split(window, chunk)]
     count = max(1, round(len(pieces) * budget / total))
     chosen = np.unique(np.linspace(0, len(pieces) - 1, count).round().astype(int))
     return [pieces[k] for k in chosen]
+
+
+def _tick(windows: Sequence[Window]) -> float:
+    """Return the mean step of the clock, s."""
+    ticks = sum(window.last - 1 - window.first for window in windows)
+    return sum(_length(window) for window in windows) / max(ticks, 1)
 
 
 def _length(window: Window) -> float:
@@ -343,8 +357,10 @@ def _colour_notes(measured: Sequence[Measured]) -> Iterator[str]:
 def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:
     notes = grouped(measured)
     total = sum(float(item.time[-1]) for item in measured)
-    if total > BUDGET:
-        notes = (*notes, f"of {total:.0f} s of training data {BUDGET:.0f} s are simulated, evenly")
+    ticks = sum(item.time.size - 1 for item in measured)
+    budget = max(BUDGET, BUDGET_TICKS * total / max(ticks, 1))
+    if total > budget:
+        notes = (*notes, f"of {total:.0f} s of training data {budget:.0f} s are simulated, evenly")
     return notes
 
 

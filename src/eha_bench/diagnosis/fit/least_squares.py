@@ -172,17 +172,24 @@ def _slope(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -
     enough = problem.soft * (_STANDS_OUT if item.of_effect else _SHOWS)
     relative = _DIFFERENCE
     while True:
-        step = relative * item.scale
-        if vector[item.at] + step > item.high:
-            step = -step
+        step = _within(relative * item.scale, vector[item.at], item)
+        if step == 0.0:
+            return np.zeros(base.size)
         moved = vector.copy()
-        moved[item.at] = max(vector[item.at] + step, item.low)
-        step = moved[item.at] - vector[item.at]
+        moved[item.at] += step
         change = problem.residual(moved) - base
         size = float(np.linalg.norm(change))
         if size >= enough or relative >= _LARGEST_DIFFERENCE:
             return np.asarray(change * (item.scale / step), dtype=np.float64)
         relative = min(_LARGEST_DIFFERENCE, relative * max(enough / max(size, 1e-300), 2.0))
+
+
+def _within(step: float, value: float, item: Free) -> float:
+    """Return a difference as large as the bounds let it be, down where there is no room upwards."""
+    if value + step <= item.high:
+        return step
+    above, below = item.high - value, value - item.low
+    return above if above >= below else -min(step, below)
 
 
 def levenberg_marquardt(

@@ -18,6 +18,8 @@ WINDOW = 0.1
 
 _BUDGET = 6.0
 _BUDGET_OF_FEW = 30.0
+_BUDGET_TICKS = 2000
+"""At least so many ticks, where the logs are slow."""
 _FEWEST_TICKS = 24
 _LOOKED_AT = 4
 
@@ -29,9 +31,10 @@ def medium_problem(problem: Problem, length: float = WINDOW) -> Problem:
     windows = []
     for measured in runs:
         time = measured.time
-        size = max(6, round(length / float(np.median(np.diff(time)))))
-        places = np.arange(0, time.size - size, size)
-        places = _evenly(places, max(2, round(share / length)))
+        fewest = max(6, round(_FEWEST_TICKS * length / WINDOW))
+        size = max(fewest, round(length / float(np.median(np.diff(time)))))
+        most = max(2, round(share / length), round(_BUDGET_TICKS / len(runs) / size))
+        places = _evenly(np.arange(0, time.size - size, size), most)
         windows += [window_at(measured, int(k), int(k) + size, problem.noise) for k in places]
     return Problem(problem.plant, windows, problem.noise, problem.step, problem.beliefs)
 

@@ -22,6 +22,7 @@ from eha_bench.diagnosis.fit.uncertainty import (
     spreads,
     undetermined,
 )
+from eha_bench.diagnosis.outcome.confounded import confounded
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised
@@ -104,6 +105,9 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         model, {key: float(fit.vector[layout.index[key]]) for key in keys if key in layout.index},
         ended.at_bounds,
     )  # fmt: skip
+    if decision.verdict is not Verdict.NONE:
+        named = [layout.effect(item.start.candidate) for item in search.effects]
+        notes += confounded(base.measured, named)
     final = revised(model, fit.vector, keys, added)
     return Diagnosis(
         decision.verdict,

@@ -1,0 +1,122 @@
+"""What recordings change together from run to run, so that no run tells which of both matters.
+
+Friction that is said to grow with pressure may as well fall with speed, where every run at a higher
+pressure moved more slowly. Within a run both may hardly change; so runs are compared, by ranks
+(Spearman, Am. J. Psychol. 15 (1904) 72): the usual pressure, and the usual speed while something
+moves.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import spearmanr
+
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.plants.effect import BoundEffect
+
+FloatArray = NDArray[np.float64]
+
+_FEWEST = 3
+"""Least number of runs that say how two quantities change together."""
+_TOGETHER = 0.9
+"""Rank correlation from which they do."""
+_VARIES = 1.2
+"""Least ratio of the largest to the smallest value over runs that is a change."""
+_MOVES = 0.2
+"""Share of a run's largest speed from which something moves."""
+_PRESSED = {"p_a", "p_b", "pump_load", "difference"}
+"""What laws name that follow a pressure."""
+
+
+def confounded(measured: Sequence[Measured], effects: Sequence[BoundEffect]) -> tuple[str, ...]:
+    """Return what speaks of effects that follow a pressure where speed changes with it.
+
+    Args:
+        measured: runs that were fitted. effects: those that were found.
+    """
+    pressed = [effect.id for effect in effects if _wants(effect) & _PRESSED]
+    if not pressed or len(measured) < _FEWEST:
+        return ()
+    notes = []
+    for pressure, speed, rho in _together(measured):
+        way = "lower" if rho < 0.0 else "higher"
+        notes.append(
+            f"CAUTION: speed and pressure are confounded: from run to run, {speed} is {way} where "
+            f"{pressure} is higher (rank correlation {rho:.2f} over {len(measured)} runs), so what "
+            f"{' and '.join(pressed)} takes from the pressure may in part be the speed's; runs of "
+            "one speed at all pressures would tell"
+        )
+    return tuple(notes)
+
+
+def _wants(effect: BoundEffect) -> set[str]:
+    """Return what the laws of an effect name."""
+    functions = effect.action.hooks.values()
+    return {name for law in functions for name in inspect.signature(law).parameters}
+
+
+def _together(measured: Sequence[Measured]) -> Iterator[tuple[str, str, float]]:
+    """Yield pressures and speeds that change together over runs, with their rank correlation."""
+    pressures = [_pressures(item) for item in measured]
+    speeds = [_speeds(item) for item in measured]
+    for pressure in sorted(set.intersection(*(set(item) for item in pressures))):
+        for speed in sorted(set.intersection(*(set(item) for item in speeds))):
+            pair = np.array(
+                [[a[pressure], b[speed]] for a, b in zip(pressures, speeds, strict=True)]
+            )
+            low, high = pair.min(axis=0), pair.max(axis=0)
+            if (low <= 0.0).any() or (high < _VARIES * low).any():
+                continue
+            rho = float(spearmanr(pair[:, 0], pair[:, 1]).statistic)
+            if abs(rho) >= _TOGETHER:
+                yield pressure, speed, rho
+
+
+def _columns(item: Measured) -> Iterator[tuple[str, FloatArray]]:
+    for name in (*item.inputs, *item.outputs):
+        column = item.inputs.get(name, item.column(name))
+        if column is not None:
+            yield name, column
+
+
+def _pressures(item: Measured) -> dict[str, float]:
+    """Return the usual size of each pressure in a run, Pa."""
+    units = item.roles.units
+    return {
+        name: float(np.nanmedian(np.abs(column)))
+        for name, column in _columns(item)
+        if units.get(name) == "Pa" or name in item.roles.pressures
+    }
+
+
+def _speeds(item: Measured) -> dict[str, float]:
+    """Return the usual speed in a run while something moves, of each rate and each position."""
+    found = {}
+    for name, column in _columns(item):
+        if name in item.roles.rates:
+            found[name] = _usual(column)
+        elif name in item.roles.rate_of:
+            good = np.isfinite(column)
+            if good.sum() > 4 * _MEAN:
+                found[f"the speed of {name}"] = _usual(_slope(item.time[good], column[good]))
+    return found
+
+
+_MEAN = 10
+"""Samples over which a speed is taken from a position."""
+
+
+def _slope(time: FloatArray, position: FloatArray) -> FloatArray:
+    return (position[_MEAN:] - position[:-_MEAN]) / (time[_MEAN:] - time[:-_MEAN])
+
+
+def _usual(speed: FloatArray) -> float:
+    size = np.abs(speed[np.isfinite(speed)])
+    if not size.size:
+        return 0.0
+    moving = size[size > _MOVES * np.quantile(size, 0.95)]
+    return float(np.median(moving)) if moving.size else 0.0
