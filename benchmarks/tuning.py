@@ -65,7 +65,7 @@ def posterior() -> Posterior:
 def main() -> None:
     """Tune each suite, and hold what was told against fresh machines."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.tuning", description=__doc__)
-    parser.add_argument("--candidates", type=int, default=120)
+    parser.add_argument("--candidates", type=int, default=240)
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--suites", type=int, default=len(TIGHT))
     parser.add_argument("--workers", default="", help="processes, as of the commands")

@@ -206,6 +206,8 @@ class _Tuning:
         limits = limits_of(self.trying.space.case.suite)
         found = []
         for number, point in enumerate(points):
+            if self.interrupted():
+                raise KeyboardInterrupt  # the best of the search stands
             self.progress(number, len(points), "proving the best on all draws")
             row = self.trying.results([point], machines)[0]
             notes = self.posterior.notes if self.posterior else ()
