@@ -192,12 +192,13 @@ def test_a_class_of_the_users_own_is_tuned(cli: Cli, files: Path) -> None:
 
 @pytest.mark.slow
 def test_ctrl_c_keeps_the_best_so_far(files: Path) -> None:
+    (files / "hold.yaml").write_text(SUITE.replace("60 ms", "0.8 s"), encoding="utf-8")
     words = [str(item) for item in (*TUNE, "--candidates", 4000, "--draws", 4, "--out", "out")]
     running = subprocess.Popen(
         [sys.executable, "-m", "eha_bench", *words], cwd=files, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "CI": "true"},
     )  # fmt: skip
-    threading.Timer(12.0, lambda: running.send_signal(signal.SIGINT)).start()
+    threading.Timer(10.0, lambda: running.send_signal(signal.SIGINT)).start()
     began = time.monotonic()
     _, said = running.communicate(timeout=240)
     assert running.returncode == 130, said
