@@ -20,12 +20,18 @@ from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 TIMEOUT = 180.0
+_NAVIGATED = "target navigated"
+"""In what Chromium answers where a script's document has been left for another."""
 
 
 def find_chromium() -> str | None:
     """Path of an installed Chromium, or None."""
     named = os.environ.get("CHROMIUM")
     return named or next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+class Navigated(AssertionError):
+    """The document in which a script ran is gone."""
 
 
 class Page:
@@ -88,10 +94,17 @@ class Page:
     def wait(self, condition: str, timeout: float = TIMEOUT) -> None:
         """Wait until an expression is true."""
         end = time.monotonic() + timeout
-        while not self.run(f"!!({condition})"):
+        while not self._is_true(condition):
             if time.monotonic() > end:
                 raise AssertionError(f"in {timeout:g} s it did not come true: {condition}")
             time.sleep(0.05)
+
+    def _is_true(self, condition: str) -> bool:
+        """Whether an expression is true; not while one document gives way to the next."""
+        try:
+            return bool(self.run(f"!!({condition})"))
+        except Navigated:
+            return False
 
     def emulate(
         self,
@@ -226,7 +239,8 @@ class Browser:
         self.pump(lambda: number in self._answers)
         answer = self._answers.pop(number)
         if "error" in answer:
-            raise AssertionError(f"{method}: {answer['error']}")
+            kind = Navigated if _NAVIGATED in answer["error"]["message"] else AssertionError
+            raise kind(f"{method}: {answer['error']}")
         return answer["result"]
 
     def pump(self, done: Any) -> None:
