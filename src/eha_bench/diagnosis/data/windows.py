@@ -40,7 +40,7 @@ _ENOUGH = 7
 """Samples around a tick that say how far a polynomial through them may be off."""
 _FEWEST_BESIDE = 3
 _BESIDE = 0.04
-"""And about how far they may be, s, where the log is a slow one."""
+"""And about how far they may be, s, where a controller moves the state within fewer readings."""
 
 
 @dataclass(frozen=True)
@@ -365,7 +365,9 @@ def _around(measured: Measured, first: int) -> slice:
 
     Beyond a jump everything bends, and a current is another one.
     """
-    half = min(_HALF_FIT, max(_FEWEST_BESIDE, round(_BESIDE / _tick(measured))))
+    half = _HALF_FIT
+    if _follows(measured):
+        half = min(half, max(_FEWEST_BESIDE, round(_BESIDE / _tick(measured))))
     low, high = max(0, first - half), min(measured.time.size, first + half + 1)
     for tick in measured.breaks:
         if tick <= first:
