@@ -141,6 +141,11 @@ class Measured:
         return replace(self, run=replace(self.run, parameters=known, own=own))
 
     @cached_property
+    def tick(self) -> float:
+        """Usual step of its clock, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @cached_property
     def steps(self) -> dict[str, float]:
         """The step in which each output is quantised, SI; those without one are not there."""
         found = {}

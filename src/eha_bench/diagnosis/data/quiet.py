@@ -84,8 +84,7 @@ def _sampled_alike(one: Measured, other: Measured) -> bool:
         return True
     if min(one.time.size, other.time.size) < 2:
         return False
-    first, second = (float(np.median(np.diff(item.time))) for item in (one, other))
-    return abs(first - second) <= _ALIKE * max(first, second)
+    return abs(one.tick - other.tick) <= _ALIKE * max(one.tick, other.tick)
 
 
 def with_colours(measured: Measured, colours: Mapping[str, Colour]) -> Measured:

@@ -99,7 +99,7 @@ def _follows(measured: Measured) -> bool:
 
     In a window of few readings the start state takes what the controller holds against.
     """
-    slow = _FEWEST * _tick(measured) > FREE_WINDOW
+    slow = _FEWEST * measured.tick > FREE_WINDOW
     return slow and any(name in measured.inputs for name in measured.roles.followed)
 
 
@@ -140,7 +140,7 @@ def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_
     time = measured.time
     n = time.size
     fine = np.ones(n, dtype=np.bool_)
-    reach = max(2, round(_QUIET / _tick(measured)))
+    reach = max(2, round(_QUIET / measured.tick))
     for k in measured.jumps:
         fine[max(0, k - reach) : k + reach] = False
     for name in measured.roles.rate_of:
@@ -168,11 +168,6 @@ def _known_near(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Where enough samples are near for a start state, of a channel that ticks by itself."""
     near = np.convolve(valid.astype(float), np.ones(2 * _HALF_FIT + 1), mode="same")
     return np.asarray(near >= _ENOUGH - 0.5)
-
-
-def _tick(measured: Measured) -> float:
-    """Return the usual step of a run's clock, s."""
-    return float(np.median(np.diff(measured.time)))
 
 
 def _clear_of_reversals(
@@ -367,7 +362,7 @@ def _around(measured: Measured, first: int) -> slice:
     """
     half = _HALF_FIT
     if _follows(measured):
-        half = min(half, max(_FEWEST_BESIDE, round(_BESIDE / _tick(measured))))
+        half = min(half, max(_FEWEST_BESIDE, round(_BESIDE / measured.tick)))
     low, high = max(0, first - half), min(measured.time.size, first + half + 1)
     for tick in measured.breaks:
         if tick <= first:

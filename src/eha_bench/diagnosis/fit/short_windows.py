@@ -32,7 +32,7 @@ def medium_problem(problem: Problem, length: float = WINDOW) -> Problem:
     for measured in runs:
         time = measured.time
         fewest = max(6, round(_FEWEST_TICKS * length / WINDOW))
-        size = max(fewest, round(length / float(np.median(np.diff(time)))))
+        size = max(fewest, round(length / measured.tick))
         most = max(2, round(share / length), round(_BUDGET_TICKS / len(runs) / size))
         places = _evenly(np.arange(0, time.size - size, size), most)
         windows += [window_at(measured, int(k), int(k) + size, problem.noise) for k in places]
@@ -54,7 +54,7 @@ def aligned_problem(problem: Problem, vector: FloatArray, knots: int) -> tuple[P
         knots: of a period.
     """
     runs = _runs(problem)
-    tick = max(float(np.median(np.diff(measured.time))) for measured in runs)
+    tick = max(measured.tick for measured in runs)
     length = max(WINDOW, _FEWEST_TICKS * tick)
     period = length * knots / (knots - 1.0)
     most = max(2, round(_budget(runs) / len(runs) / length))

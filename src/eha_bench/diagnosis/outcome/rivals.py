@@ -187,7 +187,7 @@ def covered(
         after = error.after_windows if math.isfinite(error.after_windows) else error.after
         left[name] = math.sqrt(max(after**2 - error.noise_floor**2, 0.0))
     return Covered(
-        min((1.0 / float(np.median(np.diff(item.time))) for item in runs), default=math.nan),
+        min((1.0 / item.tick for item in runs), default=math.nan),
         sum(float(item.time[-1]) for item in runs),
         {name: (float(v.min()), float(v.max()), float(v.mean())) for name, v in together.items()},
         {name: float(value) for name, value in noise.items()},
