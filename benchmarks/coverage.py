@@ -31,10 +31,11 @@ from pathlib import Path
 import numpy as np
 from benchmarks.clean_models import compared
 from benchmarks.coverage_cases import CASES, Case
-from benchmarks.truths import CHANNEL, FloatArray, Made, multisines, sines, steps
+from benchmarks.truths import CHANNEL, Made, multisines, sines, steps
 from benchmarks.wear_cases import WEAR
 from scipy.signal import lfilter
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.metrics.repeats import median_interval
 from eha_bench.metrics.scoring import measure_safely, metric
 

@@ -21,14 +21,13 @@ from benchmarks.truths import (
     second_order,
     trial,
 )
-from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
+from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.core.signal import Edge, Signal, Tone
 from eha_bench.suites.signals.chirp import Chirp
 from eha_bench.suites.signals.stepped_sine import SteppedSine
 
-FloatArray = NDArray[np.float64]
 Draw = Callable[[np.random.Generator], Made]
 Response = Callable[[FloatArray], FloatArray]
 
@@ -295,7 +294,7 @@ class Linear:
     natural: float
     damping: float = math.nan
 
-    def at(self, frequency: FloatArray) -> NDArray[np.complex128]:
+    def at(self, frequency: FloatArray) -> ComplexArray:
         s = 1j * np.asarray(frequency) / self.natural
         if math.isnan(self.damping):
             return np.asarray(1.0 / (s + 1.0))

@@ -14,17 +14,15 @@ from pathlib import Path
 import numpy as np
 from benchmarks.line import Line, rate
 from benchmarks.nights import alike
-from numpy.typing import NDArray
 
 from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Comparison
 from eha_bench.comparison.sequential import FIRST_LOOK, shares
 from eha_bench.comparison.side import Side
 from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
-
-FloatArray = NDArray[np.float64]
 
 ANY = "0 % of baseline"
 SAID = (Verdict.WORSE, Verdict.BETTER, Verdict.CHANGED)

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from benchmarks.line import rate
 from benchmarks.table import Row, write_rows
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.data.windows import window_at
@@ -30,7 +30,6 @@ from eha_bench.diagnosis.fit.uncertainty import estimates
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 
-FloatArray = NDArray[np.float64]
 Noise = Callable[[np.random.Generator, int], FloatArray]
 
 TRUTH = {

@@ -12,14 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 from benchmarks.line import Line, rate
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.workers import Here, Workers
 from eha_bench.trends.specimens import kin_of
 from eha_bench.trends.trend import Trend, judge
 
-FloatArray = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], FloatArray]
 
 _HERE = Here()

@@ -22,10 +22,11 @@ from pathlib import Path
 
 import numpy as np
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
-from eha_bench.core.signal import Edge, FloatArray, Signal
+from eha_bench.core.signal import Edge, Signal
 from eha_bench.core.trial import ControlMode, Setup, Trial
 from eha_bench.report import write_report
 

@@ -27,13 +27,11 @@ from typing import Any
 
 import numpy as np
 from benchmarks.table import Row, write_rows
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.network.file import load_plant, shipped_plant
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.plant import Drive
-
-FloatArray = NDArray[np.float64]
 
 STEP = 25e-6
 SETS = 64

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge, Lines, Signal, Tone
 from eha_bench.core.trial import ControlMode, Setup, Trial
 
-FloatArray = NDArray[np.float64]
 Truths = dict[str, float]
 Made = tuple[Recording, Trial, Truths, float]
 """Recording, trial, true values by metric, and the size that noise is a share of."""

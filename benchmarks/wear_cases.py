@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from benchmarks.coverage_cases import AT_LEAST, Case, Draw, autoregressive
-from benchmarks.truths import CHANNEL, RATE, FloatArray, Made
+from benchmarks.truths import CHANNEL, RATE, Made
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge, Signal
 from eha_bench.core.trial import ControlMode, Setup, Trial

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -13,13 +13,12 @@ from eha_bench.api import diagnose, next_experiment, run
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.output_folder import writable
+from eha_bench.core.progress import ProgressHook
 from eha_bench.core.result import Status
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.experiment.files import dataset_path, run_folder
 from eha_bench.experiment.propose import ASKED, WITHIN
 from eha_bench.report.rounds_report import write_rounds_report
-
-Tell = Callable[[str, float], None]
 
 SUMMARY = "rounds.json"
 PAGE = "rounds.html"
@@ -105,7 +104,7 @@ def close(
     safety: str | Path | None = None,
     probability: float = ASKED,
     within: float = WITHIN,
-    progress: Tell | None = None,
+    progress: ProgressHook | None = None,
 ) -> Rounds:
     """Diagnose, plan the next experiment, run it on a target and diagnose again, until settled.
 
@@ -173,7 +172,7 @@ def _own(folder: Path, dataset: str | Path, target: str | Path) -> None:
     write_text(file, json.dumps(asked, indent=1) + "\n")
 
 
-def _diagnosed(dataset: Path, place: Path, tell: Tell) -> Mapping[str, Any]:
+def _diagnosed(dataset: Path, place: Path, tell: ProgressHook) -> Mapping[str, Any]:
     file = place / DIAGNOSIS_FILE
     if file.exists():
         kept: Mapping[str, Any] = json.loads(file.read_text(encoding="utf-8"))
@@ -189,7 +188,7 @@ def _diagnosed(dataset: Path, place: Path, tell: Tell) -> Mapping[str, Any]:
 def _planned(
     place: Path,
     suite: Path,
-    tell: Tell,
+    tell: ProgressHook,
     *,
     budget: float,
     safety: str | Path | None,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import Measured
@@ -40,7 +40,6 @@ from eha_bench.plants.plant import Drive, Plant, get_plant
 if TYPE_CHECKING:
     from eha_bench.diagnosis.search.stepwise import Search
 
-FloatArray = NDArray[np.float64]
 
 EMPTY = np.zeros(0)
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.experiment.decision import (
     NAMED,
     NOISES,
@@ -20,8 +20,6 @@ from eha_bench.experiment.decision import (
 )
 from eha_bench.experiment.decision import _least_costs as least_costs
 from eha_bench.experiment.response import _furthest as furthest
-
-FloatArray = NDArray[np.float64]
 
 
 class Named:

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive, get_plant
-
-FloatArray = NDArray[np.float64]
 
 COLUMN = {
     "current": 0,

@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.elements import elastic_stop, orifice, relief_valve, spring
 from eha_bench.plants.network.file import plant_of
 from eha_bench.plants.plant import Drive
-
-FloatArray = NDArray[np.float64]
 
 
 def simulated(

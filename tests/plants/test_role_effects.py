@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.effects import supply_sag, valve_deadband, valve_lag
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive, get_plant
-
-FloatArray = NDArray[np.float64]
 
 # a quick spool and a stiff supply line: what is left to see is the effect
 QUICK = {"valve.natural_frequency": 3e4, "valve.damping_ratio": 1.0}

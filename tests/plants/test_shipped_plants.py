@@ -12,13 +12,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.model import Model
 from eha_bench.plants.plant import Drive, get_plant
 
-FloatArray = NDArray[np.float64]
 Rates = Callable[[float, FloatArray], list[float]]
 
 STEP = 1e-4

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.limit import AcceptanceLimit, Bounds, SafetyLimit
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
@@ -17,7 +17,6 @@ from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.signal import Edge, Signal, Tone
 from eha_bench.core.trial import ControlMode, Piston, Setup, Trial
 
-FloatArray = NDArray[np.float64]
 DEG = math.pi / 180.0
 NASTY = "<script>alert(1)</script>"
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from eha_bench.core import plugins
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.excerpt import Excerpt
 from eha_bench.core.signal import Signal, Spacing
 from eha_bench.suites.signals.chirp import Chirp
@@ -146,7 +146,7 @@ anything = st.one_of(
 )
 
 
-def clock(signal: Signal, *, until: float = 2.0) -> NDArray[np.float64]:
+def clock(signal: Signal, *, until: float = 2.0) -> FloatArray:
     stop = signal.duration if math.isfinite(signal.duration) else until
     return np.arange(-200, max(1, round(stop * RATE)) + 300) / RATE
 

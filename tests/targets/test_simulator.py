@@ -9,9 +9,10 @@ import pytest
 
 from eha_bench.control.controller import Context, Controller, NoGains
 from eha_bench.control.controller_file import ControllerSet, ControllerSpec
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError
 from eha_bench.core.limit import Bounds, SafetyLimit
-from eha_bench.core.signal import FloatArray, Signal
+from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode, Piston, Setup, Trial
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.model import Model

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.signal import lfilter
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.changes import course_of
 from eha_bench.trends.noise import noise_of
 from eha_bench.trends.tails import FURTHEST, chance_of_sum, reach
@@ -15,7 +15,7 @@ from eha_bench.trends.terms import Kind, Term, design, gains, pair_gains
 from eha_bench.trends.trend import State, judge
 
 
-def noise(count: int, seed: int = 0) -> NDArray[np.float64]:
+def noise(count: int, seed: int = 0) -> FloatArray:
     return np.random.default_rng(seed).normal(size=count)
 
 
@@ -26,7 +26,7 @@ def test_gains_are_those_of_least_squares(kind: Kind) -> None:
     found = gains(values, terms, kind)
     pairs = pair_gains(values, terms, kind, 7)
 
-    def squares(matrix: NDArray[np.float64]) -> float:
+    def squares(matrix: FloatArray) -> float:
         return float(
             np.sum((values - matrix @ np.linalg.lstsq(matrix, values, rcond=None)[0]) ** 2)
         )

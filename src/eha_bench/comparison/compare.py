@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from eha_bench.comparison.caveats import caveats, check_targets, trial_problem
@@ -28,12 +27,12 @@ from eha_bench.comparison.sample import Sample
 from eha_bench.comparison.sequential import sequential, spent
 from eha_bench.comparison.side import Run, Side
 from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import UnitError
 from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, matters_by_default
 from eha_bench.core.score import Score
 
-FloatArray = NDArray[np.float64]
 Key = tuple[str, str, str]
 
 

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.comparison import permutation
 from eha_bench.comparison.dependence import COEFFICIENTS, FEWEST
@@ -22,8 +21,7 @@ from eha_bench.comparison.sample import Sample
 from eha_bench.comparison.skewness import wider_of_pairs, wider_of_samples
 from eha_bench.comparison.student_mixture import StudentMixture
 from eha_bench.comparison.two_samples import two_samples, widest_ratio
-
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 ALPHA = 0.05
 """Family-wise error rate, and the complement of the intervals' confidence."""

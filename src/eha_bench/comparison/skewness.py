@@ -12,11 +12,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 _FURTHEST = 1.25
 _BY_NUMBER = 4.0

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtr
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 _HALVINGS = 60
 

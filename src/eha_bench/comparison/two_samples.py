@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.comparison.student_mixture import StudentMixture
-
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 _FEWEST_RATIOS: Final = 21
 _MOST_RATIOS: Final = 401

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from eha_bench.core.signal import Edge, FloatArray, FromRecording, Lines, Signal, Sweep, Tone
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.signal import Edge, FromRecording, Lines, Signal, Sweep, Tone
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.near_miss import suggest
-
-FloatArray = NDArray[np.float64]
 
 _LONGEST = 500
 DEEPEST = 50

@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.lazy import later
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 
 _plot = later("eha_bench.report.plot", "plot_recording")
 

@@ -9,16 +9,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError
 
 # who reads a suite needs no arrays: signals import numpy where they compute
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-FloatArray: TypeAlias = "NDArray[np.float64]"
+    pass
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit, SafetyLimit
 from eha_bench.core.margin import Margin
 from eha_bench.core.metric import MetricSpec, metric_spec
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.signal import FloatArray, Signal
+from eha_bench.core.signal import Signal
 
 if TYPE_CHECKING:
     from eha_bench.core.own_metric import OwnMetric

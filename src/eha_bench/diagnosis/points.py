@@ -17,15 +17,16 @@ the Physical Sciences, 3rd ed. 2003, section 4.4.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError, MissingChannelError, Place
+from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
 from eha_bench.diagnosis.fit.candidates import Start, all_starts
 from eha_bench.diagnosis.fit.uncertainty import Estimate
@@ -36,9 +37,6 @@ from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
 from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.static_plant import StaticPlant
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 SUFFIX = "_uncertainty"
 _PLAUSIBLE = 3.0
@@ -82,7 +80,7 @@ class Tried:
     spread: dict[str, float]
 
 
-def diagnose_points(dataset: Dataset, progress: Progress) -> Diagnosis:
+def diagnose_points(dataset: Dataset, progress: ProgressHook) -> Diagnosis:
     """Return the diagnosis of a static plant.
 
     Raises:

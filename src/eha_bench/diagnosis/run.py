@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption, checkpoints
 from eha_bench.core.output_folder import writable
+from eha_bench.core.progress import ProgressHook
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.fit.baseline import (
@@ -72,8 +73,6 @@ from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
-
-Progress = Callable[[str, float], None]
 
 _NOTHING = 5.0
 
@@ -150,7 +149,7 @@ class Calibration:
 def calibrate(
     dataset: Dataset | str | Path | Mapping[str, Any],
     out: str | Path | None = None,
-    progress: Progress = no_progress,
+    progress: ProgressHook = no_progress,
 ) -> Calibration:
     """Estimate the parameters under `calibrate` on all training runs by simulation error.
 
@@ -241,7 +240,9 @@ def _estimated(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
     )
 
 
-def _with_errors(found: Calibration, base: Baseline, fit: Fit, progress: Progress) -> Calibration:
+def _with_errors(
+    found: Calibration, base: Baseline, fit: Fit, progress: ProgressHook
+) -> Calibration:
     """Return a calibration with its errors on all runs, held-out ones included."""
     declared = base.dataset.model
     places = base.problem.places
@@ -261,7 +262,9 @@ def _ended_in(found: Calibration, stage: str, error: Exception) -> Calibration:
     return replace(found, failed=failed, notes=(*found.notes, failed.note))
 
 
-def _profiled(problem: Problem, fit: Fit, found: Calibration, progress: Progress) -> Calibration:
+def _profiled(
+    problem: Problem, fit: Fit, found: Calibration, progress: ProgressHook
+) -> Calibration:
     """Return a calibration with the profile's intervals where they reach further."""
     values = dict(found.parameters)
     for number, (key, item) in enumerate(found.parameters.items()):
@@ -278,7 +281,7 @@ def _covariance(fit: Fit, groups: Groups) -> Covariance:
 def diagnose(
     dataset: Dataset | str | Path | Mapping[str, Any],
     out: str | Path | None = None,
-    progress: Progress = no_progress,
+    progress: ProgressHook = no_progress,
     workers: Workers = HERE,
 ) -> Diagnosis:
     """Close the loop: residual, cause, revised model, errors before and after.
@@ -348,7 +351,7 @@ class _Closing:
     """
 
     def __init__(
-        self, dataset: Dataset, base: Baseline, out: Path | None, progress: Progress
+        self, dataset: Dataset, base: Baseline, out: Path | None, progress: ProgressHook
     ) -> None:
         self.dataset, self.base, self.out, self.progress = dataset, base, out, progress
         self.stage = "search"

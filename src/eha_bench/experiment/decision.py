@@ -23,12 +23,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.response import Bench
-
-FloatArray = NDArray[np.float64]
 
 NAMED = 12.0
 """Fall of the cost by which a candidate is told from another in a diagnosis."""

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.experiment.candidates import Candidate, Plan
 from eha_bench.experiment.decision import Layout, distances
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.proposal import NEAR, Band, PlannedTrial, Proposal
 from eha_bench.experiment.response import Bench, Responses
-
-FloatArray = NDArray[np.float64]
 
 _POINTS = 800
 _OUTSIDE = 0.05

@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import InputError, Place
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Standing
 from eha_bench.plants.model import Model, load_model
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class Hypothesis:
         return self.model.vector()
 
     @cached_property
-    def _places(self) -> NDArray[np.intp]:
+    def _places(self) -> IndexArray:
         index = self.model.plant.layout.index
         found = []
         for key in self.keys:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.core.errors import EhaBenchError, InputError
 from eha_bench.core.file_kind import kind_by_keys
@@ -35,8 +34,6 @@ from eha_bench.experiment.propose import MOST_RIVALS, no_progress, worst_width
 from eha_bench.experiment.response import Bench, simulated
 from eha_bench.recordings import read
 from eha_bench.suites import trial_from_source
-
-FloatArray = NDArray[np.float64]
 
 _DRAWS = 12
 

@@ -8,14 +8,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.finite import finite_or_none
 from eha_bench.experiment.decision import Odds
 from eha_bench.experiment.response import Room
-
-FloatArray = NDArray[np.float64]
 
 SCHEMA_VERSION = 1
 NEAR = 0.8

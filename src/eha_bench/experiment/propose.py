@@ -12,18 +12,19 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import checkpoint
+from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.outcome.rival import Standing
 from eha_bench.experiment.candidates import Candidate, Plan, candidates, unit_of_level, varied
 from eha_bench.experiment.decision import (
@@ -52,9 +53,6 @@ from eha_bench.experiment.permitted import (
 from eha_bench.experiment.proposal import Ending, PlannedTrial, Proposal, Width
 from eha_bench.experiment.response import Bench, Responses, respond
 from eha_bench.experiment.sensors import advice
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 MOST_WRONG = 0.02
 """Probability of naming a wrong rival that an experiment may have."""
@@ -102,7 +100,7 @@ def propose(
     probability: float = ASKED,
     within: float = WITHIN,
     seed: int = 0,
-    progress: Progress = no_progress,
+    progress: ProgressHook = no_progress,
 ) -> Proposal:
     """Return the cheapest permitted experiment that separates what a diagnosis leaves open.
 
@@ -134,7 +132,7 @@ class _Search:
         probability: float,
         within: float,
         seed: int,
-        progress: Progress,
+        progress: ProgressHook,
     ) -> None:
         self.question, self.budget, self.progress = question, budget, progress
         self.probability, self.within, self.seed = probability, within, seed

@@ -9,16 +9,14 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.diagnosis.outcome.rival import Covered
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import Limit
 from eha_bench.plants.network.integration import LANES
 from eha_bench.plants.plant import Drive
-
-FloatArray = NDArray[np.float64]
 
 STEP = 3.4e-4
 """Integration step, s: as coarse as while a diagnosis searches, where differences count."""

@@ -11,16 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.budget import UNSAID, Budget
 from eha_bench.core.score import Measure
 from eha_bench.metrics.coverage import between, reach, type_a
 from eha_bench.metrics.frequency_response import FrequencyResponse
 from eha_bench.metrics.metric import NotScored
-
-FloatArray = NDArray[np.float64]
 
 _REACH = math.log(1.6)  # on either side of a place, in which a cubic follows the response
 
@@ -53,7 +51,7 @@ class Local:
 
     coefficients: FloatArray
     operator: FloatArray
-    chosen: NDArray[np.intp]
+    chosen: IndexArray
     misfit: float = 1.0
 
     def value(self, x: FloatArray | float) -> FloatArray:
@@ -131,7 +129,7 @@ def crossing(response: FrequencyResponse, curve: Curve, first: int, reason: str)
     return Measure(value, low, high, reason, budget.scaled(value))
 
 
-def _beside(local: Local, size: int, first: int) -> list[NDArray[np.intp]]:
+def _beside(local: Local, size: int, first: int) -> list[IndexArray]:
     """Return the points of cubics beside the one that is used: one point to the left, or right."""
     found = []
     for start in (first - 3, first - 2, first - 1):
@@ -142,14 +140,14 @@ def _beside(local: Local, size: int, first: int) -> list[NDArray[np.intp]]:
     return found
 
 
-Weights = tuple[NDArray[np.intp], FloatArray]
+Weights = tuple[IndexArray, FloatArray]
 """Points, and the weight of each in a value."""
 
 
 def _disagreement(curve: Curve, sd: FloatArray, own: Weights, others: Sequence[Weights]) -> float:
     """Return how far other cubics are from the one that is used, noise taken off."""
 
-    def spread_out(chosen: NDArray[np.intp], weights: FloatArray) -> FloatArray:
+    def spread_out(chosen: IndexArray, weights: FloatArray) -> FloatArray:
         row = np.zeros(curve.values.size)
         row[chosen] = weights
         return row
@@ -254,7 +252,7 @@ def local_cubic(x: FloatArray, values: FloatArray, sd: FloatArray) -> Local:
     return best
 
 
-def _cubic(x: FloatArray, values: FloatArray, sd: FloatArray, chosen: NDArray[np.intp]) -> Local:
+def _cubic(x: FloatArray, values: FloatArray, sd: FloatArray, chosen: IndexArray) -> Local:
     order = min(3, chosen.size - 1)
     weights = point_weights(sd[chosen])
     design = np.vander(x[chosen] - 1.0, order + 1, increasing=True)
@@ -273,12 +271,12 @@ def _root(local: Local, low: float, high: float) -> float:
     return 1.0 if near.size == 0 else float(near[np.argmin(np.abs(near - 1.0))])
 
 
-def _freedom(response: FrequencyResponse, chosen: NDArray[np.intp]) -> float:
+def _freedom(response: FrequencyResponse, chosen: IndexArray) -> float:
     """Return the degrees of freedom of the points' variances taken together."""
     return min(response.points[int(index)].freedom for index in chosen)
 
 
-def band_quantile(response: FrequencyResponse, chosen: NDArray[np.intp]) -> float:
+def band_quantile(response: FrequencyResponse, chosen: IndexArray) -> float:
     """Return Student's quantile for the points' variances taken together."""
     lowest = _freedom(response, chosen)
     return float(stdtrit(lowest, 0.975)) if lowest > 0.0 else math.nan

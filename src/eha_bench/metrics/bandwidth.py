@@ -7,7 +7,6 @@ from abc import abstractmethod
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.core.budget import Budget
 from eha_bench.core.metric import MetricSpec
@@ -28,8 +27,6 @@ from eha_bench.metrics.frequency_response import (
 )
 from eha_bench.metrics.low_frequency import low_frequency_gain
 from eha_bench.metrics.metric import Metric, NotScored, spec_of
-
-FloatArray = NDArray[np.float64]
 
 _HALF_POWER = math.log(math.sqrt(0.5))  # -3 dB is half the power
 _BEYOND = 3.0  # standard deviations: a largest gain at the end of the band that is no resonance

@@ -17,11 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtri
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from eha_bench.core.arrays import ComplexArray, FloatArray, IndexArray
 
 _LINES = 12  # nearest to the fundamental
 _FEWEST = 5  # lines that a transient can be told by
@@ -81,7 +79,7 @@ def _under(ratio: FloatArray, spectrum: ComplexArray) -> BetweenLines:
     return BetweenLines(0j, 0.0, _CHOSEN * _noise(ratio[near], spectrum[near]), freedom)
 
 
-def _free(samples: int, periods: int, highest: int) -> NDArray[np.intp]:
+def _free(samples: int, periods: int, highest: int) -> IndexArray:
     """Return the free lines nearest to the fundamental, in lines of the record."""
     lines = np.arange(1, min((samples - 1) // 2, 4 * periods + 64))
     free = lines[(lines % periods != 0) | (lines > highest * periods)]
@@ -89,9 +87,7 @@ def _free(samples: int, periods: int, highest: int) -> NDArray[np.intp]:
     return np.sort(free[nearest])
 
 
-def _phasors(
-    time: FloatArray, values: FloatArray, width: float, lines: NDArray[np.intp]
-) -> ComplexArray:
+def _phasors(time: FloatArray, values: FloatArray, width: float, lines: IndexArray) -> ComplexArray:
     """Return the phasors (m, k) of (n, k) values on m lines, each a multiple of a width in Hz."""
     found = np.zeros((lines.size, values.shape[1]), dtype=np.complex128)
     for start in range(0, time.size, _PART):

@@ -10,10 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.metric import MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
@@ -26,8 +26,6 @@ from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import estimate
 from eha_bench.metrics.step_response import final_window, require_finite
 from eha_bench.metrics.window import commanded_edges, timeline
-
-FloatArray = NDArray[np.float64]
 
 _STEADY = 0.5  # of the speed: what it may drift by along the final window ...
 _STEADY_UNCORRECTED = 0.003  # ... and where the inertia is not known that this costs torque

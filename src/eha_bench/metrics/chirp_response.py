@@ -11,17 +11,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from eha_bench.core.arrays import ComplexArray, FloatArray, IndexArray
 from eha_bench.core.signal import Sweep
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.response_point import ResponsePoint
 from eha_bench.metrics.step_response import magnitude, require_finite
 from eha_bench.metrics.window import Timeline
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _LEAST_HALF = 6  # bins on either side: 13 equations for 6 unknowns
 _RELATIVE_HALF = 0.04  # of the frequency: how wide a band may be at high frequencies
@@ -88,7 +85,7 @@ def _spectrum(line: Timeline, values: FloatArray, window: slice) -> tuple[Comple
 
 
 def _point(
-    response: ComplexArray, reference: ComplexArray, bins: NDArray[np.intp], bin_width: float
+    response: ComplexArray, reference: ComplexArray, bins: IndexArray, bin_width: float
 ) -> ResponsePoint:
     """Fit G and the transient by parabolas over the bins; the point is G in their middle."""
     middle = 0.5 * (float(bins[0]) + float(bins[-1]))

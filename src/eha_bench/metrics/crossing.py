@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.metrics.coverage import between, coverage_factor, type_a
-from eha_bench.metrics.local import BoolArray, Fit, fit, half_width, holds_around
+from eha_bench.metrics.local import Fit, fit, half_width, holds_around
 from eha_bench.metrics.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 _PLACED = 1.12
 """What the variance of a crossing is larger by than its weights say.

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.chirp_response import chirp_points
@@ -18,8 +18,6 @@ from eha_bench.metrics.response_point import ResponsePoint
 from eha_bench.metrics.samples import samples
 from eha_bench.metrics.stepped_sine_response import stepped_sine_points
 from eha_bench.metrics.window import timeline
-
-FloatArray = NDArray[np.float64]
 
 MIN_COHERENCE = 0.7
 """Points that the reference explains less of are left out."""
@@ -54,7 +52,7 @@ class FrequencyResponse:
         return np.array([point.frequency for point in self.points])
 
     @property
-    def response(self) -> NDArray[np.complex128]:
+    def response(self) -> ComplexArray:
         """Response over reference, H1, (n,)."""
         return np.array([point.response for point in self.points], dtype=np.complex128)
 
@@ -83,7 +81,7 @@ class FrequencyResponse:
         return np.array([point.coherence for point in self.points])
 
     @property
-    def h2(self) -> NDArray[np.complex128]:
+    def h2(self) -> ComplexArray:
         """The estimate that leaves the noise to the reference: H1 over coherence, (n,)."""
         return self.response / self.coherence
 

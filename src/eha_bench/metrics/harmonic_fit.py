@@ -6,12 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.metrics.between_lines import BetweenLines, between_lines
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 HARMONICS = 10
 """Highest harmonic that is fitted, and counts as distortion."""

@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.metrics.coverage import between, type_a
 from eha_bench.metrics.noise import Noise
 from eha_bench.metrics.resolution import rounding_sd
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.metrics.noise import Noise
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 _GROWTH = 1.3
 _LARGEST = 4000

@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eha_bench.metrics.local import BoolArray, Fit, fit, holds_around
+from eha_bench.core.arrays import BoolArray, FloatArray
+from eha_bench.metrics.local import Fit, fit, holds_around
 from eha_bench.metrics.noise import Noise, Spread
-
-FloatArray = NDArray[np.float64]
 
 _NARROWEST = 4
 _WIDEST = 1.5  # transits

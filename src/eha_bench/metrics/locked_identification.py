@@ -12,10 +12,10 @@ from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.special import stdtrit
 
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.metric import MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
@@ -26,8 +26,6 @@ from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import Timeline, commanded_edges, timeline
-
-FloatArray = NDArray[np.float64]
 
 _AVERAGED = 0.020  # s: window that speeds are averaged over
 _REST = 0.05  # s: how long the rotor has to have rested for a break-away to count
@@ -47,14 +45,14 @@ class BreakAways:
 
     current: FloatArray
     pressure: FloatArray
-    level: NDArray[np.intp]
+    level: IndexArray
 
 
 @dataclass(frozen=True)
 class _Holds:
     line: Timeline
     spans: tuple[slice, ...]
-    resting: NDArray[np.bool_]
+    resting: BoolArray
     speed: FloatArray  # averaged, in the direction of the current
     quiet: float
 

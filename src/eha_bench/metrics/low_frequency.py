@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.metrics.band_interpolation import point_weights
 from eha_bench.metrics.coverage import between, type_a
 from eha_bench.metrics.frequency_response import FrequencyResponse
 from eha_bench.metrics.metric import NotScored
-
-FloatArray = NDArray[np.float64]
 
 _LOW_BAND = 2.5  # times the lowest frequency: what the gain at 0 Hz is extrapolated from ...
 _FEWEST = 5  # ... and as many points at least ...

@@ -16,8 +16,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import ComplexArray, FloatArray, IndexArray
 from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
@@ -26,8 +26,6 @@ from eha_bench.metrics.band_interpolation import Local, band_quantile, local_cub
 from eha_bench.metrics.bandwidth import BandMetric
 from eha_bench.metrics.frequency_response import FrequencyResponse
 from eha_bench.metrics.metric import NotScored
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -110,7 +108,7 @@ class MarginMetric(BandMetric):
         )
 
     @abstractmethod
-    def crossovers(self, inverse: NDArray[np.complex128], sd: FloatArray) -> NDArray[np.intp]:
+    def crossovers(self, inverse: ComplexArray, sd: FloatArray) -> IndexArray:
         """Return the points before which 1 / L, (n,) with sd (n,) of each part, crosses over."""
 
     @abstractmethod
@@ -141,7 +139,7 @@ class PhaseMargin(MarginMetric):
     )
     symbol = "|L| = 1"
 
-    def crossovers(self, inverse: NDArray[np.complex128], sd: FloatArray) -> NDArray[np.intp]:
+    def crossovers(self, inverse: ComplexArray, sd: FloatArray) -> IndexArray:
         """Return where the loop's gain falls or rises through 1."""
         return sign_changes(np.abs(inverse) - 1.0, sd)
 
@@ -174,7 +172,7 @@ class GainMargin(MarginMetric):
     )
     symbol = "|L| < 1 with a lag of 180 deg"
 
-    def crossovers(self, inverse: NDArray[np.complex128], sd: FloatArray) -> NDArray[np.intp]:
+    def crossovers(self, inverse: ComplexArray, sd: FloatArray) -> IndexArray:
         """Return where 1 / L crosses the negative real axis."""
         places = sign_changes(inverse.imag, sd)
         behind = inverse.real[places - 1] + inverse.real[places] < 0.0
@@ -213,7 +211,7 @@ def loop_near(response: FrequencyResponse, first: int) -> InverseLoop:
     return InverseLoop(guess, real, turned, sd, ratio, quantile)
 
 
-def sign_changes(values: FloatArray, sd: FloatArray) -> NDArray[np.intp]:
+def sign_changes(values: FloatArray, sd: FloatArray) -> IndexArray:
     """Return the points (n,) whose value has, beyond two sd (n,), another sign than before."""
     sure = np.flatnonzero(np.abs(values) > 2.0 * np.nan_to_num(sd))
     found = []

@@ -11,18 +11,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
+from eha_bench.core.arrays import ComplexArray, FloatArray, IndexArray
 from eha_bench.core.signal import Lines
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.response_point import ResponsePoint
 from eha_bench.metrics.step_response import magnitude, require_finite
 from eha_bench.metrics.window import Timeline
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 TRANSIENT_PERIODS = 1
 """Periods at the start of every realisation that are never used."""
@@ -61,7 +58,7 @@ def multisine_points(
 
 
 def _realisation(
-    values: FloatArray, line: Timeline, block: Lines, harmonics: NDArray[np.intp]
+    values: FloatArray, line: Timeline, block: Lines, harmonics: IndexArray
 ) -> _Realisation | None:
     """Return what the settled periods of one realisation say, or None if it has none."""
     end = float(line.time[-1]) + 1.01 * line.period
@@ -108,7 +105,7 @@ def _spectra(
     return spectra
 
 
-def _idle(response: ComplexArray, harmonics: NDArray[np.intp]) -> FloatArray:
+def _idle(response: ComplexArray, harmonics: IndexArray) -> FloatArray:
     """Return the power of the mean period on idle lines near each excited one, noise taken off."""
     used, size = response.shape
     mean = response.mean(axis=0)
@@ -124,7 +121,7 @@ def _idle(response: ComplexArray, harmonics: NDArray[np.intp]) -> FloatArray:
 
 
 def _combined(
-    realisations: list[_Realisation], harmonics: NDArray[np.intp], period: float
+    realisations: list[_Realisation], harmonics: IndexArray, period: float
 ) -> list[ResponsePoint]:
     count = len(realisations)
     width = min(_NEIGHBOURS, harmonics.size)

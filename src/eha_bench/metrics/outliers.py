@@ -8,12 +8,9 @@ Jumps, kinks and narrow peaks are no spikes: there the neighbours do not agree.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.metrics.noise import white_noise
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.intp]
 
 _BEYOND = 8.0  # standard deviations of the white noise
 _AGREE = 0.1  # of the spike: what the neighbours may leave of their parabola
@@ -101,7 +98,7 @@ def _instead(values: FloatArray, index: int, least: float) -> float | None:
     return float(parabola[0])
 
 
-def filled(values: FloatArray, missing: NDArray[np.bool_]) -> FloatArray:
+def filled(values: FloatArray, missing: BoolArray) -> FloatArray:
     """Return (n,) values with the missing ones taken from their neighbours, by straight lines."""
     result = np.array(values)
     places = np.arange(values.size)
@@ -109,7 +106,7 @@ def filled(values: FloatArray, missing: NDArray[np.bool_]) -> FloatArray:
     return result
 
 
-def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(flags: BoolArray) -> list[tuple[int, int]]:
     """Return [start, stop) of every stretch of true flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

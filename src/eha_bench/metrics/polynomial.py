@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 HIGHEST_ORDER = 12
 _PENALTY = 4.0  # times log(samples) per order: noise that is correlated must not look like a bend

@@ -7,8 +7,8 @@ from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.linkage import Linkage
 from eha_bench.core.metric import MetricSpec
 from eha_bench.core.recording import Recording
@@ -19,8 +19,6 @@ from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import timeline
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.core.channels import unit_of
 from eha_bench.core.metric import Better, MetricSpec
@@ -21,8 +21,6 @@ from eha_bench.metrics.resolution import rounding_sd
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.step_response import MOST_EDGES, magnitude, require_finite
 from eha_bench.metrics.window import Timeline, commanded_edges, timeline
-
-FloatArray = NDArray[np.float64]
 
 _LATTER = 0.5  # share of the hold that is used, at its end: the rest is the edge's own transient
 _FEWEST = 20

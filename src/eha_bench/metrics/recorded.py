@@ -13,8 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
-from eha_bench.core.signal import Edge, FloatArray, FromRecording, Signal, Tone
+from eha_bench.core.signal import Edge, FromRecording, Signal, Tone
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.sine_fit import fit4
 from eha_bench.metrics.window import SIGNAL_START, jumps

@@ -19,12 +19,10 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import bdtr, stdtrit
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.score import Measure
-
-FloatArray = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 _SIGN_TEST = 6  # repeats from which on the least and the largest hold the median in 95 %

@@ -16,9 +16,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 _FEWEST = 4  # distinct values below which a resolution is a guess
 _SEEN = 4096  # samples that are looked at

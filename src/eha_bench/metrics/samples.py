@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.core.sensor import sensors_of
 from eha_bench.core.trial import Trial
@@ -19,9 +19,6 @@ from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.outliers import LONGEST_FILLED, filled, runs, spikes
 from eha_bench.metrics.resolution import resolution_of
 from eha_bench.metrics.window import Timeline
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 _CLIPPED = 5  # samples in a row at the extreme value
 _ELSEWHERE = 0.02  # share of samples like the one before, above which that is nothing special

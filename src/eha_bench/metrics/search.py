@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 
 def best_lag(

@@ -16,15 +16,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.noise import Noise
 from eha_bench.metrics.step_response import StepResponse
-
-FloatArray = NDArray[np.float64]
 
 _DRAWN = 500
 _GRID = 600

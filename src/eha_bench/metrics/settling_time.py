@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.budget import Budget, Evaluation
 from eha_bench.core.score import Measure
 from eha_bench.metrics.coverage import NORMAL, reach, type_a
@@ -18,8 +18,6 @@ from eha_bench.metrics.settling_model import settled_by_model
 from eha_bench.metrics.step_metric import LEVELS, StepMetric, said, since_edge
 from eha_bench.metrics.step_response import StepResponse
 from eha_bench.metrics.step_times import RESPONDED
-
-FloatArray = NDArray[np.float64]
 
 BAND = 0.02
 """Half-width of the band around the final level, as a share of the step."""

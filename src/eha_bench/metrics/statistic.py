@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.formula import Statistic
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
@@ -20,8 +20,6 @@ from eha_bench.metrics.resolution import rounding_sd
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import Timeline, timeline
-
-FloatArray = NDArray[np.float64]
 
 _FEWEST = 2
 

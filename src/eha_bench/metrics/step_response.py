@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge
@@ -23,8 +23,6 @@ from eha_bench.metrics.resolution import dithering, rounding_sd
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.tail import asymptote
 from eha_bench.metrics.window import Timeline, commanded_edges, timeline
-
-FloatArray = NDArray[np.float64]
 
 FINAL_SHARE = 0.2
 """Share of the hold, at its end, whose mean is the final level."""
@@ -276,7 +274,7 @@ def require_finite(line: Timeline, values: FloatArray, window: slice) -> None:
         raise NotScored(f"{missing} sample(s) {what}, the first at {at:.6g} s")
 
 
-def magnitude(values: FloatArray | NDArray[np.complex128]) -> float:
+def magnitude(values: FloatArray | ComplexArray) -> float:
     """Return the largest magnitude, or 0 where its square would be lost in underflow."""
     largest = float(np.max(np.abs(values), initial=0.0))
     return largest if largest > _SMALLEST else 0.0

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
@@ -21,8 +21,6 @@ from eha_bench.metrics.resolution import rounding_sd
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.step_response import magnitude, require_finite
 from eha_bench.metrics.window import Timeline, timeline
-
-FloatArray = NDArray[np.float64]
 
 LENGTHS = ("m", "rad")
 """SI units of a position."""

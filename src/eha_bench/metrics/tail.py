@@ -9,9 +9,8 @@ to, provided that it really predicts the tail.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 _POINTS = 48
 _QUIET = 0.02  # noise against the tail's movement, below which the tail is worth predicting

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Tone
@@ -21,9 +21,6 @@ from eha_bench.metrics.samples import samples
 from eha_bench.metrics.sine_fit import fit4
 from eha_bench.metrics.step_response import magnitude, require_finite
 from eha_bench.metrics.window import Timeline, timeline
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 TRANSIENT_PERIODS = 2
 """Periods at the start of a tone that are never scored."""

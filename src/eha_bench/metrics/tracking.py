@@ -7,8 +7,8 @@ from abc import abstractmethod
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.recording import Recording
@@ -21,8 +21,6 @@ from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.samples import samples
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import timeline
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,13 @@ import math
 from abc import abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
+from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.score import Measure
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.tracking import TrackingError, TrackingMetric
-
-FloatArray = NDArray[np.float64]
 
 _LONGEST = 0.25  # of the scored time: lags that are tried
 _STILL = 1e-3  # of the fastest change: below it the reference rests
@@ -95,7 +93,7 @@ class _PhaseMetric(TrackingMetric):
         return Measure(value * error.scale, reason=reason)
 
     @abstractmethod
-    def chosen(self, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def chosen(self, moving: BoolArray) -> BoolArray:
         """Return which samples count."""
 
 
@@ -106,7 +104,7 @@ class TrackingMoving(_PhaseMetric):
         "tracking_rms_moving", "tracking_rms while the reference moves", None, better=Better.LOWER
     )
 
-    def chosen(self, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def chosen(self, moving: BoolArray) -> BoolArray:
         """Return the samples at which the reference changes."""
         return moving
 
@@ -118,6 +116,6 @@ class TrackingResting(_PhaseMetric):
         "tracking_rms_resting", "tracking_rms while the reference rests", None, better=Better.LOWER
     )
 
-    def chosen(self, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def chosen(self, moving: BoolArray) -> BoolArray:
         """Return the samples at which the reference does not change."""
         return ~moving

@@ -12,16 +12,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.search import best_lag
-
-FloatArray = NDArray[np.float64]
 
 SIGNAL_START = "signal_start"
 """Metadata key: time of the recording, in s, at which the trial's signal starts."""

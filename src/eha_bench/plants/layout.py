@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import PluginError
 from eha_bench.plants.effect import BoundEffect, Equation
 from eha_bench.plants.parameter import Parameter
@@ -59,7 +59,7 @@ class Layout:
         return sum(parameter.size for _, parameter in self.items())
 
     @cached_property
-    def _senses(self) -> tuple[tuple[BoundEffect, ...], NDArray[np.intp], NDArray[np.float64]]:
+    def _senses(self) -> tuple[tuple[BoundEffect, ...], IndexArray, FloatArray]:
         """Effects that may act on what sensors read, places of their strengths, neutral values."""
         found = tuple(
             effect
@@ -74,7 +74,7 @@ class Layout:
         places = [self.index[f"{effect.id}.{effect.strength.name}"] for effect in found]
         return found, np.array(places, dtype=np.intp), np.array([item.neutral for item in found])
 
-    def sensors_are_ideal(self, vector: NDArray[np.float64]) -> bool:
+    def sensors_are_ideal(self, vector: FloatArray) -> bool:
         """Whether every sensor reads the state itself with these parameters."""
         effects, places, neutral = self._senses
         if not effects:
@@ -84,7 +84,7 @@ class Layout:
             effects[k].equation(self.chosen(effects[k], vector)) is Equation.MEASUREMENT for k in on
         )
 
-    def chosen(self, effect: BoundEffect, vector: NDArray[np.float64]) -> dict[str, object]:
+    def chosen(self, effect: BoundEffect, vector: FloatArray) -> dict[str, object]:
         """Return the values of an effect's choices in a vector."""
         return {
             item.name: float(vector[self.index[f"{effect.id}.{item.name}"]])
@@ -107,12 +107,12 @@ class Layout:
             if parameter.unit == "s"
         )
 
-    def look_back(self, vector: NDArray[np.float64]) -> float:
+    def look_back(self, vector: FloatArray) -> float:
         """Return how long ago a command may be that still acts with these parameters, s."""
         delays = [vector[time] for on, time, off in self._delays if vector[on] != off]
         return float(sum(delays))
 
-    def defaults(self) -> NDArray[np.float64]:
+    def defaults(self) -> FloatArray:
         """Return `P` with the plant's defaults and every effect off."""
         vector = np.zeros(self.size)
         for key, parameter in self.items():

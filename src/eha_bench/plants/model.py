@@ -13,9 +13,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
@@ -27,7 +25,6 @@ from eha_bench.plants.plant import Plant, get_plant
 if TYPE_CHECKING:
     from eha_bench.plants.model_file import ModelFile
 
-FloatArray = NDArray[np.float64]
 Value = float | str | list[float]
 
 

@@ -14,9 +14,9 @@ from functools import cache
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.core import plugins
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, PluginError
 from eha_bench.core.linkage import Linkage
@@ -25,8 +25,6 @@ from eha_bench.plants.channel_roles import KNOWN, ChannelRoles
 from eha_bench.plants.effect import Effect
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.session import Session
-
-FloatArray = NDArray[np.float64]
 
 _FIRST_TICK = "first tick"
 _FOR_DATASETS = (

@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError
 from eha_bench.core.near_miss import suggest
 
 if TYPE_CHECKING:
     from eha_bench.plants.plant import Parametrised
 
-FloatArray = NDArray[np.float64]
 
 _ROWS = 1024
 """Moments that are kept at first; more where a delay looks back on more."""

@@ -15,8 +15,8 @@ from functools import cache, cached_property
 from typing import Any, Final, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.linkage import Linkage
 from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.effect import ANYTHING, BoundEffect, Effect, Equation, Hook, Spot, bound
@@ -24,7 +24,6 @@ from eha_bench.plants.layout import Layout
 from eha_bench.plants.plant import Drive, Plant
 from eha_bench.plants.static_plant import StaticPlant
 
-FloatArray = NDArray[np.float64]
 Scope = dict[str, Any]
 
 _USUAL: Final = 1.0

@@ -10,14 +10,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError
 from eha_bench.plants.effect import Equation
 from eha_bench.plants.plant import Drive, Plant
-
-FloatArray = NDArray[np.float64]
 
 
 class StaticPlant(Plant, ABC):

@@ -12,12 +12,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.model import Model
 from eha_bench.plants.values import with_values
-
-FloatArray = NDArray[np.float64]
 
 _TRIES = 50
 """How often a draw outside of its bounds is drawn again before it is put at the bound."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.channel_map import ChannelMap, Gaps, Method, Range
 from eha_bench.recordings.series import (
@@ -209,5 +209,5 @@ def _hold(own: Stamps, values: Column, stamps: Stamps, policy: Gaps) -> Column:
     period = typical_step(stamps) if stamps.size > 1 else 0.0
     late = stamps + np.int64(_SAME_TICK * period)
     place = np.searchsorted(own, late, side="right") - 1
-    result: NDArray[np.float64] = np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
+    result: FloatArray = np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
     return result

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import IndexArray
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import Decoder, Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.decoders import make_decoder
@@ -25,7 +25,7 @@ _STAMPS = (
     ("timestamp.seconds", "timestamp.nanos"),
 )
 
-Rows = NDArray[np.intp]
+Rows = IndexArray
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.core.sensor import Sensor
@@ -133,7 +133,7 @@ def _recording(
     read: _Read,
     aligned: Aligned,
     epoch: int,
-    exact: NDArray[np.float64] | None = None,
+    exact: FloatArray | None = None,
 ) -> Recording:
     """Return channels on one clock in SI."""
     time = _time(aligned.stamps, epoch) if exact is None else exact
@@ -198,7 +198,7 @@ def _table_epoch(source: TableSource, first: int, *, described_itself: bool) -> 
 
 def _exact(
     source: TableSource, tracks: Mapping[str, Track], stamps: Stamps, epoch: int
-) -> NDArray[np.float64] | None:
+) -> FloatArray | None:
     """Return the times as they stand in the table, if nothing was done to them; None otherwise."""
     group = next(iter(tracks))
     seconds = source.exact_seconds.get(group)
@@ -268,7 +268,7 @@ def _tracks(
     return tracks, zero
 
 
-def _time(stamps: Stamps, epoch: int) -> NDArray[np.float64]:
+def _time(stamps: Stamps, epoch: int) -> FloatArray:
     """Return stamps in s; nobody needs them any more, so their memory is used again."""
     if stamps.base is not None or not stamps.flags.writeable:
         return seconds(stamps, epoch)

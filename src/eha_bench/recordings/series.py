@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.channel_map import ChannelEntry, Duplicates, Repair, StepsBack
 from eha_bench.recordings.track import Column, Stamps, Track
@@ -21,7 +21,7 @@ BRIDGED = 3.0
 """Values are interpolated across intervals of up to this many median intervals."""
 
 
-def seconds_in_place(stamps: Stamps, epoch: int) -> NDArray[np.float64]:
+def seconds_in_place(stamps: Stamps, epoch: int) -> FloatArray:
     """Return stamps in s since `epoch`, shape (n,), in the memory of the stamps."""
     time = stamps.view(np.float64)
     for start in range(0, stamps.size, _BLOCK):
@@ -30,7 +30,7 @@ def seconds_in_place(stamps: Stamps, epoch: int) -> NDArray[np.float64]:
     return time
 
 
-def seconds(stamps: Stamps, epoch: int) -> NDArray[np.float64]:
+def seconds(stamps: Stamps, epoch: int) -> FloatArray:
     """Return stamps in s since `epoch`, shape (n,)."""
     return (stamps - np.int64(epoch)) / 1e9
 
@@ -103,8 +103,8 @@ def _times(count: int) -> str:
 class GapList:
     """Intervals of a clock that are much longer than its median interval."""
 
-    starts: NDArray[np.intp]
-    lengths: NDArray[np.float64]
+    starts: IndexArray
+    lengths: FloatArray
     period: float
 
 
@@ -160,7 +160,7 @@ def gap_note(name: str, stamps: Stamps, epoch: int) -> list[str]:
     ]
 
 
-def nan_note(name: str, values: Column, time: NDArray[np.float64]) -> list[str]:
+def nan_note(name: str, values: Column, time: FloatArray) -> list[str]:
     """Say how many samples of a channel are NaN or infinite, and where the first is."""
     with np.errstate(all="ignore"):
         if np.isfinite(values.sum()):  # much faster than to look at each, nearly always enough
@@ -190,7 +190,7 @@ def rounding_note(name: str, values: Column, kind: str) -> list[str]:
 
 
 def unwrapped(
-    name: str, values: Column, kind: str, entry: ChannelEntry, time: NDArray[np.float64]
+    name: str, values: Column, kind: str, entry: ChannelEntry, time: FloatArray
 ) -> tuple[Column, list[str]]:
     """Report integers that wrapped around, and repair them where the map says so."""
     bits = entry.unwrap or _bits(values, kind)

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
+
 Stamps = NDArray[np.int64]
-Column = NDArray[np.float64]
+Column = FloatArray
 
 
 @dataclass
@@ -33,7 +35,7 @@ class Track:
         """Number of samples."""
         return int(self.stamps.size)
 
-    def rows(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Track:
+    def rows(self, index: IndexArray | BoolArray) -> Track:
         """Return some of the samples."""
         columns = {name: column[index] for name, column in self.columns.items()}
         return Track(self.name, self.stamps[index], columns, self.kinds)
@@ -46,7 +48,7 @@ class Arena:
         self._block = np.empty(size)
         self._used = 0
 
-    def take(self, count: int) -> NDArray[np.float64]:
+    def take(self, count: int) -> FloatArray:
         """Return memory for `count` numbers; a block of its own once the arena is used up."""
         start = self._used
         if start + count > self._block.size:

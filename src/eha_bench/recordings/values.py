@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
+
 _MOST = 50_000
 """Different values that a resolution is looked for among."""
 _SAME = 1e-9
@@ -60,7 +62,7 @@ class ValueInformation:
         )
 
 
-def resolution(values: NDArray[np.float64]) -> float:
+def resolution(values: FloatArray) -> float:
     """Return the step that all finite values (n,) are whole multiples apart; 0 if there is none.
 
     A converter with steps of any size shows in it, also after a scale and an offset. NaN for fewer
@@ -70,7 +72,7 @@ def resolution(values: NDArray[np.float64]) -> float:
         return _step(np.unique(values[:_MOST]))
 
 
-def _step(different: NDArray[np.float64]) -> float:
+def _step(different: FloatArray) -> float:
     """Return the common step of values in order, (n,)."""
     span = float(different[-1] - different[0]) if different.size else 0.0
     if different.size < 3 or not span > 0.0 or not np.isfinite(span):

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import TrialResult
@@ -30,8 +30,6 @@ from eha_bench.metrics.low_frequency import low_frequency_gain
 from eha_bench.metrics.recorded import bind
 from eha_bench.report.engineering import limit_text, metric_name, number, quantity
 from eha_bench.report.marks import Role
-
-FloatArray = NDArray[np.float64]
 
 GAIN: Final = 0
 PHASE: Final = 1

@@ -11,15 +11,13 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.report.bode import Bode, BodeCurve, BodePanel
 from eha_bench.report.embed_svg import SHADES
 from eha_bench.report.engineering import number
 from eha_bench.report.figures import plot_style, render_svg
 from eha_bench.report.marks import Role
-
-FloatArray = NDArray[np.float64]
 
 _WIDTH: Final = 662.0 / 72.0
 _HEIGHTS: Final = (190.0, 130.0, 90.0)

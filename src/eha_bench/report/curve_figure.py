@@ -7,16 +7,14 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.plants.model import Model
 from eha_bench.report.embed_svg import SHADES
 from eha_bench.report.engineering import DisplayUnit, channel_name, display_unit
 from eha_bench.report.figure_view import FigureView
 from eha_bench.report.figures import plot_style, render_svg
-
-FloatArray = NDArray[np.float64]
 
 _LEARNED: Final = "learned"
 _WIDTH: Final = 662.0 / 72.0

@@ -6,16 +6,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.report.engineering import channel_name, display_unit
 from eha_bench.report.marks import Mark, Role, TimeBand, ValueBand
 from eha_bench.report.panels import Panel, Trace
 from eha_bench.report.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 BEFORE, AFTER = "recalibrated", "revised"
 

@@ -19,12 +19,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.text import Text
 from matplotlib.transforms import IdentityTransform
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.report.embed_svg import SHADES
 from eha_bench.report.figures import render_svg
 
-FloatArray = NDArray[np.float64]
 _THIN = 0.6
 
 

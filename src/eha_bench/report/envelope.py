@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.intp]
+from eha_bench.core.arrays import FloatArray, IndexArray
 
 
 def envelope_indices(values: FloatArray, points: int) -> IndexArray:

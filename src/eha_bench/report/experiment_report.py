@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.experiment.proposal import NEAR, Ending, PlannedTrial, Proposal
 from eha_bench.report.engineering import channel_name, display_unit, number, quantity
@@ -17,8 +17,6 @@ from eha_bench.report.figure_view import FigureView, figure_of
 from eha_bench.report.page import Fact, write_page
 from eha_bench.report.panels import Panel, Trace
 from eha_bench.report.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 _COLOURS: Final = ("blue", "vermilion", "green", "purple", "sky")
 _POINTS: Final = 400

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 CHARACTER_WIDTH: Final = 0.56
 """Mean width of a character as a share of the font size."""

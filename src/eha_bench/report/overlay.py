@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import TrialResult
@@ -15,8 +15,6 @@ from eha_bench.report.engineering import channel_name, display_unit
 from eha_bench.report.panels import Panel, Trace
 from eha_bench.report.scene import Scene, scene_of
 from eha_bench.suites import trial_from_source
-
-FloatArray = NDArray[np.float64]
 
 MOST_PANELS: Final = 5
 _COLOURS: Final = ("blue", "vermilion")

@@ -15,8 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.intp]
+from eha_bench.core.arrays import FloatArray, IndexArray
 
 FULL: Final = 8192
 """Samples of a recording that are stored one by one, at most."""

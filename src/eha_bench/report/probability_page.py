@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 from markupsafe import Markup, escape
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.report.engineering import (
     channel_name,
     display_unit,
@@ -24,8 +24,6 @@ from eha_bench.sweeps.probability import Band, Probability
 
 PAGE: Final = "probability.html"
 _WIDTH: Final = 920
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.report.drawing import Drawing
 from eha_bench.report.engineering import DisplayUnit
@@ -20,8 +20,6 @@ from eha_bench.report.marks import LevelLine, Mark, Point, Role, TimeBand, TimeL
 from eha_bench.report.panels import Panel
 from eha_bench.report.scene import Scene
 from eha_bench.report.ticks import Ticks, ticks_between
-
-FloatArray = NDArray[np.float64]
 
 # In points: 1/72 inch. The page shows the drawing as wide as its column.
 WIDTH: Final = 662.0

@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from eha_bench.report.envelope import envelope_indices
 from eha_bench.report.panels import Panel
@@ -16,8 +15,6 @@ _WIDTH: Final = 160.0
 _HEIGHT: Final = 32.0
 _EDGE: Final = 2.0
 _POINTS: Final = 120
-
-FloatArray = NDArray[np.float64]
 
 
 def spark(scene: Scene) -> Markup:

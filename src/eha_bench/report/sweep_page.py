@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.finite import finite_or_none
 from eha_bench.report.engineering import channel_name, limit_text, metric_name, number
 from eha_bench.report.page import Fact, write_page
@@ -33,8 +33,6 @@ POINTS: Final = "points"
 _MOST_AXES: Final = 8
 _SHOWN: Final = 50
 _DIGITS: Final = 5
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,8 @@ from typing import Final
 
 import numpy as np
 from markupsafe import Markup, escape
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 
 _WIDTH: Final = 920
 _MOST_BINS: Final = 12
@@ -42,7 +41,7 @@ class Axis:
         """Name and unit."""
         return f"{self.name} / {self.unit}" if self.unit else self.name
 
-    def bins(self) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+    def bins(self) -> tuple[IndexArray, tuple[str, ...]]:
         """Return the bin of every point, and the bins' labels: levels where they are few."""
         levels, places = np.unique(self.values, return_inverse=True)
         if levels.size <= _MOST_BINS:
@@ -105,7 +104,7 @@ def heat_svg(x: Axis, y: Axis, margins: FloatArray) -> Markup:
     return Markup("".join([*parts, "</svg>"]))
 
 
-def parallel_svg(axes: Sequence[Axis], passed: NDArray[np.bool_]) -> Markup:
+def parallel_svg(axes: Sequence[Axis], passed: BoolArray) -> Markup:
     """Return a line a point over all axes; those that pass lie above."""
     height, top, bottom, side = 300, 44, 24, 60
     gap = (_WIDTH - 2 * side) / max(1, len(axes) - 1)
@@ -135,7 +134,7 @@ def parallel_svg(axes: Sequence[Axis], passed: NDArray[np.bool_]) -> Markup:
     return Markup("".join([*parts, "</svg>"]))
 
 
-def pareto_svg(x: Axis, y: Axis, passed: NDArray[np.bool_]) -> Markup:
+def pareto_svg(x: Axis, y: Axis, passed: BoolArray) -> Markup:
     """Return the points over two margins, and the front on which neither grows for nothing."""
     height, left, bottom, top = 320, 70, 44, 12
     finite = np.isfinite(x.values) & np.isfinite(y.values)

@@ -14,13 +14,11 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.report.engineering import DisplayUnit, display_unit, number
 from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import Trend
-
-FloatArray = NDArray[np.float64]
 
 WIDTH: Final = 920
 HEIGHT: Final = 330

@@ -8,14 +8,12 @@ from typing import Final
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import read
 from eha_bench.report.engineering import channel_name, display_unit, number
 from eha_bench.report.envelope import envelope_indices
-
-FloatArray = NDArray[np.float64]
 
 LATE: Final = 1.5
 """Sample periods between two ticks above which the later one is late."""

@@ -12,13 +12,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError, Place
 from eha_bench.sweeps.space import Point, Space
 from eha_bench.sweeps.sweep_file import MOST_POINTS, DesignKind, SweepFile
-
-FloatArray = NDArray[np.float64]
 
 
 class Design(ABC):

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.bench.scoring import judge, judge_together
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError, InputError
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.limit import AcceptanceLimit, Repeats
@@ -23,8 +23,6 @@ from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.space import Point, Space
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.target import Ending
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

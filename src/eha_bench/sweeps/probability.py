@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.bench.progress import Progress, silent
+from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
@@ -30,8 +30,6 @@ from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.chance import Chance
 from eha_bench.sweeps.evaluation import Evaluated, LimitName, PointResult, limits_of
 from eha_bench.sweeps.sweep import time_left
-
-FloatArray = NDArray[np.float64]
 
 SUMMARY: Final = "probability.json"
 SCHEMA_VERSION: Final = 1
@@ -168,7 +166,7 @@ def _worst(item: PointResult) -> float:
     return item.margin if math.isfinite(item.margin) else -math.inf
 
 
-def _unknown(key: str, values: FloatArray, least: FloatArray, passed: NDArray[np.bool_]) -> Unknown:
+def _unknown(key: str, values: FloatArray, least: FloatArray, passed: BoolArray) -> Unknown:
     from scipy.stats import rankdata
 
     ranks = [rankdata(item) for item in (values, least)]

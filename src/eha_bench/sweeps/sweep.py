@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.store import Shelf, held, set_aside
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
@@ -33,8 +33,6 @@ from eha_bench.sweeps.sweep_file import SweepFile
 TABLE: Final = "points.parquet"
 SUMMARY: Final = "sweep.json"
 SCHEMA_VERSION: Final = 1
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.control.controller import Controller, as_command
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError, TargetFault
 from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.recording import Recording
@@ -19,8 +19,6 @@ from eha_bench.core.trial import Trial
 from eha_bench.targets.crash import told
 from eha_bench.targets.sensors import Sensor, SensorNoise
 from eha_bench.targets.target import Ending, Outcome, Stopping
-
-FloatArray = NDArray[np.float64]
 
 
 class Simulated(Protocol):

@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import UnitError
 from eha_bench.core.units import parse
 from eha_bench.core.yaml_file import Real, StrictModel
-
-FloatArray = NDArray[np.float64]
 
 
 class Sensor(StrictModel):

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from eha_bench.control.controller import Context
@@ -25,8 +24,6 @@ from eha_bench.targets.channel_check import check_channels
 from eha_bench.targets.closed_loop import ClosedLoop
 from eha_bench.targets.sensors import RIG_SENSORS, Sensor
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
-
-FloatArray = NDArray[np.float64]
 
 # a quarter of the step at which the load's oscillation on the oil spring is integrated to 1e-4
 DEFAULT_STEP = 12.5e-6

@@ -18,15 +18,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.signal import lfilter
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.noise import noise_of, without_outliers
 from eha_bench.trends.tails import FURTHEST, chance_of_sum
 from eha_bench.trends.terms import Kind, Term, design, gains, pair_gains
-
-FloatArray = NDArray[np.float64]
 
 FEWEST: Final = 8
 """Nights below which nothing is said about changes."""

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 SPANS: Final = {2: 0.8, 4: 0.2}
 """Newest nights that are taken together, and the share of the error rate that each uses."""

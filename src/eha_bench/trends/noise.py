@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.tails import FURTHEST
-
-FloatArray = NDArray[np.float64]
 
 _BEND: Final = 1.5  # standard deviations beyond which a difference counts no more
 _OF_NORMAL: Final = 0.77846  # mean of min(z^2, 1.5^2) of a normal distribution

@@ -12,13 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.changes import FEWEST
 from eha_bench.trends.trend import RECENT, Trend
-
-FloatArray = NDArray[np.float64]
 
 FIRST: Final = FEWEST
 """Nights that say where a unit began."""

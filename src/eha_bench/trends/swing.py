@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 FEWEST: Final = 40
 """Nights below which no swing is looked for."""

@@ -12,11 +12,10 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import gammaln, stdtr
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 FURTHEST: Final = 2.5
 """Standard deviations to which a single night counts in a sum."""

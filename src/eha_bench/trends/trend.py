@@ -8,17 +8,15 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.changes import FEWEST, Change, Course, course_of
 from eha_bench.trends.index import Night
 from eha_bench.trends.newest import newest_of, spread_of
 from eha_bench.trends.swing import Swing, swing_of
 from eha_bench.trends.tails import reach
 from eha_bench.trends.terms import Kind, Term, design
-
-FloatArray = NDArray[np.float64]
 
 ALPHA: Final = 0.005
 """Of a false change in any metric of a history, and of a false alarm in any metric of a night."""

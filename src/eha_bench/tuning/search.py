@@ -11,13 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.sweeps.space import Point, Space
 from eha_bench.tuning.aim import Aim
 from eha_bench.tuning.trying import Machine, Trying
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.workers import Workers
 from eha_bench.plants.model import Model
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.evaluation import PointResult, evaluated, limits_of
 from eha_bench.sweeps.probability import judged_only
 from eha_bench.sweeps.space import Point, Space
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

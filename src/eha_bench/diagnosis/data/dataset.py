@@ -10,11 +10,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from eha_bench.core import yaml_file
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import by_name
@@ -26,8 +25,6 @@ from eha_bench.plants.model import Model, model_from, parse_parameter
 from eha_bench.plants.plant import Plant
 from eha_bench.plants.static_plant import StaticPlant
 from eha_bench.recordings.computed import ComputedChannel, check_known, in_order, with_computed
-
-FloatArray = NDArray[np.float64]
 
 _FEWEST = 10
 _LONGEST = 86_400.0

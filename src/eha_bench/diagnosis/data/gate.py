@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import regular_clock
@@ -32,9 +32,6 @@ from eha_bench.diagnosis.data.ticks import Sampled
 from eha_bench.plants.channel_roles import KNOWN as KNOWN_CHANNELS
 from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.plant import Drive
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 GAP = 1.5
 """A step of the clock by more than this many usual ones leaves samples out."""
@@ -105,7 +102,7 @@ class Measured:
     unsure: Mapping[str, Unsure] = field(default_factory=dict)
     apart: bool = False
 
-    def at(self, channel: str, ticks: slice | NDArray[np.intp]) -> FloatArray:
+    def at(self, channel: str, ticks: slice | IndexArray) -> FloatArray:
         """Return when a channel's samples at some ticks were taken, s from the first tick."""
         taken = self.taken.get(channel)
         if taken is None:
@@ -156,7 +153,7 @@ class Measured:
         return found
 
     @cached_property
-    def jumps(self) -> NDArray[np.intp]:
+    def jumps(self) -> IndexArray:
         """Ticks at which an input jumps, in their order; what is logged there is from before."""
         found = []
         for values in self.inputs.values():

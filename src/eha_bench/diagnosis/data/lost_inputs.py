@@ -12,10 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 
 _SIDE = 2
 """Messages on either side that a cubic goes through."""
@@ -37,8 +35,8 @@ class Unsure:
         spread: (k,) how far the value there may be off, SI.
     """
 
-    ticks: NDArray[np.intp]
-    stops: NDArray[np.intp]
+    ticks: IndexArray
+    stops: IndexArray
     spread: FloatArray
 
 
@@ -82,7 +80,7 @@ def guessed(time: FloatArray, values: FloatArray, lost: BoolArray) -> tuple[Floa
     return out, Unsure(at[moves], stops[moves], spread[moves])
 
 
-def _few_in_a_row(lost: BoolArray, there: BoolArray) -> NDArray[np.intp]:
+def _few_in_a_row(lost: BoolArray, there: BoolArray) -> IndexArray:
     """Return the lost messages of which few follow one another."""
     at = np.flatnonzero(lost)
     before = np.cumsum(there)[at]

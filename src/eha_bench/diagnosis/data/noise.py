@@ -11,9 +11,8 @@ difference, Ann. Math. Stat. 12 (1941) 153, doi:10.1214/aoms/1177731746.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 # sum of the squares of (1, -3, 3, -1)
 _THIRD = 20.0

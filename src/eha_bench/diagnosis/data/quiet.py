@@ -15,13 +15,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour, beside_parabola, colour_of
 from eha_bench.diagnosis.data.gate import GAP, SAME, Measured
 from eha_bench.diagnosis.data.noise import noise_of_input, quantum_of
-
-FloatArray = NDArray[np.float64]
 
 _STRETCH = 0.128
 """Length of a quiet stretch, s."""

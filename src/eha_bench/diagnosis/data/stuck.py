@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from eha_bench.core.arrays import BoolArray, FloatArray
 
 _STUCK = 40
 _COMMON = 0.3

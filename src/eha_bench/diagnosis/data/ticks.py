@@ -18,13 +18,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import RegularClock, Telling, clock_beside, telling
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 _SAME = 0.05
 """What samples of one tick lie apart at most, in periods of the fastest topic."""
@@ -149,7 +146,7 @@ def on_ticks(
     )
 
 
-def nearest(ticks: FloatArray, time: FloatArray) -> NDArray[np.intp]:
+def nearest(ticks: FloatArray, time: FloatArray) -> IndexArray:
     """Return the place of the tick that is nearest to each instant, (m,)."""
     after = np.clip(np.searchsorted(ticks, time), 1, ticks.size - 1)
     return np.asarray(after - (time - ticks[after - 1] < ticks[after] - time))

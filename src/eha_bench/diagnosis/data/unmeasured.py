@@ -13,12 +13,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.windows import Window, window_at
 from eha_bench.plants.plant import Plant
-
-FloatArray = NDArray[np.float64]
 
 _TRUSTED = 0.1
 """How far a carried state may be off, as a share of what it moves by in its run."""

@@ -19,11 +19,9 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.diagnosis.data.gate import Measured
-
-FloatArray = NDArray[np.float64]
 
 FREE_WINDOW = 0.4
 """Length of a window of a free run, s."""
@@ -135,7 +133,7 @@ def begun(window: Window, measured: Measured) -> Window:
     return replace(window, measured=measured, initial=state, spread=spread)
 
 
-def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_]:
+def _allowed(measured: Measured, noise: Mapping[str, float]) -> BoolArray:
     """Where a window may start: command without jumps, rod and shaft well under way."""
     time = measured.time
     n = time.size
@@ -164,7 +162,7 @@ def _allowed(measured: Measured, noise: Mapping[str, float]) -> NDArray[np.bool_
     return fine
 
 
-def _known_near(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _known_near(valid: BoolArray) -> BoolArray:
     """Where enough samples are near for a start state, of a channel that ticks by itself."""
     near = np.convolve(valid.astype(float), np.ones(2 * _HALF_FIT + 1), mode="same")
     return np.asarray(near >= _ENOUGH - 0.5)
@@ -172,7 +170,7 @@ def _known_near(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _clear_of_reversals(
     time: FloatArray, position: FloatArray, noise: float, least: float
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Whether a position has moved on by some way since it last reversed or rested."""
     good = np.isfinite(position)
     x = np.interp(time, time[good], position[good])

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, RecordingError
 from eha_bench.core.interruption import checkpoints
+from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import (
     Measured,
@@ -33,9 +34,6 @@ from eha_bench.diagnosis.fit.residual_colour import NOTHING_SEEN, noise_of_resid
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
 from eha_bench.diagnosis.fit.starts import Arrival, arrived
 from eha_bench.plants.layout import Layout
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 STEP = 2e-4
 """Integration step of fits, s: five a tick at 1 kHz; its error is below 0.1 of usual noise."""
@@ -210,7 +208,7 @@ class CalibrationInterrupted(KeyboardInterrupt):
         self.baseline = baseline
 
 
-def calibrated(dataset: Dataset, progress: Progress = no_progress) -> Baseline:
+def calibrated(dataset: Dataset, progress: ProgressHook = no_progress) -> Baseline:
     """Fit the parameters under `calibrate`, and what is mundane, to all training runs.
 
     Raises:
@@ -236,7 +234,7 @@ def _calibrated(
     windows: list[Window],
     noise: dict[str, float],
     best: list[FloatArray],
-    progress: Progress,
+    progress: ProgressHook,
 ) -> Baseline:
     """Calibrate; the last of `best` is always the best vector so far."""
     plant = dataset.model.plant

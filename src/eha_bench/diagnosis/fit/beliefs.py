@@ -13,11 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.model import Model
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

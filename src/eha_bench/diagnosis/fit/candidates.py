@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.effect import BoundEffect, Equation
 from eha_bench.plants.layout import Layout
-
-FloatArray = NDArray[np.float64]
 
 LEARNED = "learned"
 """Id of the effect that holds a learned curve; it is never a named cause."""

@@ -12,15 +12,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.fit.uncertainty import LOOSE
 from eha_bench.plants.model import Model
-
-FloatArray = NDArray[np.float64]
 
 NEAR = 2.0
 """Standard deviations from the minimum within which a fit has converged."""

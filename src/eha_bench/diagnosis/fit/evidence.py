@@ -17,14 +17,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem, soften
-
-FloatArray = NDArray[np.float64]
 
 
 def _soft_mean() -> float:
@@ -172,8 +170,8 @@ def excess(problem: Problem, fit: Fit) -> Excess:
 class Groups:
     """Rows of a residual by run, to be left out in turn, and by block, to be resampled."""
 
-    runs: tuple[NDArray[np.intp], ...]
-    blocks: tuple[NDArray[np.intp], ...]
+    runs: tuple[IndexArray, ...]
+    blocks: tuple[IndexArray, ...]
 
 
 def groups_of(problem: Problem, block: float = 0.1, most: int = 8) -> Groups:
@@ -184,8 +182,8 @@ def groups_of(problem: Problem, block: float = 0.1, most: int = 8) -> Groups:
         block: length of a block, s.
         most: runs are split into parts until there are at least four groups.
     """
-    by_run: dict[str, list[tuple[NDArray[np.intp], FloatArray]]] = {}
-    blocks: list[NDArray[np.intp]] = []
+    by_run: dict[str, list[tuple[IndexArray, FloatArray]]] = {}
+    blocks: list[IndexArray] = []
     for piece in problem.pieces:
         window = problem.windows[piece.window]
         rows = np.arange(piece.rows.start, piece.rows.stop)
@@ -195,7 +193,7 @@ def groups_of(problem: Problem, block: float = 0.1, most: int = 8) -> Groups:
         order = np.flatnonzero(np.diff(number)) + 1
         blocks += [part for part in np.split(rows, order) if part.size]
     parts = 1 if len(by_run) >= 4 else int(np.ceil(min(most, 6) / len(by_run)))
-    runs: list[NDArray[np.intp]] = []
+    runs: list[IndexArray] = []
     for items in by_run.values():
         rows = np.concatenate([item[0] for item in items])
         time = np.concatenate([item[1] for item in items])

@@ -16,14 +16,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import SLOPES, Problem, cost_of, soften
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
-
-FloatArray = NDArray[np.float64]
 
 FINEST = 1.25e-5
 """Finest integration step, s: an eighth of the usual one."""

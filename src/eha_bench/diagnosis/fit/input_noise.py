@@ -17,13 +17,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import idct
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.plants.plant import Drive
-
-FloatArray = NDArray[np.float64]
 
 _FIRST = 8
 _FURTHER = 1.5

@@ -9,12 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.diagnosis.data.gate import Measured
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -28,10 +25,10 @@ class Instants:
         first: tick at which the window begins.
     """
 
-    rows: IntArray
-    columns: IntArray
+    rows: IndexArray
+    columns: IndexArray
     stamps: FloatArray
-    clocks: IntArray
+    clocks: IndexArray
     names: tuple[str, ...]
     ticks: FloatArray
     first: int
@@ -56,10 +53,10 @@ class Instants:
 def instants_of(
     measured: Measured,
     channels: Sequence[str],
-    columns: IntArray,
+    columns: IndexArray,
     span: tuple[int, int],
     lead: int,
-    picked: tuple[IntArray, IntArray],
+    picked: tuple[IndexArray, IndexArray],
 ) -> Instants | None:
     """Return when samples of a window were taken, None where all were taken at ticks.
 

@@ -14,13 +14,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import SLOPES, Problem, soften
 from eha_bench.plants.layout import Layout
-
-FloatArray = NDArray[np.float64]
 
 _DIFFERENCE = 0.01
 _LARGEST_DIFFERENCE = 1.0

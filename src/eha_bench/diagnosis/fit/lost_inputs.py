@@ -13,13 +13,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.lost_inputs import Unsure
 from eha_bench.diagnosis.fit.input_noise import SHOWS, Shaken
 from eha_bench.plants.plant import Drive
-
-FloatArray = NDArray[np.float64]
 
 _APART = 0.4
 """Time between lost messages that are simulated together, s: masses on oil have come to rest."""

@@ -13,7 +13,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from eha_bench.diagnosis.fit.problem import FloatArray, Problem
+from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.fit.problem import Problem
 
 _NOTHING = 1.0
 """Error over the channel's own standard deviation from which nothing of it is explained."""

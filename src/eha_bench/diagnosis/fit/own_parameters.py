@@ -16,14 +16,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 
-FloatArray = NDArray[np.float64]
 OwnValues = Mapping[str, Mapping[str, float]]
 """Run -> parameter -> value that the run has of its own, SI."""
 

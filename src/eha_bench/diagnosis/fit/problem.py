@@ -19,10 +19,10 @@ from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.interruption import checkpoint
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.unmeasured import carried, missing
@@ -38,7 +38,6 @@ from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.fit.whitening import whitening
 from eha_bench.plants.plant import Drive, Parametrised, Plant
 
-FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
 SLOPES = 3.4e-4
@@ -55,9 +54,9 @@ class _Prepared:
 
     window: Window
     drive: Drive
-    columns: NDArray[np.intp]
-    pick: NDArray[np.intp]
-    places: NDArray[np.intp]
+    columns: IndexArray
+    pick: IndexArray
+    places: IndexArray
     target: FloatArray
     scale: FloatArray
     basis: FloatArray
@@ -92,10 +91,10 @@ class Piece:
 
     window: int
     rows: slice
-    ticks: NDArray[np.intp]
-    channels: NDArray[np.intp]
+    ticks: IndexArray
+    channels: IndexArray
 
-    def by_channel(self) -> Iterator[tuple[int, NDArray[np.bool_]]]:
+    def by_channel(self) -> Iterator[tuple[int, BoolArray]]:
         """Yield each channel, by number, with the mask of its rows within this piece."""
         for channel in np.unique(self.channels):
             yield int(channel), self.channels == channel
@@ -158,7 +157,7 @@ class Problem:
         other.size = int(offsets[-1])
         return other
 
-    def of_run(self, name: str) -> tuple[Problem, NDArray[np.intp]]:
+    def of_run(self, name: str) -> tuple[Problem, IndexArray]:
         """Return the problem over one run's windows, and the places of their rows in this one."""
         keep = [k for k, window in enumerate(self.windows) if window.measured.run.name == name]
         other = self.subset(keep)
@@ -229,7 +228,7 @@ class Problem:
         """
         self.soft = max(1.0, float(np.median(np.abs(residual)) / 0.6745))
 
-    def rows_of(self, keep: Sequence[int]) -> NDArray[np.intp]:
+    def rows_of(self, keep: Sequence[int]) -> IndexArray:
         """Return the places in the stacked residual of some windows."""
         return np.concatenate([np.arange(self._rows[k].start, self._rows[k].stop) for k in keep])
 
@@ -397,7 +396,7 @@ class Problem:
         edges = np.searchsorted(np.cumsum(lengths), lengths.sum() * np.arange(1, tasks) / tasks)
         groups = np.split(np.arange(len(self._parts)), edges)
 
-        def several(group: NDArray[np.intp]) -> list[T]:
+        def several(group: IndexArray) -> list[T]:
             return [function(self._parts[k]) for k in group]
 
         return [item for items in _pool(threads).map(several, groups) for item in items]

@@ -12,12 +12,10 @@ Source of profiles: Venzon, Moolgavkar, Appl. Statist. 37 (1988) 87, doi:10.2307
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem, soften
-
-FloatArray = NDArray[np.float64]
 
 _RISEN = 9.0
 """Rise of the cost at which a parabola can be seen (three standard deviations)."""

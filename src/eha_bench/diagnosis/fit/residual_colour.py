@@ -11,14 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.stats import chi2
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour, beside_parabola, colour_of
 from eha_bench.diagnosis.fit.problem import Problem
-
-FloatArray = NDArray[np.float64]
 
 _STRETCH = 64
 """Samples of a stretch."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.data.windows import Window, window_at
 from eha_bench.diagnosis.fit.problem import Problem, soften
-
-FloatArray = NDArray[np.float64]
 
 WINDOW = 0.1
 """Length of a short window, s."""
@@ -113,7 +111,7 @@ def _budget(runs: Sequence[Measured]) -> float:
     return _BUDGET if len(runs) > 3 else _BUDGET_OF_FEW
 
 
-def _evenly(places: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+def _evenly(places: IndexArray, most: int) -> IndexArray:
     """Return at most so many, evenly, but not in step with anything periodic."""
     if places.size <= most:
         return places

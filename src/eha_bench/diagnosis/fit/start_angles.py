@@ -16,17 +16,15 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
 from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.layout import Layout
-
-FloatArray = NDArray[np.float64]
 
 _CHANCE = 1e-3
 """Probability with which runs that begin alike are told to begin apart."""
@@ -87,7 +85,7 @@ def angles_of(problem: Problem) -> dict[str, float]:
     return {item.run.name: item.start.value for item in measured}
 
 
-def rows_of_runs(problem: Problem) -> dict[str, NDArray[np.intp]]:
+def rows_of_runs(problem: Problem) -> dict[str, IndexArray]:
     """Return the places of each run in the stacked residual, in the order of the runs."""
     windows: dict[str, list[int]] = {}
     for number, window in enumerate(problem.windows):

@@ -16,16 +16,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
 from eha_bench.diagnosis.fit.short_windows import WINDOW, medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 
-FloatArray = NDArray[np.float64]
 Watch = Callable[[FloatArray], None]
 
 _WELL = 1.2

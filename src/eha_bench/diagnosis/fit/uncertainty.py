@@ -31,15 +31,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri, stdtrit
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.finite import finite_or_none
 from eha_bench.diagnosis.fit.evidence import Groups
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
-
-FloatArray = NDArray[np.float64]
 
 _Z = 1.96
 LOOSE = 0.3

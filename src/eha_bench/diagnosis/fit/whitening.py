@@ -12,17 +12,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.gate import GAP
 
-FloatArray = NDArray[np.float64]
-
 
 def whitening(
-    time: FloatArray, valid: NDArray[np.bool_], colours: Sequence[Colour | None]
+    time: FloatArray, valid: BoolArray, colours: Sequence[Colour | None]
 ) -> csr_array | None:
     """Return the matrix that makes a window's noise white, None where it is white already.
 
@@ -52,9 +50,7 @@ def whitening(
     return csr_array((np.concatenate(values), places), shape=(size, size))
 
 
-def _known_before(
-    there: NDArray[np.bool_], follows: NDArray[np.bool_], most: int
-) -> NDArray[np.intp]:
+def _known_before(there: BoolArray, follows: BoolArray, most: int) -> IndexArray:
     """Return how many samples in a row stand before each, (n,), at most so many."""
     known = np.zeros(there.size, dtype=np.intp)
     for lag in range(1, most + 1):

@@ -12,13 +12,11 @@ import inspect
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.plants.effect import BoundEffect
-
-FloatArray = NDArray[np.float64]
 
 _FEWEST = 3
 """Least number of runs that say how two quantities change together."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN, is_unexplained
 from eha_bench.diagnosis.fit.least_squares import Fit
@@ -15,8 +16,6 @@ from eha_bench.diagnosis.unknown.curves import Located
 from eha_bench.diagnosis.unknown.learn import learn, times_of
 from eha_bench.diagnosis.unknown.locator import Locator, locate
 from eha_bench.diagnosis.unknown.places import places_of
-
-Progress = Callable[[str, float], None]
 
 _EXPLAINED = 0.5
 _NOTHING = 0.005
@@ -45,7 +44,9 @@ class Decision:
     located: tuple[Located, ...] = ()
 
 
-def decide(search: Search, step: float, progress: Progress, said: Sequence[str] = ()) -> Decision:
+def decide(
+    search: Search, step: float, progress: ProgressHook, said: Sequence[str] = ()
+) -> Decision:
     """Return the verdict on a finished search.
 
     Args:

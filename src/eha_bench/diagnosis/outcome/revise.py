@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.model import DeclaredEffect, Model
-
-FloatArray = NDArray[np.float64]
 
 
 def revised(

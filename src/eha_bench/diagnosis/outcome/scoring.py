@@ -5,14 +5,13 @@ Runs for holdout are read here, for the first time, when everything is decided.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
+from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.dataset import Dataset, Use
 from eha_bench.diagnosis.data.gate import Measured, admit, restful_channels
 from eha_bench.diagnosis.data.quiet import coloured_like
@@ -35,9 +34,6 @@ from eha_bench.diagnosis.replay.errors_by_channel import (
 )
 from eha_bench.diagnosis.replay.replay import Replay, replay
 from eha_bench.plants.model import Model
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -73,7 +69,7 @@ def scored(
     dataset: Dataset,
     base: Baseline,
     recalibrated: FloatArray,
-    progress: Progress,
+    progress: ProgressHook,
 ) -> Diagnosis:
     """Return a diagnosis with its replays and errors on training and on held-out runs.
 
@@ -101,7 +97,7 @@ def scores_of(
     base: Baseline,
     models: tuple[Model, Model, Model],
     vectors: tuple[FloatArray, FloatArray],
-    progress: Progress,
+    progress: ProgressHook,
 ) -> Scores:
     """Replay all runs by three models; held-out ones are read here.
 

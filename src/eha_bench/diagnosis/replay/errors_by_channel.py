@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from math import inf, nan
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.replay.replay import Replay
-
-FloatArray = NDArray[np.float64]
 
 _MOVED = 2.0
 _ADDED_UP = 3.0
@@ -129,7 +127,7 @@ def rms_by_channel(problem: Problem, vector: FloatArray) -> dict[str, float]:
     sums: dict[str, list[float]] = {}
     for piece in problem.pieces:
         rows = residual[piece.rows]
-        by_name: dict[str, tuple[NDArray[np.intp], FloatArray]] = {}
+        by_name: dict[str, tuple[IndexArray, FloatArray]] = {}
         for channel, mask in piece.by_channel():
             name = names[channel]
             error = rows[mask] * problem.noise[name]

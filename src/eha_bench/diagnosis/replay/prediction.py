@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.channels import unit_of
 from eha_bench.core.finite import finite_or_none
@@ -28,8 +28,6 @@ from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles, said
 from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.replay.first_sample import first_sample
 from eha_bench.plants.model import Model, model_from
-
-FloatArray = NDArray[np.float64]
 
 STEP = 1e-4
 """Integration step of a prediction, s: its error is below a tenth of usual noise."""

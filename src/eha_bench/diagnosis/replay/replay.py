@@ -17,8 +17,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.data.gate import Measured
@@ -30,7 +30,6 @@ from eha_bench.diagnosis.replay.prediction import STEP, simulate_from
 from eha_bench.plants.model import Model
 from eha_bench.plants.plant import Drive, Plant
 
-FloatArray = NDArray[np.float64]
 Columns = Mapping[str, FloatArray]
 
 COARSE = 2e-4

@@ -20,9 +20,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.windows import split
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import Fit
@@ -30,8 +30,6 @@ from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import rows_of_runs
 from eha_bench.plants.layout import Layout
-
-FloatArray = NDArray[np.float64]
 
 _COUNTS = (*range(1, 49), 54, 56, 60, 66, 72, 80, 84, 90, 96)
 _KEEP = 2

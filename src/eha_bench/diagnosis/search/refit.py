@@ -7,8 +7,8 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.fit.baseline import (
     COARSE,
@@ -27,8 +27,6 @@ from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic
 from eha_bench.diagnosis.search.periodic import Wave, best_counts, in_parts, scan
 from eha_bench.diagnosis.search.screen import Screen, Screened, begun, unlike
 from eha_bench.diagnosis.search.state import Search, Trial, rival_share
-
-FloatArray = NDArray[np.float64]
 
 _POOR = 1.02
 """A fit this much above the noise may be caught in another minimum."""

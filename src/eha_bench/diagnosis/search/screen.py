@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
-
-FloatArray = NDArray[np.float64]
 
 _SHARES = (0.2, 1.0)
 _ALIKE = 0.999

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import STEP
 from eha_bench.diagnosis.fit.evidence import excess, refined_noise
 from eha_bench.diagnosis.fit.finish import fine_enough
@@ -19,8 +17,6 @@ from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.fit.start_angles import refined
 from eha_bench.diagnosis.search.refit import polish
 from eha_bench.diagnosis.search.state import Search
-
-FloatArray = NDArray[np.float64]
 
 _ROUNDS = 4
 _SETTLED = 0.002

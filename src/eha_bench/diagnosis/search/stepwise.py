@@ -6,9 +6,10 @@ with every candidate; a candidate is credited only with what these cannot do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
+from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
 from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import (
@@ -38,8 +39,6 @@ from eha_bench.diagnosis.search.state import (
     rival_share,
 )
 
-Progress = Callable[[str, float], None]
-
 __all__ = ["Search", "begin", "equivalents", "look", "run"]
 
 MOST_EFFECTS = 4
@@ -59,7 +58,7 @@ _LEAST = 5.0
 """Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 
 
-def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = None) -> None:
+def run(search: Search, progress: ProgressHook, *, thresholds: Thresholds | None = None) -> None:
     """Add effects to the search until nothing more is found, and look at them again together."""
     limits = thresholds or Thresholds()
     progress("search", 0.0)
@@ -89,7 +88,7 @@ def run(search: Search, progress: Progress, *, thresholds: Thresholds | None = N
     progress("search", 1.0)
 
 
-def _grow(search: Search, limits: Thresholds, progress: Progress) -> None:
+def _grow(search: Search, limits: Thresholds, progress: ProgressHook) -> None:
     """Add one effect after the other until nothing more is found."""
     for _ in range(MOST_EFFECTS - len(search.accepted)):
         if search.looks and not _worth_a_look(search):

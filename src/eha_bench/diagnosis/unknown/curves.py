@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare, groups_of
 from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import Problem, soften
@@ -14,8 +14,6 @@ from eha_bench.diagnosis.fit.short_windows import WINDOW
 from eha_bench.diagnosis.unknown.free_input import KNOTS
 from eha_bench.diagnosis.unknown.places import Place, Template, variables_of
 from eha_bench.plants.effects.learned import KNOTS as CURVE_KNOTS
-
-FloatArray = NDArray[np.float64]
 
 _HATS = 6
 _TREND = 4

@@ -20,11 +20,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.problem import Problem, soften
-
-FloatArray = NDArray[np.float64]
 
 KNOTS = 12
 """Instants of a window at which an unknown input has a value of its own."""

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.candidates import LEARNED, Start
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
 from eha_bench.diagnosis.unknown.curves import Located
 from eha_bench.diagnosis.unknown.places import curve_on
 from eha_bench.plants.effect import AT
-
-FloatArray = NDArray[np.float64]
 
 _ITERATIONS = 6
 _ROUNDS = 3

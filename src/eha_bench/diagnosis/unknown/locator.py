@@ -13,12 +13,13 @@ harmonic at any frequency) describe what acts there, by what they explain on run
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.baseline import SCREENING
 from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
@@ -34,9 +35,6 @@ from eha_bench.diagnosis.unknown.places import (
     usual_size,
 )
 from eha_bench.plants.effects.learned import KNOTS as CURVE_KNOTS
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _ROUNDS = 3
 _SETTLED = 0.01
@@ -112,7 +110,7 @@ class Locator:
         self.curves = Curves(self.short, self.period, here)
         self.channels = np.concatenate([piece.channels for piece in self.short.pieces])
 
-    def offered(self, progress: Progress) -> list[Offered]:
+    def offered(self, progress: ProgressHook) -> list[Offered]:
         """Return every place that can act at all, the one with most support first."""
         found: list[Offered] = []
         places = places_of(self.plant)
@@ -269,7 +267,7 @@ class Locator:
 
 
 def locate(
-    problem: Problem, fit: Fit, step: float, progress: Progress
+    problem: Problem, fit: Fit, step: float, progress: ProgressHook
 ) -> tuple[Locator, str, list[Located]]:
     """Return the equation that is short, and curves in it, the one that explains most first.
 

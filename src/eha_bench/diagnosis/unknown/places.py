@@ -10,15 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.plants.effect import AT, Equation
 from eha_bench.plants.plant import Plant
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,9 @@ Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
-
-Vector = NDArray[np.float64]
 
 
 def delayed(
@@ -27,8 +23,8 @@ def delayed(
     k: int,
     t: float,
     h: float,
-    times: Vector,
-    commands: Vector,
+    times: FloatArray,
+    commands: FloatArray,
     delay: float,
     before: float,
 ) -> float:

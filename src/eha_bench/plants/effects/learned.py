@@ -19,14 +19,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
-
-Vector = NDArray[np.float64]
 
 KNOTS = 24
 """Knots of a learned curve."""
@@ -47,7 +43,7 @@ class Curve(NamedTuple):
 
 
 @njit()
-def curve(u: float, period: float, low: float, high: float, values: Vector) -> float:
+def curve(u: float, period: float, low: float, high: float, values: FloatArray) -> float:
     """Return the curve at u: evenly spaced knots, once round a period where there is one."""
     n = values.size
     if math.isnan(u):
@@ -66,33 +62,33 @@ def curve(u: float, period: float, low: float, high: float, values: Vector) -> f
 
 
 @njit()
-def _scaled(own: Curve, values: Vector) -> float:
+def _scaled(own: Curve, values: FloatArray) -> float:
     return own.scale * curve(own.u, own.period, own.low, own.high, values)
 
 
-def added(value: float, own: Curve, values: Vector) -> float:
+def added(value: float, own: Curve, values: FloatArray) -> float:
     """Return a balance with the curve added."""
     return value + _scaled(own, values) if own.form == _ADDITIVE else value
 
 
-def taken(value: float, own: Curve, values: Vector) -> float:
+def taken(value: float, own: Curve, values: FloatArray) -> float:
     """Return a balance with the curve taken away."""
     return value - _scaled(own, values) if own.form == _ADDITIVE else value
 
 
-def changed(value: float, own: Curve, values: Vector) -> float:
+def changed(value: float, own: Curve, values: FloatArray) -> float:
     """Return a command or a reading with the curve added, or as a gain."""
     f = _scaled(own, values)
     return value * (1.0 + f) if own.form == _GAIN else value + f
 
 
-def torque(value: float, torque_constant: float, own: Curve, values: Vector) -> float:
+def torque(value: float, torque_constant: float, own: Curve, values: FloatArray) -> float:
     """Return a motor's torque with the curve as a current, or as a gain, N*m."""
     f = _scaled(own, values)
     return value * (1.0 + f) if own.form == _GAIN else value + torque_constant * f
 
 
-def level(value: float, own: Curve, values: Vector) -> float:
+def level(value: float, own: Curve, values: FloatArray) -> float:
     """Return dry friction with the curve, N (or N*m)."""
     if own.form == _ADDITIVE:
         return value
@@ -100,7 +96,7 @@ def level(value: float, own: Curve, values: Vector) -> float:
     return max(0.0, value * (1.0 + f) if own.form == _GAIN else value + f)
 
 
-def delivered(value: float, own: Curve, values: Vector) -> float:
+def delivered(value: float, own: Curve, values: FloatArray) -> float:
     """Return a pump's flow with the curve as a gain, m^3/s."""
     return value * (1.0 + _scaled(own, values)) if own.form == _GAIN else value
 

@@ -10,8 +10,8 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.errors import InputError
 from eha_bench.core.linkage import Linkage
 from eha_bench.plants.channel_roles import ChannelRoles
@@ -23,13 +23,12 @@ from eha_bench.plants.network.element import Friction
 from eha_bench.plants.network.hooks import Hooks
 from eha_bench.plants.network.integration import LANES
 from eha_bench.plants.network.network import Network
+from eha_bench.plants.network.plant_file import Locate
 from eha_bench.plants.network.reach import determined_nodes
 from eha_bench.plants.network.roles import roles_of
 from eha_bench.plants.network.source import kernel_source
-from eha_bench.plants.network.system import Locate, System
+from eha_bench.plants.network.system import System
 from eha_bench.plants.plant import Drive, Parametrised, Plant
-
-FloatArray = NDArray[np.float64]
 
 _WORTH_A_BLOCK = 3
 """Least number of sets that a sweep in step gains on."""
@@ -48,11 +47,11 @@ class Inputs:
 
     period: float
     time: FloatArray
-    ticks: NDArray[np.intp]
+    ticks: IndexArray
     values: FloatArray
-    given: NDArray[np.bool_]
+    given: BoolArray
     imposed: FloatArray
-    is_imposed: NDArray[np.bool_]
+    is_imposed: BoolArray
 
 
 class NetworkPlant(Plant):
@@ -174,7 +173,7 @@ class NetworkPlant(Plant):
         return compiled(self.id, text, functions)
 
     @cached_property
-    def _strengths(self) -> tuple[NDArray[np.intp], FloatArray]:
+    def _strengths(self) -> tuple[IndexArray, FloatArray]:
         """Places of the strengths of all effects that need the full kernel, and neutral values."""
         effects = [effect for effect in self.layout.effects if effect.action.hooks]
         places = [self.layout.index[f"{effect.id}.{effect.strength.name}"] for effect in effects]
@@ -291,7 +290,7 @@ class NetworkPlant(Plant):
         commanded = {item.signal for item in self.system.columns if item.command is not None}
         return np.array([0.0 if signal in commanded else math.nan for _, signal in self._imposable])
 
-    def _charge(self, parameters: FloatArray, state: FloatArray, read: NDArray[np.bool_]) -> None:
+    def _charge(self, parameters: FloatArray, state: FloatArray, read: BoolArray) -> None:
         """Set pressures that follow from how much oil a closed circuit holds."""
         system = self.system
         for part in system.parts.values():
@@ -348,7 +347,7 @@ class NetworkPlant(Plant):
         return bool((vector[places] == neutral).all() and (vector[self._creeps] <= 0.0).all())
 
     @cached_property
-    def _creeps(self) -> NDArray[np.intp]:
+    def _creeps(self) -> IndexArray:
         """Places of the speeds over which frictions creep."""
         system = self.system
         keys = [
@@ -478,7 +477,7 @@ class NetworkPlant(Plant):
         self._check_massless(is_imposed)
         return Inputs(period, time, ticks, values, given, imposed, is_imposed)
 
-    def _check_massless(self, is_imposed: NDArray[np.bool_]) -> None:
+    def _check_massless(self, is_imposed: BoolArray) -> None:
         for item in self.system.coordinates:
             driven = is_imposed[item.speed] or is_imposed[item.position]
             if not driven and not self.system.inertias(item):
@@ -791,18 +790,18 @@ class _Fastest(Parametrised):
         inputs[k], out[k], out[k + 1] = values[k], shown[k], shown[-1]
 
 
-def _controller_clock(time: FloatArray, period: float) -> tuple[FloatArray, NDArray[np.intp]]:
+def _controller_clock(time: FloatArray, period: float) -> tuple[FloatArray, IndexArray]:
     """Return a clock on which the controller ticks, and where on it the samples are."""
     parts = np.maximum(1, np.rint(np.diff(time) / period)).astype(np.intp)
     ticks = np.concatenate(([0], np.cumsum(parts)))
     return np.interp(np.arange(ticks[-1] + 1), ticks, time), ticks
 
 
-def _same(time: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+def _same(time: FloatArray) -> tuple[FloatArray, IndexArray]:
     return np.ascontiguousarray(time, dtype=np.float64), np.arange(time.size)
 
 
-def _on_clock(values: FloatArray, ticks: NDArray[np.intp], n: int, held: bool) -> FloatArray:
+def _on_clock(values: FloatArray, ticks: IndexArray, n: int, held: bool) -> FloatArray:
     """Return a series on the kernel's clock: held between samples, or linear."""
     if values.size == n:
         return values

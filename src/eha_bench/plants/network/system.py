@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -42,10 +42,8 @@ from eha_bench.plants.network.network import (
     Network,
     Node,
 )
-from eha_bench.plants.network.plant_file import unit_of
+from eha_bench.plants.network.plant_file import Locate, unit_of
 from eha_bench.plants.parameter import Parameter
-
-Locate = Callable[..., Place]
 
 BYPASS = "bypass"
 """The signal that is 1 while the bypass is open."""

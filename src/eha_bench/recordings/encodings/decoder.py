@@ -7,14 +7,12 @@ from collections.abc import Collection, Mapping, Set
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.naming import shown
 
-Column = NDArray[np.float64]
+Column = FloatArray
 
 READ_ENCODINGS = ("cdr", "ros1", "json", "protobuf")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import IndexArray
 from eha_bench.recordings.decompress import decompress_blob
 from eha_bench.recordings.encodings.payloads import Payloads
 
@@ -18,7 +18,7 @@ def are_packed(payloads: Payloads) -> bool:
     return payloads.size > 4 and payloads.count > 0 and payloads.column(0, "<u4")[0] == _MAGIC
 
 
-def unpacked(payloads: Payloads) -> Iterator[tuple[NDArray[np.intp], Payloads]]:
+def unpacked(payloads: Payloads) -> Iterator[tuple[IndexArray, Payloads]]:
     """Yield the messages decompressed, those of one size together, and which ones they are.
 
     Raises:

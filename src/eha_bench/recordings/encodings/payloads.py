@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.arrays import IndexArray
+
 Bytes = NDArray[np.uint8]
 Offsets = NDArray[np.int64]
 
@@ -57,7 +59,7 @@ class Payloads:
         start = self.start(row)
         return self.buffer.data[start : start + self.size]
 
-    def rows(self, index: NDArray[np.intp]) -> Payloads:
+    def rows(self, index: IndexArray) -> Payloads:
         """Return some of the messages."""
         starts = (
             self.starts[index] if self.starts is not None else self.first + index * self.step

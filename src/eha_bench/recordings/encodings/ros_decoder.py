@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Set
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import BoolArray, IndexArray
 from eha_bench.recordings.decompress import DamagedChunk
 from eha_bench.recordings.encodings.decoder import Column, Decoder, Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.definitions import (
@@ -69,7 +69,7 @@ class RosDecoder(Decoder):
         if not self._ros1 and are_packed(payloads):
             self._decode_packed(payloads, columns)
             return
-        rows: NDArray[np.intp] | None = None
+        rows: IndexArray | None = None
         left = payloads
         known = self._layouts.setdefault(payloads.size, [])
         for attempt in range(_MOST_LAYOUTS):
@@ -125,7 +125,7 @@ class RosDecoder(Decoder):
         payloads: Payloads,
         layout: Layout,
         columns: list[Column],
-        rows: NDArray[np.intp] | None,
+        rows: IndexArray | None,
     ) -> None:
         fields = [
             np.full(payloads.count, np.nan)
@@ -162,9 +162,9 @@ def definitions_of(encoded: Encoded) -> Definitions:
         raise UnreadableTopic(f"its schema cannot be read: {error}") from error
 
 
-def _fitting(payloads: Payloads, layout: Layout) -> NDArray[np.bool_] | None:
+def _fitting(payloads: Payloads, layout: Layout) -> BoolArray | None:
     """Return which messages have the layout's guards; None if all have."""
-    fits: NDArray[np.bool_] | None = None
+    fits: BoolArray | None = None
     for offset, code, value in layout.words:
         same = payloads.column(offset, code) == value
         if np.count_nonzero(same) != payloads.count:

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.channel_map import ChannelMap
@@ -142,7 +143,7 @@ class MdfSource(GroupedTable):
             )
         return values
 
-    def _seconds_of(self, log: Any, group: int, rows: int) -> NDArray[np.float64]:
+    def _seconds_of(self, log: Any, group: int, rows: int) -> FloatArray:
         with reading_with("asammdf", "mdf", self.path):
             seconds = np.asarray(log.get_master(group), dtype=np.float64)
         if len(seconds) != rows or not np.all(np.abs(seconds) < 2**32):

@@ -7,7 +7,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from eha_bench.core.signal import FloatArray, Spacing, Sweep
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.signal import Spacing, Sweep
 from eha_bench.suites.signals.signal_model import (
     Hertz,
     Level,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from eha_bench.core.signal import FloatArray
+from eha_bench.core.arrays import FloatArray
 from eha_bench.suites.signals.signal_model import Level, SignalModel
 
 

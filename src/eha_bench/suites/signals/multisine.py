@@ -15,7 +15,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from eha_bench.core.signal import FloatArray, Lines
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.signal import Lines
 from eha_bench.suites.signals.signal_model import (
     TICK,
     Hertz,

@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from eha_bench.core.signal import Edge, FloatArray, Lines
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.signal import Edge, Lines
 from eha_bench.suites.signals.signal_model import Level, Moment, Seconds, SignalModel
 from eha_bench.suites.signals.staircase import Staircase
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from eha_bench.core.signal import FloatArray
+from eha_bench.core.arrays import FloatArray
 from eha_bench.suites.signals.signal_model import Level, Moment, Seconds, SignalModel
 
 

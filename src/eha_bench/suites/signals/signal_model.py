@@ -16,8 +16,9 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import UnitError
-from eha_bench.core.signal import FloatArray, Signal
+from eha_bench.core.signal import Signal
 from eha_bench.core.units import Unit, base_unit, parse, unit_in
 from eha_bench.core.yaml_file import StrictModel
 

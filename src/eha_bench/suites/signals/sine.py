@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from eha_bench.core.signal import FloatArray, Tone
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.signal import Tone
 from eha_bench.suites.signals.signal_model import (
     Angle,
     Hertz,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
-from eha_bench.core.signal import Edge, FloatArray
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.signal import Edge
 from eha_bench.suites.signals.signal_model import TICK
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from eha_bench.core.signal import Edge, FloatArray
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.signal import Edge
 from eha_bench.suites.signals.signal_model import Level, Moment, SignalModel
 from eha_bench.suites.signals.staircase import Staircase
 

@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from eha_bench.core.signal import FloatArray, Tone
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.signal import Tone
 from eha_bench.suites.signals.frequencies import Frequencies, Grid
 from eha_bench.suites.signals.signal_model import (
     Level,

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from eha_bench.core.signal import Edge, FloatArray
+from eha_bench.core.arrays import FloatArray
+from eha_bench.core.signal import Edge
 from eha_bench.suites.signals.signal_model import Level, Moment, OneOrEachTime, SignalModel
 from eha_bench.suites.signals.staircase import Staircase
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import UnitError
-from eha_bench.core.signal import FloatArray
 from eha_bench.core.units import factor_and_offset
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.suites.signals.signal_model import Moment, SignalContext, SignalModel

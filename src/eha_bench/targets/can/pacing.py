@@ -16,7 +16,8 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+
+from eha_bench.core.arrays import FloatArray
 
 _LOCK_ALL = 1 | 2 | 4
 """MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT: every page once it is used."""
@@ -119,7 +120,7 @@ class LoopHealth:
 
         0 stands for a drive that sends by its own clock: its lost frames are `gaps` then.
         """
-        self._times: NDArray[np.float64] = np.full(ticks, np.nan)
+        self._times: FloatArray = np.full(ticks, np.nan)
         self._period = period
         self._messages = messages
         self.ticks = 0

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.control.controller import as_command
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import EhaBenchError, RecordingError
 from eha_bench.core.recording import Recording
@@ -28,7 +28,6 @@ from eha_bench.targets.target import Ending, Outcome, Stopping
 POSITION_UNITS = ("m", "rad")
 """Units of what a drive positions: it rests where it is, not at 0."""
 
-FloatArray = NDArray[np.float64]
 
 _SAFE_FRAMES: Final = 5
 """How often the torque is taken off at least: one of the frames may be lost."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import TargetFault
 from eha_bench.core.linkage import Linkage
 from eha_bench.targets.fmu.description import Variable
 from eha_bench.targets.fmu.process import Process
-
-FloatArray = NDArray[np.float64]
 
 
 class Session:

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.control.controller import Context
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core import yaml_file
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place, TargetFault, UnitError
 from eha_bench.core.linkage import Linkage
@@ -34,7 +34,6 @@ from eha_bench.targets.fmu.session import Session
 from eha_bench.targets.fmu.target_file import FmuFile, VariableFile
 from eha_bench.targets.target import Ending, Identity, Outcome, Stopping, Target, never
 
-FloatArray = NDArray[np.float64]
 POSITIONS = ("joint_angle", "piston_position")
 """Channels at whose first reference a free piston starts; so it does at other positions, too."""
 _MISSPELT = 0.8
