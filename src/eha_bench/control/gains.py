@@ -15,9 +15,9 @@ from typing import Any
 
 from eha_bench.control.controller_file import ControllerSet, ControllerSpec
 from eha_bench.core import yaml_file
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.units import Unit
+from eha_bench.core.units import Unit, base_unit, parse, unit_in
 from eha_bench.core.yaml_file import StrictModel
 
 
@@ -35,12 +35,33 @@ def _numbers(gains: StrictModel, prefix: str) -> Iterator[tuple[str, float]]:
         value = getattr(gains, name)
         if isinstance(value, StrictModel):
             yield from _numbers(value, f"{prefix}{name}.")
-        elif isinstance(value, (int, float)) and not isinstance(value, bool):
-            yield f"{prefix}{name}", float(value)
+        elif (number := _in_si(value)) is not None:
+            yield f"{prefix}{name}", number
+
+
+def _in_si(value: object) -> float | None:
+    """Return a number, or a quantity whose unit its controller judges (`700 V/m`), in SI."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return float(value)
+    if isinstance(value, str) and (unit := _own_unit(value)):
+        return parse(value, unit)
+    return None
+
+
+def _own_unit(value: object) -> str:
+    """Return the SI unit of a quantity that is written with one; "" of anything else."""
+    if not isinstance(value, str):
+        return ""
+    try:
+        unit = base_unit(unit_in(value))
+        parse(value, unit)
+    except UnitError:
+        return ""
+    return unit
 
 
 def unit_of_gain(controllers: ControllerSet, key: str, where: Place) -> str:
-    """Return the SI unit of a gain; "" for a pure number, or where its model says none.
+    """Return the SI unit of a gain; "" for a pure number, or where nothing says one.
 
     Raises:
         InputError: no controller has such a gain.
@@ -50,7 +71,8 @@ def unit_of_gain(controllers: ControllerSet, key: str, where: Place) -> str:
     for name in path[:-1]:
         gains = getattr(gains, name)
     field = type(gains).model_fields[path[-1]]
-    return next((item.si for item in field.metadata if isinstance(item, Unit)), "")
+    declared = next((item.si for item in field.metadata if isinstance(item, Unit)), "")
+    return declared or _own_unit(getattr(gains, path[-1]))
 
 
 def read_gain(controllers: ControllerSet, key: str, raw: float | str, where: Place) -> float:
@@ -60,7 +82,23 @@ def read_gain(controllers: ControllerSet, key: str, raw: float | str, where: Pla
         InputError: no controller has such a gain, or none of this unit or size.
     """
     spec, path = _found(controllers, key, where)
-    return _value(_changed(spec, {path: raw}, where).gains, path)
+    value = _value(_changed(spec, {path: raw}, where).gains, path)
+    if (number := _in_si(value)) is None:
+        raise InputError(f"'{raw}' is no number, with or without a unit", where=where)
+    return number
+
+
+def with_written(
+    controllers: ControllerSet, key: str, raw: float | str, where: Place
+) -> ControllerSet:
+    """Return the same controllers with one gain as a file writes it, its unit not yet judged.
+
+    Raises:
+        InputError: no controller has such a gain, or none of this size.
+    """
+    mode, path = _split(controllers, key, where)
+    changed = _changed(controllers.by_mode[mode], {path: raw}, where)
+    return replace(controllers, by_mode={**controllers.by_mode, mode: changed})
 
 
 def with_gains(controllers: ControllerSet, gains: Mapping[str, float]) -> ControllerSet:
@@ -119,18 +157,18 @@ def _split(controllers: ControllerSet, key: str, where: Place) -> tuple[str, tup
     )
 
 
-def _value(gains: StrictModel, path: tuple[str, ...]) -> float:
+def _value(gains: StrictModel, path: tuple[str, ...]) -> object:
     value: Any = gains
     for name in path:
         value = getattr(value, name)
-    return float(value)
+    return value
 
 
 def _changed(
     spec: ControllerSpec, values: Mapping[tuple[str, ...], float | str], where: Place
 ) -> ControllerSpec:
     """Return a controller with some of its gains replaced, read as its file would be."""
-    content = spec.gains.model_dump()
+    content = spec.gains.model_dump(exclude_none=True)
     for path, raw in values.items():
         block = content
         for name in path[:-1]:

@@ -55,8 +55,7 @@ class Component:
         known = self.model.plant.layout.by_key
         own = [known[key.partition("[")[0]] for key in self.keys]
         low, high = np.array([item.low for item in own]), np.array([item.high for item in own])
-        values, vectors = np.linalg.eigh(self.covariance)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        root = _root(self.covariance)
         centre = self.fitted
         for _ in range(_TRIES):
             found = centre + root @ generator.standard_normal(len(self.keys))
@@ -83,6 +82,18 @@ class Component:
             effect, _, parameter = name.rpartition(".")
             model = model.with_values(effect, {parameter: curve})
         return model
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """Return a matrix R with R R' the covariance, (p, p).
+
+    It is taken of the correlations: variances in SI are up to 40 decades apart (a leakage beside a
+    force), and the rounding of the largest would be more than all of the smallest.
+    """
+    deviations = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+    scale = np.where(deviations > 0.0, deviations, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 @dataclass(frozen=True)

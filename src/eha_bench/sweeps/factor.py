@@ -9,16 +9,24 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar, Final
 
-from eha_bench.control.gains import gains_of, read_gain, unit_of_gain, with_gains
+from eha_bench.control.gains import (
+    gains_of,
+    read_gain,
+    unit_of_gain,
+    with_gains,
+    with_written,
+)
 from eha_bench.core import yaml_file
 from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.located import Located
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.trial import Trial
 from eha_bench.core.units import base_unit, factor_and_offset, parse, unit_in
 from eha_bench.plants.values import parameter_named, read_value, with_values
 from eha_bench.suites.load import parse_suite
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.span import Span, Value, span_of
+from eha_bench.targets.simulator import Simulator
 
 DEFAULTS: Final = "defaults"
 """In place of a trial's id: what all trials take over."""
@@ -172,10 +180,14 @@ def factor_of(kind: type[Factor], case: Case, key: str, content: Located) -> Fac
     """
     where = content.place()
     if kind is Gain:
-        controllers = case.simulator.controllers
-        unit = unit_of_gain(controllers, key, where)
-        span = span_of(content, lambda raw, at: read_gain(controllers, key, raw, at))
-        return Gain(key, span, unit, where, _unit_written(content))
+        controllers, written = case.simulator.controllers, _unit_written(content)
+        unit = unit_of_gain(controllers, key, where) or (base_unit(written) if written else "")
+
+        def read_as_taken(raw: Any, at: Place) -> Value:
+            _check_taken(case, key, raw, at)
+            return read_gain(controllers, key, raw, at)
+
+        return Gain(key, span_of(content, read_as_taken), unit, where, written)
     if kind is ModelParameter:
         model = case.simulator.model
         unit = parameter_named(model, key, where)[1].unit
@@ -193,6 +205,30 @@ def factor_of(kind: type[Factor], case: Case, key: str, content: Located) -> Fac
         return value
 
     return TrialKey(key, span_of(content, read), unit, where, written)
+
+
+def _check_taken(case: Case, key: str, raw: float | str, where: Place) -> None:
+    """Raise an InputError where a controller does not take a gain as it is written.
+
+    A gain of some controllers (pid) is of a unit that follows from what a trial controls.
+    """
+    written = with_written(case.simulator.controllers, key, raw, where)
+    changed = case.simulator.varied(controllers=written)
+    for trial in case.suite.trials:
+        if key.startswith(f"{trial.mode.name}."):
+            try:
+                changed.check(trial)
+            except InputError as error:
+                if not _refused(case.simulator, trial):  # not for another reason
+                    raise InputError(error.what, where=where, hint=error.hint) from error
+
+
+def _refused(simulator: Simulator, trial: Trial) -> bool:
+    try:
+        simulator.check(trial)
+    except InputError:
+        return True
+    return False
 
 
 def _unit_written(content: Located) -> str:
