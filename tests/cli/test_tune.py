@@ -190,6 +190,29 @@ def test_a_class_of_the_users_own_is_tuned(cli: Cli, files: Path) -> None:
     assert result["status"] in ("passed", "failed")
 
 
+def test_a_pid_of_any_unit_is_tuned(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(
+        "name: s\nmodel: valve_cylinder\ncontroller: c.yaml\ntrials:\n"
+        "  - id: step\n    mode: piston_position\n    duration: 0.4 s\n"
+        "    signal: {kind: step, initial: 0 mm, final: 5 mm, at: 10 ms}\n"
+        "    accept: {response_time: <= 120 ms, overshoot: <= 10 %}\n"
+    )
+    (tmp_path / "c.yaml").write_text("piston_position: {controller: pid, k_p: 0.1 V/mm}\n")
+    own = ("tune", "s.yaml", "--model", "valve_cylinder", "--controller", "c.yaml")
+    own = (*own, "--vary", "v.yaml", "--out", "out")
+    (tmp_path / "v.yaml").write_text(
+        "vary:\n  piston_position.k_p: {from: 0.1 V/mm, to: 2 V/mm, scale: log}\n"
+    )
+    done = cli(*own, "--candidates", 16, check=0)
+    assert "piston_position.k_p: 0.1 V/mm -> " in done.stderr
+    assert tuning(tmp_path / "out")["status"] == "feasible"
+    cli("run", "s.yaml", "--target", "out/target.yaml", "--out", "run", check=0)
+    (tmp_path / "v.yaml").write_text("vary:\n  piston_position.k_p: {from: 1 A/rad, to: 5 A/rad}\n")
+    done = cli(*own, check=2)
+    assert "v.yaml:2, key 'vary.piston_position.k_p.from'" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.slow
 def test_ctrl_c_keeps_the_best_so_far(files: Path) -> None:
     (files / "hold.yaml").write_text(SUITE.replace("60 ms", "0.8 s"), encoding="utf-8")

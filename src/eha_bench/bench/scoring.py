@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.trial import Trial
-from eha_bench.metrics import judge_repeats, score
+from eha_bench.metrics import judge_repeats, score, score_limits
 from eha_bench.metrics.repeats_summary import summaries
 from eha_bench.recordings import read
 from eha_bench.suites import Suite, trial_from_source
@@ -26,12 +26,16 @@ from eha_bench.suites.trial_source import definition_of
 RECORDINGS = "recordings"
 """Target of a result whose recordings were made earlier or elsewhere."""
 
-__all__ = ["judge", "judge_together", "score", "score_recordings"]
+__all__ = ["judge", "judge_together", "score", "score_limits", "score_recordings"]
 
 
-def judge(recording: Recording, trial: Trial, repeat: int) -> TrialResult:
+Scorer = Callable[[Recording, Trial], tuple[Score, ...]]
+"""Gives a recording's scores: those that a trial's limits ask for come first."""
+
+
+def judge(recording: Recording, trial: Trial, repeat: int, scorer: Scorer = score) -> TrialResult:
     """Return a trial's scores and status; the recording's place is filled in by the caller."""
-    scores = score(recording, trial)
+    scores = scorer(recording, trial)
     unhealthy = recording.metadata.get("loop_unhealthy", "")
     reason = f"not scored: loop: {unhealthy}" if unhealthy else ""
     loop = loop_note(recording.metadata)

@@ -2,7 +2,7 @@
 
 from eha_bench.metrics.acceptance import accepted, judge, judge_repeats
 from eha_bench.metrics.metric import Metric, NotScored
-from eha_bench.metrics.scoring import all_metrics, metric, score
+from eha_bench.metrics.scoring import all_metrics, metric, score, score_limits
 
 __all__ = [
     "Metric",
@@ -13,4 +13,5 @@ __all__ = [
     "judge_repeats",
     "metric",
     "score",
+    "score_limits",
 ]

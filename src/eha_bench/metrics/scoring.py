@@ -66,10 +66,7 @@ def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
     """
     _check(recording, trial)
     recording, trial = bind(recording, trial)
-    wanted: list[tuple[str, str, AcceptanceLimit | None]] = [
-        (limit.metric, _channel(limit.metric, limit.channel, trial), limit)
-        for limit in trial.limits
-    ]
+    wanted = _limited(trial)
     have = {(name, channel) for name, channel, _ in wanted}
     defaults = [
         (name, candidate.spec.channel_for(trial.channel))
@@ -82,6 +79,24 @@ def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
             have.add(pair)
             wanted.append((*pair, None))
     return tuple(_score(recording, trial, *item) for item in wanted)
+
+
+def score_limits(recording: Recording, trial: Trial) -> tuple[Score, ...]:
+    """Return the scores that the trial's limits ask for and no others, as `score` does.
+
+    For searches, that judge a trial a thousand times.
+    """
+    _check(recording, trial)
+    recording, trial = bind(recording, trial)
+    return tuple(_score(recording, trial, *item) for item in _limited(trial))
+
+
+def _limited(trial: Trial) -> list[tuple[str, str, AcceptanceLimit | None]]:
+    """Return metric, channel and limit of each of a trial's limits."""
+    return [
+        (limit.metric, _channel(limit.metric, limit.channel, trial), limit)
+        for limit in trial.limits
+    ]
 
 
 def _check(recording: object, trial: object) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from eha_bench.bench.scoring import judge, judge_together
+from eha_bench.bench.scoring import Scorer, judge, judge_together, score
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError, InputError
 from eha_bench.core.finite import finite_or_none
@@ -162,12 +162,18 @@ class Evaluated:
         return Evaluated(evaluated(case, draw, kept if curves else None), kept)
 
 
-def evaluated(case: Case, draw: int = 0, curves: dict[str, Curve] | None = None) -> PointResult:
+def evaluated(
+    case: Case,
+    draw: int = 0,
+    curves: dict[str, Curve] | None = None,
+    scorer: Scorer = score,
+) -> PointResult:
     """Return the figures of a case.
 
     Args:
         case: what is run. draw: chooses the noise of the sensors: that of a run for 0.
         curves: gets what the controlled channel did in each trial's first repeat.
+        scorer: gives the scores.
     """
     margins: list[float] = []
     results: list[TrialResult] = []
@@ -176,7 +182,9 @@ def evaluated(case: Case, draw: int = 0, curves: dict[str, Curve] | None = None)
     reasons: list[str] = []
     for trial in case.suite.trials:
         first = draw * trial.repeats
-        runs = [_run(case, trial, first + number, curves) for number in range(trial.repeats)]
+        runs = [
+            _run(case, trial, first + number, curves, scorer) for number in range(trial.repeats)
+        ]
         runs = judge_together(runs, trial.limits)
         results += runs
         margins += trial_margins(trial, runs)
@@ -199,7 +207,9 @@ def evaluated(case: Case, draw: int = 0, curves: dict[str, Curve] | None = None)
     )
 
 
-def _run(case: Case, trial: Trial, repeat: int, curves: dict[str, Curve] | None) -> TrialResult:
+def _run(
+    case: Case, trial: Trial, repeat: int, curves: dict[str, Curve] | None, scorer: Scorer
+) -> TrialResult:
     try:
         with crashes_as_faults():
             case.simulator.check(trial)
@@ -211,7 +221,7 @@ def _run(case: Case, trial: Trial, repeat: int, curves: dict[str, Curve] | None)
         return TrialResult(trial.id, repeat, Status.FAULT, "", "", reason=reason)
     if curves is not None and trial.id not in curves and trial.channel in outcome.recording:
         curves[trial.id] = _curve(outcome.recording, trial)
-    return judge(outcome.recording, trial, repeat)
+    return judge(outcome.recording, trial, repeat, scorer)
 
 
 def _curve(recording: Recording, trial: Trial) -> Curve:
@@ -228,10 +238,10 @@ def _curve(recording: Recording, trial: Trial) -> Curve:
 def _by_key(trial: Trial, runs: Sequence[TrialResult]) -> dict[str, list[Score]]:
     found: dict[str, list[Score]] = {}
     for run in runs:
-        for key, score in {
-            score_key(trial, score.metric, score.channel): score for score in run.scores
+        for key, own in {
+            score_key(trial, item.metric, item.channel): item for item in run.scores
         }.items():
-            found.setdefault(key, []).append(score)
+            found.setdefault(key, []).append(own)
     return found
 
 

@@ -14,6 +14,8 @@ _LOST = -1.0
 """What a limit counts that is not scored, as of a step that never settles."""
 _TAIL = 0.1
 """Share of the draws that the conditional value at risk is a mean of."""
+_PLENTY = 1e6
+"""A margin that no limit has."""
 _NEAR = 0.25
 """Margin at which more of it is worth half as much."""
 
@@ -37,6 +39,11 @@ class Aim(ABC):
     @abstractmethod
     def of(self, margins: FloatArray) -> float:
         """Return the worth of a candidate by its margins, (draws, limits)."""
+
+    def most(self, margins: FloatArray, draws: int) -> float:
+        """Return what the worth can still become where only some of the draws are known."""
+        rest = np.full((draws - len(margins), margins.shape[1]), _PLENTY)
+        return self.of(np.concatenate([margins, rest]))
 
 
 class Passing(Aim):

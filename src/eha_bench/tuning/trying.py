@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from eha_bench.bench.scoring import score_limits
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.workers import Workers
 from eha_bench.plants.model import Model
@@ -42,7 +43,8 @@ class _Run:
     def __call__(self, job: _Job) -> PointResult:
         case = self.space.at(job.point)
         simulator = case.simulator.varied(model=job.machine.model)
-        return evaluated(replace(case, simulator=simulator), max(job.machine.number, 0))
+        noise = max(job.machine.number, 0)
+        return evaluated(replace(case, simulator=simulator), noise, scorer=score_limits)
 
 
 @dataclass

@@ -197,7 +197,7 @@ class _Tuning:
         """Return the best of the finalists over all draws, and the gains as they were."""
         machines = [Machine(draw.number, draw.model) for draw in draws]
         finalists: list[Candidate] = []
-        for item in sorted(second.tried, key=lambda item: -item.worth):
+        for item in sorted(second.whole, key=lambda item: -item.worth):
             if item.point not in [other.point for other in finalists]:
                 finalists.append(item)
             if len(finalists) == _FINALISTS:

@@ -644,6 +644,15 @@ class NetworkPlant(Plant):
                 found[second] = readings[first] - bent
         return found
 
+    def behind_joint(self) -> int | None:
+        """Return the output that the only derived channel, a joint's angle, follows; or None."""
+        if len(self.system.derived) != 1:
+            return None
+        (node, quantity, _) = next(iter(self.system.derived.values()))
+        place = self.system.leader_of(node).position
+        name = next((name for name, own in self.state_places.items() if own == place), "")
+        return self.outputs.index(name) if quantity == "angle" and name in self.outputs else None
+
     def derived(
         self, vector: FloatArray, outputs: Mapping[str, FloatArray]
     ) -> dict[str, FloatArray]:
@@ -680,6 +689,15 @@ class _Fastest(Parametrised):
                     self._given[number] = False
             del name, loop
         self._loop_period = 0.0
+        self._linkage = plant.linkage(vector)
+        self._behind_joint = plant.behind_joint()
+
+    def derived_at(self, reading: FloatArray) -> tuple[float, ...]:
+        """Return the joint's angle at one reading (outputs,), rad; nothing without a linkage."""
+        if self._linkage is None or self._behind_joint is None:
+            return super().derived_at(reading)
+        place = self._behind_joint
+        return (float(self._linkage.angle(reading[place : place + 1])[0]),)
 
     def following(self, reference: str) -> Parametrised:
         """Return it driven by what a controller inside the plant follows, once its period.
