@@ -363,7 +363,7 @@ def _for_scores(folder: Path) -> Path:
         ran = False  # nothing that anybody could read is lost
     if ran:
         raise InputError(
-            "holds the result of a run, which scores would take the place of",
+            "holds the result of a run, which the scores would replace",
             where=Place(file=str(folder)),
             hint="name another folder with --out",
         )

@@ -112,7 +112,7 @@ def close(
     it was interrupted.
 
     Args:
-        dataset: dataset.yaml to begin with. target: that experiments are run on.
+        dataset: dataset.yaml to start from. target: that experiments are run on.
         out: folder of all rounds; rounds.html and rounds.json stand in it.
         rounds: most diagnoses that are followed by an experiment. budget: of each, s.
         safety, probability, within: as `next_experiment` takes them.

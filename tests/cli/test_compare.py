@@ -82,7 +82,7 @@ def test_ab_runs_in_turn_stops_and_resumes(cli: Cli, suite: Path, tmp_path: Path
     kept = sorted((tmp_path / "ab" / "a").glob("*/recordings/*.mcap"))
     assert all(path.stat().st_mtime_ns <= first for path in kept[:1])
     refused = cli(*wanted[:-4], "--repeats", "5", "--out", "ab", "--resume", check=2)
-    assert "begun with another" in refused.stderr
+    assert "started with another" in refused.stderr
 
 
 def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(

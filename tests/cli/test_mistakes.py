@@ -62,7 +62,7 @@ MISTAKES = [
         "trials:",
         "trails:",
         "trails",
-        "tells no kind of file",
+        "belongs to no kind of file",
         "did you mean 'trials'",
     ),
     Mistake(
@@ -226,7 +226,7 @@ MISTAKES = [
         "overshoot: <= 5 %",
         "trials.sine.accept.overshoot",
         "needs a step",
-        "take the limit out",
+        "remove the limit",
     ),
     Mistake(
         "suite.yaml",
@@ -234,7 +234,7 @@ MISTAKES = [
         "bandwidth_3db: '>= 5 Hz'",
         "trials.sine.accept.bandwidth_3db",
         "needs a sweep",
-        "take the limit out",
+        "remove the limit",
     ),
     Mistake(
         "suite.yaml",
@@ -364,7 +364,7 @@ MISTAKES = [
         "presure_law:PressureLaw",
         "pressure.controller",
         "cannot be loaded",
-        "beside the file",
+        "in the same folder as the file",
     ),
     Mistake(
         "controller.yaml",

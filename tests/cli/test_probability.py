@@ -70,7 +70,7 @@ def test_a_run_tells_how_likely_each_limit_is_kept(cli: Cli, files: Path) -> Non
     assert [item["key"] for item in found["unknowns"]] == ["torque_constant"]
     assert found["unknowns"][0]["share"] > 0.8
     text = (files / "out/probability.html").read_text(encoding="utf-8")
-    assert "What 95 % of the draws do" in text
+    assert "Responses of the draws" in text
     assert 'href="report.html"' in text
 
 
@@ -137,7 +137,7 @@ def test_explanations_that_cannot_be_told_apart_are_drawn_in_turn(files: Path) -
     assert [draw.model.effects[0].id for draw in known.draws(2, 0)] == [
         "current_lag", "command_delay",
     ]  # fmt: skip
-    assert "cannot tell apart: lag, delay" in known.notes[0]
+    assert "do not distinguish: lag, delay" in known.notes[0]
 
 
 @pytest.mark.parametrize(
@@ -164,7 +164,7 @@ def test_no_posterior_at_all(cli: Cli, files: Path) -> None:
     content = posterior()
     content["covariance"] = None
     (files / "calibration.json").write_text(json.dumps(content))
-    assert "came to no interval" in cli(*RUN, "--out", "out", check=2).stderr
+    assert "has no intervals" in cli(*RUN, "--out", "out", check=2).stderr
     assert "needs a --posterior" in cli("run", "hold.yaml", "--p-pass", "0.9", check=2).stderr
 
 

@@ -278,7 +278,7 @@ def test_a_recording_of_a_trial_that_the_suite_lacks_is_not_taken_for_its_only_o
     assert "large-0.mcap: is a recording of trial 'large'" in done.stderr
     assert "give --trial; the suite has: small" in done.stderr
     assert not (tmp_path / "scored").exists()
-    note = "it says that it is of trial 'large'; scored as 'small'"
+    note = "its metadata names trial 'large'; scored as 'small'"
     cli("score", made, "--suite", "small.yaml", "--trial", "small", "--out", "o", check=0)
     assert note in json.loads(Path("o/result.json").read_text())["trials"][0]["notes"]
     Path(made).rename("small-0.mcap")

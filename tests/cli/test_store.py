@@ -92,7 +92,7 @@ def test_the_folder_one_stands_in_and_a_link_are_not_renamed(
 def test_resume_goes_on_with_the_latest_of_its_suite_only(
     cli: Cli, short: Path, tmp_path: Path
 ) -> None:
-    assert "a new one begins" in cli("run", short, "--resume", check=0).stderr
+    assert "a new one starts" in cli("run", short, "--resume", check=0).stderr
     latest = Shelf("tiny").latest()
     assert latest is not None
     kept = latest / "recordings" / "hold-0.mcap"

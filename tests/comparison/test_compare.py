@@ -149,7 +149,7 @@ def test_repeats_that_are_alike_are_said() -> None:
     walks = [list(10.0 + np.cumsum(rng.normal(size=20))) for _ in range(2)]
     item = only(compare(result(walks[0], matters="0 s"), result(walks[1], matters="0 s")))
     assert item.verdict is Verdict.UNDECIDED
-    assert "neighbouring repeats are alike" in item.reason
+    assert "neighbouring repeats are correlated" in item.reason
 
 
 def test_what_a_side_of_pairs_loses_is_worse() -> None:

@@ -42,7 +42,7 @@ def told(found: Calibration) -> list[str]:
 def test_what_the_data_determine_is_estimated_and_said(tmp_path) -> None:
     found = calibrate(dataset(1e-3, ("mass",)), tmp_path)
     (note,) = told(found)
-    assert "although it is not under `calibrate`: creep_speed = 0.001 (" in note
+    assert "though not listed under `calibrate`: creep_speed = 0.001 (" in note
     item = found.parameters["creep_speed"]
     assert 0.0 < item.low < item.value < item.high
     assert found.model.parameters["creep_speed"] == pytest.approx(1e-3, rel=0.05)

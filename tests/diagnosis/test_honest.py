@@ -66,10 +66,10 @@ def test_a_curve_that_worsens_both_is_no_model():
     ("strength", "comparison", "says"),
     [
         (0.02, GOOD, ""),
-        (0.5, GOOD, "stands at its bound, 0.5"),
+        (0.5, GOOD, "is at its bound, 0.5"),
         (0.02, replace(GOOD, explained_out=-0.06, gain_out=-300.0), "explains nothing"),
-        (0.02, replace(GOOD, p_value=0.94), r"chance may have made its gain \(p 0.94\)"),
-        (0.02, replace(GOOD, share_out=0.1), "explains 10% only"),
+        (0.02, replace(GOOD, p_value=0.94), r"its gain may be chance \(p 0.94\)"),
+        (0.02, replace(GOOD, share_out=0.1), "explains only 10% of"),
     ],
 )
 def test_an_effect_against_its_own_figures(strength, comparison, says):

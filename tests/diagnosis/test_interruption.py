@@ -63,7 +63,7 @@ def _pressed(stage: str, share: float, *arguments: str) -> subprocess.CompletedP
         pytest.param(
             "calibrate", 0.6, "unknown", "interrupted while calibrating", marks=pytest.mark.slow
         ),
-        ("search", 0.0, "unknown", "interrupted while searching"),
+        ("search", 0.0, "unknown", "interrupted during the search"),
     ],
 )
 def test_what_was_found_is_kept(dataset, tmp_path, stage, share, verdict, says) -> None:

@@ -138,7 +138,7 @@ def test_it_begins_at_the_first_sample_whatever_follows(column):
         assert found.values[name][0] == pytest.approx(value), name
         assert name not in found.errors
     assert not any("assumed" in note for note in found.notes)
-    assert any("'pressure_a' begins at what it reads first, 8e+06 Pa" in n for n in found.notes)
+    assert any("'pressure_a' starts at its first reading, 8e+06 Pa" in n for n in found.notes)
 
 
 def test_readings_that_are_stuck_at_first_are_begun_with():

@@ -69,7 +69,7 @@ def test_a_plain_log_comes_back_onto_its_ticks() -> None:
     said = " ".join(found.recording.notes)
     assert f"current_command: every 1 ms, {COUNT - asked.size} of {COUNT} messages lost" in said
     assert "motor_speed: every 2 ms" in said
-    assert "beside a regular clock, which is used" in said
+    assert "off a regular clock, which is used" in said
 
 
 def test_stamps_that_the_readings_follow_are_kept_sample_by_sample() -> None:

@@ -209,4 +209,4 @@ def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(decide_module, "places_of", lambda _: ())
     found = decide_module.decide(search, COARSE, no_progress)
     assert found.unknown is not None
-    assert "not simulated moment by moment" in found.unknown.description
+    assert "no `advance`" in found.unknown.description

@@ -214,7 +214,7 @@ def test_a_file_that_says_nothing_of_safety_is_refused(tmp_path: Path):
     [
         ("{", "cannot be read as JSON"),
         ("[]", "no verdict"),
-        ('{"verdict": "none"}', "keeps no rivals"),
+        ('{"verdict": "none"}', "holds no rivals"),
         ('{"verdict": "none", "rivals": [{}], "covered": {"rate": 1}}', "cannot be read"),
     ],
 )

@@ -187,7 +187,7 @@ def test_a_channel_that_rests_before_it_moves_is_not_clipped(kit):
 def test_a_value_that_no_sensor_reads_is_said(kit, noisy_step):
     recording, trial = noisy_step
     wrong = recording.with_values({kit.channel: recording[kit.channel] * 1e6})
-    assert "Pa is beyond what such a sensor can read" in kit.measure("peak", wrong, trial).reason
+    assert "Pa is beyond the range of any such sensor" in kit.measure("peak", wrong, trial).reason
 
 
 def test_few_samples_a_rise_are_said_and_priced(kit):

@@ -103,8 +103,8 @@ def test_a_constant_reference_is_one_hold():
 @pytest.mark.parametrize(
     ("pair", "channel", "reason"),
     [
-        (leak(mode=ControlMode.PRESSURE), None, "makes up for what leaks"),
-        (leak(lambda t: 0.0 * t), None, "not told from zero"),
+        (leak(mode=ControlMode.PRESSURE), None, "makes up for the leakage"),
+        (leak(lambda t: 0.0 * t), None, "not distinct from zero"),
         (leak(), "reference", "not a pressure"),
         (leak(), "pressure_a", "no pressure_a"),
         (stroke(lambda x, s: s), None, "held nowhere"),

@@ -74,8 +74,8 @@ def test_names_are_text(page: Path) -> None:
 def test_the_page_tells_all_parts(page: Path) -> None:
     text = page.read_text()
     for part in (
-        "Cause", "Errors before and after", "cannot tell apart", "Ranking of the candidates",
-        "not determined by these data", "squeeze it at several pressures", "runs away", "10 more",
+        "Cause", "Errors before and after", "do not distinguish", "Ranking of the candidates",
+        "not determined by these data", "squeeze it at several pressures", "diverges", "10 more",
         "leakage is not determined", "0.02490 … 0.02510",
     ):  # fmt: skip
         assert part in text, part

@@ -88,7 +88,7 @@ def test_silence_stops_the_run_latches_the_rig_and_a_person_clears_it(
     wait_for(lambda: played.now() > played.events("injected")[0]["t"] + 4)
     status, said = played.do("clear", played.target, "--by", "Ada")
     assert status == 0, said
-    assert "the latch said" in said
+    assert "the latch reads" in said
 
 
 @pytest.mark.slow

@@ -58,13 +58,13 @@ def test_folders_below_the_suite_are_read(tmp_path: Path) -> None:
 def test_no_other_place_is_read(tmp_path: Path, name: str) -> None:
     (tmp_path.parent / "walk.csv").write_text(CSV)
     error = refusal(tmp_path, TEXT.replace("walk.csv", f"'{name}'"))
-    assert "does not lie beside the suite" in error.what
+    assert "is outside the suite's folder" in error.what
     assert error.where.key == "trials.one.signal.file"
 
 
 def test_missing_file_is_placed_in_the_suite(tmp_path: Path) -> None:
     error = refusal(tmp_path, TEXT)
-    assert "there is no file 'walk.csv' beside the suite" in error.what
+    assert "there is no file 'walk.csv' in the suite's folder" in error.what
     assert (error.where.key, error.where.line) == ("trials.one.signal.file", 5)
 
 

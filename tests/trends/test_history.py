@@ -205,11 +205,11 @@ def test_of_too_few_runs_nothing_is_said(tmp_path: Path, runs: int) -> None:
     assert found.exit_status() == 0
     assert content["status"] == "undecided"
     assert (content["too_few"], content["fewest_nights"]) == (1, 8)
-    said = "too few runs to tell of it (8 are needed)."
+    said = "too few runs to judge it (8 are needed)."
     assert headline(found).endswith(said)
     page = (tmp_path / "history" / "index.html").read_text(encoding="utf-8")
     assert said in page
-    assert "Nothing can be said yet" in page
+    assert "Too few runs yet" in page
     assert "none drifted" not in page
 
 
@@ -220,7 +220,7 @@ def test_of_enough_runs_it_is_said_which_cannot_be_judged(tmp_path: Path) -> Non
     assert json.loads(found.to_json())["status"] == "drifted"
     assert headline(found) == (
         "11 runs, 2 metrics: 1 drifted (1 for the worse); "
-        "too few runs to tell of 1 of them (8 are needed)."
+        "too few runs to judge 1 of them (8 are needed)."
     )
 
 

@@ -193,9 +193,9 @@ def _prepare(out: Path, plan: Plan, *, resume: bool) -> None:
             found = json.loads(file.read_text(encoding="utf-8"))
         if found != json.loads(plan.to_json()):
             raise InputError(
-                "was begun with another suite, other targets, repeats or seed",
+                "was started with another suite, other targets, repeats or seed",
                 where=Place(file=str(file)),
-                hint="give the same ones, or leave --resume out to begin anew",
+                hint="give the same ones, or leave out --resume to start a new run",
             )
     elif file.is_file():
         with held(out):

@@ -161,7 +161,7 @@ def _folder(out: Path | Shelf, *, resume: bool) -> Path:
         return out
     latest = out.latest() if resume else None
     if resume and latest is None:
-        _LOG.warning("note: %s holds no run to resume: a new one begins", out.path)
+        _LOG.warning("note: %s holds no run to resume; a new one starts", out.path)
     return latest or out.claim()
 
 
@@ -263,7 +263,7 @@ def _checked(suite: Suite, target: Target) -> TargetFault | None:
                 check_reach(trial, reach, f"{trial.channel} of {target.identity.name} goes from")
                 target.check(trial)
         except TargetFault as fault:
-            return TargetFault(f"asked whether it can run '{trial.id}': {fault}")
+            return TargetFault(f"cannot run '{trial.id}': {fault}")
     return None
 
 
@@ -289,7 +289,7 @@ def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, i
         raise InputError(
             f"holds a run of another {' and another '.join(changed)}, which cannot be resumed",
             where=Place(file=str(folder.path)),
-            hint="leave out --resume to begin a new run, or name that run's folder with --out",
+            hint="leave out --resume to start a new run, or name that run's folder with --out",
         )
     finished = (Status.PASSED, Status.FAILED)
     return {

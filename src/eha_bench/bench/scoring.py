@@ -185,7 +185,7 @@ def _of_another(recording: Recording, trial: Trial) -> tuple[str, ...]:
     """Return a note where --trial or the file's name takes a recording for another trial's."""
     said = recording.metadata.get("trial", "")
     taken = bool(said) and said != trial.id
-    return (f"it says that it is of trial '{said}'; scored as '{trial.id}'",) if taken else ()
+    return (f"its metadata names trial '{said}'; scored as '{trial.id}'",) if taken else ()
 
 
 def _trial_of(recording: Recording, path: Path, suite: Suite | None, named: str | None) -> Trial:
@@ -194,16 +194,15 @@ def _trial_of(recording: Recording, path: Path, suite: Suite | None, named: str 
         source = recording.attachments.get("trial.json")
         if source is None and "trial.json" in recording.damaged:
             raise InputError(
-                "the trial that it carries is damaged (its checksum is wrong), so that its limits "
-                "cannot be trusted",
+                "its trial is damaged (wrong checksum), so its limits cannot be trusted",
                 where=where,
-                hint="say which suite it is scored by with --suite",
+                hint="name the suite with --suite",
             )
         if source is None:
             raise InputError(
                 "does not carry its trial",
                 where=where,
-                hint="say which suite it is scored by with --suite",
+                hint="name the suite with --suite",
             )
         return trial_from_source(source.decode("utf-8", "replace"))
     by_id = {trial.id: trial for trial in suite.trials}
@@ -222,7 +221,7 @@ def _trial_of(recording: Recording, path: Path, suite: Suite | None, named: str 
         raise InputError(
             f"is a recording of trial '{known}', which the suite does not have",
             where=where,
-            hint=f"to score it all the same, give --trial; the suite has: {', '.join(by_id)}",
+            hint=f"to score it anyway, give --trial; the suite has: {', '.join(by_id)}",
         )
     if len(by_id) == 1:
         return suite.trials[0]

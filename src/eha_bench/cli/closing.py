@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FailedStage
     from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 
-Dataset = Annotated[Path, typer.Argument(help="dataset.yaml: recordings and the model they meet.")]
+Dataset = Annotated[
+    Path, typer.Argument(help="dataset.yaml: a model and the recordings it is compared with.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result on standard output.")]
 _HUNDRED = 100
 
@@ -78,7 +80,7 @@ def calibrate(
         typer.echo(str(out / "calibrated.yaml"))
     _leave_if_failed(found.failed, out)
     if not found.complete:
-        say("interrupted: these are the values that the fit had reached")
+        say("interrupted: these are the values reached so far")
         raise typer.Exit(INTERRUPTED)
 
 
@@ -89,7 +91,7 @@ def diagnose(
         str,
         typer.Option(
             "--workers",
-            help="Fit candidates on so many processes, or on dask://host:port or ray://host:port "
+            help="Number of processes that fit candidates, or dask://host:port or ray://host:port "
             "(default: threads).",
         ),
     ] = "",
@@ -132,7 +134,7 @@ def _say_verdict(found: Diagnosis) -> None:
         variables = ", ".join(found.unknown.variables) or "nothing that was measured"
         say(f"  something in the {found.unknown.equation} equation, by {variables}")
     for group in found.equivalent:
-        say(f"  these data cannot tell apart: {', '.join(group)}")
+        say(f"  these data do not distinguish: {', '.join(group)}")
     _say_errors(found.holdout, "held out")
     _say_errors(found.unseen, "unseen")
 

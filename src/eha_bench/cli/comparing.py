@@ -21,7 +21,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print comparison.json on sta
 Strict = Annotated[
     bool,
     typer.Option(
-        "--strict", help="Leave with 1 also where a metric is undecided, changed or not compared."
+        "--strict", help="Exit with 1 also where a metric is undecided, changed or not compared."
     ),
 ]
 
@@ -30,7 +30,7 @@ def compare(
     baseline: Annotated[
         Path, typer.Argument(help="Result folder, baseline file, or folder of several.")
     ],
-    candidate: Annotated[Path, typer.Argument(help="The same, of what is to be judged.")],
+    candidate: Annotated[Path, typer.Argument(help="The same, for the results that are judged.")],
     out: Annotated[
         Path, typer.Option("--out", help="Folder for comparison.html, .json and .md.")
     ] = Path("reports/comparison"),
@@ -121,7 +121,7 @@ def baseline(
     file: Annotated[Path, typer.Argument(help="Baseline file, e.g. baselines/knee.json.")],
     results: Annotated[list[Path], typer.Argument(help="Result folders; several are repeats.")],
     failed: Annotated[
-        bool, typer.Option("--failed", help="Take results that missed limits, too.")
+        bool, typer.Option("--failed", help="Accept results that missed limits.")
     ] = False,
 ) -> None:
     """Make results the baseline that `compare` and limits `of baseline` refer to."""
@@ -146,20 +146,20 @@ def history(
         bool, typer.Option("--markdown", help="Print the summary in Markdown.")
     ] = False,
     rebuild: Annotated[
-        bool, typer.Option("--rebuild", help="Make the index anew from the results there are.")
+        bool, typer.Option("--rebuild", help="Rebuild the index from the results.")
     ] = False,
     only_worse: Annotated[
-        bool, typer.Option("--only-worse", help="Leave with 0 where it drifted for the better.")
+        bool, typer.Option("--only-worse", help="Exit with 0 where a drift is for the better.")
     ] = False,
     config: Annotated[
         Path | None,
-        typer.Option("--config", help="nightly.yaml: where the summary is sent to, and when."),
+        typer.Option("--config", help="nightly.yaml: where the summary is sent, and when."),
     ] = None,
     workers: Annotated[
         str,
         typer.Option(
             "--workers",
-            help="Judge metrics on so many processes, or on dask://host:port or ray://host:port.",
+            help="Number of processes that judge metrics, or dask://host:port or ray://host:port.",
         ),
     ] = "",
 ) -> None:

@@ -24,18 +24,18 @@ Safety = Annotated[
     str,
     typer.Option(
         "--safety",
-        help="target.yaml of a drive, or a suite, whose limits hold; without one nothing goes "
-        "beyond what the recordings have been to.",
+        help="target.yaml of a drive, or a suite, whose limits hold; without one, the extremes of "
+        "the recordings are the limits.",
     ),
 ]
 Probability = Annotated[
     float,
     typer.Option(
-        "--probability", min=0.5, max=0.999, help="Of naming the right rival, as asked for."
+        "--probability", min=0.5, max=0.999, help="Required probability of naming the right rival."
     ),
 ]
 Within = Annotated[
-    str, typer.Option("--within", help="Half of a 95 % interval that is asked for, e.g. '10 %'.")
+    str, typer.Option("--within", help="Required half-width of the 95 % intervals, e.g. '10 %'.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result on standard output.")]
 
@@ -54,7 +54,7 @@ def next_experiment(
         list[Path] | None,
         typer.Option(
             "--from",
-            help="Rank recordings that exist already instead, or the runs of a dataset.yaml.",
+            help="Rank existing recordings, or the runs of a dataset.yaml, instead of planning.",
         ),
     ] = None,
     channels: Annotated[
@@ -72,7 +72,7 @@ def next_experiment(
     if logs or channels:
         raise InputError("recordings are ranked with --from", hint="put --from before them")
     if not out:
-        raise InputError("nothing says where the suite goes", hint="add --out next.yaml")
+        raise InputError("no path for the suite", hint="add --out next.yaml")
     from eha_bench.api import next_experiment as propose
     from eha_bench.experiment.proposal import Ending
 
@@ -120,7 +120,7 @@ def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, js
 
 
 def close(
-    dataset: Annotated[Path, typer.Argument(help="dataset.yaml to begin with.")],
+    dataset: Annotated[Path, typer.Argument(help="dataset.yaml to start from.")],
     target: Annotated[str, typer.Option("--target", help="Target that experiments run on.")],
     out: Annotated[Path, typer.Option("--out", help="Folder of all rounds.")],
     rounds: Annotated[

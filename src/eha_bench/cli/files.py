@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def validate(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="YAML files to check.")],
     json: Annotated[
-        bool, typer.Option("--json", help="Print what was found on standard output.")
+        bool, typer.Option("--json", help="Print the findings on standard output.")
     ] = False,
 ) -> None:
     """Check YAML files of any kind: suite, sweep, target, model, controller, channels, dataset."""

@@ -48,7 +48,7 @@ def init(
     wanted = dict(_files(plant))
     there = [name for name in wanted if (folder / name).exists()]
     if len(there) == len(wanted):
-        raise InputError(f"all files of the project are in {folder} already")
+        raise InputError(f"{folder} already holds all files of the project")
     for name, source in wanted.items():
         target = folder / name
         if name in there:

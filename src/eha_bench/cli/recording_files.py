@@ -54,7 +54,7 @@ def channels(
         typer.echo(text, nl=False)
         return
     write_out(out, text)
-    say("every line is guessed: check it before you score by it")
+    say("every line is a guess: check it before you score with it")
     typer.echo(str(out))
 
 

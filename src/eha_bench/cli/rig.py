@@ -23,7 +23,7 @@ def rig(
         ),
     ] = "",
     model: Annotated[
-        Path | None, typer.Option("--model", help="What the actuator really is (model.yaml).")
+        Path | None, typer.Option("--model", help="model.yaml of the actuator that is played.")
     ] = None,
     controller: Annotated[
         Path | None, typer.Option("--controller", help="The drive's own controllers.")
@@ -84,7 +84,7 @@ def rig(
 
 def clear(
     target: Annotated[Path, typer.Argument(help="target.yaml of the rig.")],
-    by: Annotated[str, typer.Option("--by", help="Who has looked at the rig.")],
+    by: Annotated[str, typer.Option("--by", help="Name of the person who inspected the rig.")],
 ) -> None:
     """Clear a rig's latch and its drive's fault, after a person has looked at it."""
     from eha_bench.core.errors import InputError
@@ -93,9 +93,9 @@ def clear(
 
     opened = open_target(target)
     if not isinstance(opened, CanTarget):
-        raise InputError(f"'{target}' is no rig: nothing is latched")
+        raise InputError(f"'{target}' is no rig and has no latch")
     if not by.strip():
-        raise InputError("nobody has looked at the rig", hint="give a name: --by NAME")
+        raise InputError("nobody is named who inspected the rig", hint="give a name: --by NAME")
     say(opened.clear(by))
 
 

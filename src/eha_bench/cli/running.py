@@ -34,12 +34,12 @@ Workers = Annotated[
     str,
     typer.Option(
         "--workers",
-        help="Simulate on so many processes, or on dask://host:port or ray://host:port.",
+        help="Number of processes that simulate, or dask://host:port or ray://host:port.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json on standard output.")]
 Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="List everything, and not the first of each kind.")
+    bool, typer.Option("--verbose", "-v", help="List everything, not only the first of each kind.")
 ]
 
 
@@ -70,7 +70,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
     retries: Annotated[
         int,
         typer.Option(
-            "--retries", min=0, help="Run a trial again whose infrastructure failed, so often."
+            "--retries", min=0, help="How often a trial is repeated whose infrastructure failed."
         ),
     ] = 0,
     time_limit: Annotated[
@@ -85,7 +85,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
             "--p-pass",
             min=0.0,
             max=1.0,
-            help="Leave with 1 unless the whole 95 % interval of P(pass) is at least this.",
+            help="Exit with 1 unless the whole 95 % interval of P(pass) is at least this.",
         ),
     ] = None,
     dry_run: Annotated[

@@ -35,15 +35,18 @@ def tune(  # noqa: PLR0913, PLR0917 - the options of a command
     controller: Annotated[
         str | None,
         typer.Option(
-            "--controller", help="controller.yaml to begin from (default: the suite's or target's)."
+            "--controller", help="controller.yaml to start from (default: the suite's or target's)."
         ),
     ] = None,
     posterior: Posterior = None,
     draws: Annotated[
-        int, typer.Option("--draws", min=1, help="Machines that the best gains are proven on.")
+        int,
+        typer.Option(
+            "--draws", min=1, help="Number of drawn machines on which the best gains are checked."
+        ),
     ] = 200,
     candidates: Annotated[
-        int, typer.Option("--candidates", min=8, help="Gains that are tried in all.")
+        int, typer.Option("--candidates", min=8, help="Number of candidates that are tried.")
     ] = 240,
     robust: Annotated[
         str | None,
@@ -89,7 +92,7 @@ def _say(found: Tuned) -> None:
         for note in found.notes:
             say(f"note: {note}")
     if found.declared is not None:
-        say(f"with the gains as they were: P(pass) {found.declared.suite}")
+        say(f"with the declared gains: P(pass) {found.declared.suite}")
     worst = min(
         zip(found.margins, found.limits, strict=True), key=lambda item: (item[0] >= -1e9, item[0])
     )
@@ -102,7 +105,7 @@ def _say(found: Tuned) -> None:
         say(f"  none keeps {found.limits[place].key} ({found.limits[place].text})")
     for group in clash.together:
         said = " and ".join(f"{found.limits[k].key} ({found.limits[k].text})" for k in group)
-        say(f"  none keeps together: {said}")
+        say(f"  no candidate keeps all of: {said}")
 
 
 def register(app: typer.Typer) -> None:

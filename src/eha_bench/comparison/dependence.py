@@ -1,4 +1,4 @@
-"""Whether neighbouring repeats are alike, learned from all metrics of a comparison together.
+"""Whether neighbouring repeats are correlated, learned from all metrics of a comparison together.
 
 Warm oil and a slow drift make repeat i + 1 like repeat i: ten repeats then tell less than ten
 independent ones. The repeats of a metric are taken as a first-order autoregression about each

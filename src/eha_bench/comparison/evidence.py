@@ -106,7 +106,7 @@ def evidence(
     difference = candidate.mean - baseline.mean
     if n == m == 1:
         nothing = math.nan
-        method = "one run on each side: how runs scatter is not known"
+        method = "one run on each side: the scatter of runs is not known"
         return Evidence(
             difference, nothing, nothing, nothing, nothing, nothing, nothing, method, ONE_RUN
         )
@@ -219,13 +219,13 @@ def _own_error(sample: Sample) -> float:
 
 
 def _likeness(chances: FloatArray) -> str:
-    """Return that neighbouring repeats are alike, if it is more likely than not."""
+    """Return that neighbouring repeats are correlated, if it is more likely than not."""
     if float(chances[COEFFICIENTS >= _ALIKE].sum()) <= _SURE:
         return ""
     about = float(chances @ COEFFICIENTS)
     return (
-        f"neighbouring repeats are alike (correlation about {about:.1f}), "
-        "so that they tell less than as many independent ones; `ab` takes turns instead"
+        f"neighbouring repeats are correlated (correlation about {about:.1f}), "
+        "so they hold less information than independent ones; `ab` alternates the targets instead"
     )
 
 

@@ -75,7 +75,7 @@ def sequential(
         p_difference=p_difference,
         p_beyond=p_beyond,
         p_same=p_same,
-        method=f"{found.method}, looked at often",
+        method=f"{found.method}, with repeated looks",
     )
 
 

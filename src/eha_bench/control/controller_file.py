@@ -162,7 +162,7 @@ def _extended(path: Path, on_the_way: tuple[Path, ...]) -> Located:
     file = by_name("controllers", base) or yaml_file.named_file(path.parent, base, where)
     if file.resolve() in (path.resolve(), *on_the_way):
         raise InputError(
-            f"'{base}' extends this file in turn",
+            f"'{base}' extends this file, which extends it",
             where=where,
             hint="let one of the files stand on its own",
         )

@@ -95,7 +95,7 @@ def kind_of(path: Path) -> FileKind:
         if near.startswith("did you mean"):
             line = yaml_file.line_of(content, [key])
             raise InputError(
-                f"key '{key}' tells no kind of file",
+                f"key '{key}' belongs to no kind of file",
                 where=Place(file=str(path), line=line, key=str(key)),
                 hint=near,
             )
@@ -103,5 +103,5 @@ def kind_of(path: Path) -> FileKind:
     raise InputError(
         "is of no known kind",
         where=Place(file=str(path), line=1),
-        hint=f"one of these keys tells the kind: {known}",
+        hint=f"the kind follows from one of these keys: {known}",
     )

@@ -102,5 +102,5 @@ def load_class(
         raise PluginError(
             f"'{reference}' cannot be loaded ({type(error).__name__}: {error})",
             where=where,
-            hint="the module must be importable or lie beside the file that names it",
+            hint="the module must be importable, or in the same folder as the file that names it",
         ) from error

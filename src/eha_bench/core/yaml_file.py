@@ -106,7 +106,7 @@ def read_text(path: Path) -> str:
         raise InputError(
             "no such file",
             where=Place(file=str(path)),
-            hint="check the name, or let 'eha-bench init' write files to begin with",
+            hint="check the name, or let 'eha-bench init' write files to start from",
         ) from error
     except (OSError, ValueError) as error:  # a name with a NUL is a ValueError, as is bad UTF-8
         raise InputError(f"cannot be read ({error})", where=Place(file=str(path))) from error

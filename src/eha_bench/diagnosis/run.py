@@ -357,7 +357,7 @@ class _Closing:
         self.stage = "search"
         self.refused: list[str] = []
         self.search = stepwise.begin(base)
-        note = "nothing was searched for yet, so the verdict is open"
+        note = "no effect was tried yet, so the verdict is open"
         self.decision = self._open(note)
         self.found = _unsearched(dataset, base, self.decision)
 
@@ -387,7 +387,7 @@ class _Closing:
             with checkpoints(asked), fits_by(workers):
                 rivals = other_rivals(self.search, self.decision, found)
         except KeyboardInterrupt:
-            note = "interrupted before the rivals of what was found were fitted"
+            note = "interrupted before the rivals were fitted"
             self.found = replace(found, notes=(*found.notes, note), complete=False)
         else:
             self.found = replace(found, rivals=(*found.rivals, *rivals))
@@ -395,7 +395,7 @@ class _Closing:
 
     def interrupted(self) -> Diagnosis:
         """Return what there is where the calibration was interrupted."""
-        note = "interrupted while calibrating: nothing was searched for, so the verdict is open"
+        note = "interrupted while calibrating: no effect was tried, so the verdict is open"
         self.decision = self._open(note)
         return self._scored(complete=False)
 
@@ -425,7 +425,7 @@ class _Closing:
         return Decision(Verdict.UNKNOWN, self.search.fit, (note,), Unknown(None, (), note))
 
     def _stopped(self) -> Decision:
-        note = "interrupted while searching: what is named was found until then"
+        note = "interrupted during the search: it names what was found until then"
         verdict = Verdict.EFFECT if self.search.effects else Verdict.UNKNOWN
         if self.search.excess_base.significance < _NOTHING:
             verdict = Verdict.NONE

@@ -62,7 +62,7 @@ def sentence_of(proposal: Proposal) -> str:
     worst = proposal.widths[0]
     after = max(proposal.widths, key=lambda item: item.after)
     return (
-        f"{what}: {seconds} bring the interval of {worst.parameter} from "
+        f"{what}: {seconds} narrow the interval of {worst.parameter} from "
         f"+-{worst.before:.2g} to +-{worst.after:.2g} of its value; the widest is then "
         f"{after.parameter}, +-{after.after:.2g}.{close}"
     )

@@ -66,8 +66,8 @@ def write_proposal(proposal: Proposal, out: str | Path) -> tuple[Path, ...]:
     question = read_question(proposal.source)
     content = _dataset(proposal, question, path)
     note = (
-        f"# Takes what `eha-bench run {path.name} --out {run_folder(path).name}` records, beside\n"
-        "# the recordings that the diagnosis was made from.\n"
+        f"# The recordings of `eha-bench run {path.name} --out {run_folder(path).name}`, and\n"
+        "# those of the diagnosis.\n"
     )
     write_text(dataset_path(path), note + yaml_file.to_text(content))
     return path, dataset_path(path), figures

@@ -121,7 +121,7 @@ def read_question(path: str | Path) -> Question:
         raise InputError("this is no diagnosis.json: it has no verdict", where=where)
     if not content.get("rivals") or not content.get("covered"):
         raise InputError(
-            "it keeps no rivals to plan an experiment for",
+            "it holds no rivals to plan an experiment for",
             where=where,
             hint="run `eha-bench diagnose` again with this version; plants of operating points "
             "have no experiments over time",

@@ -96,7 +96,7 @@ def permitted(plant: Plant, vectors: Sequence[np.ndarray], covered: Covered,
             key: _both({name: v for name, v in seen[key].items() if name in plant.outputs}, ends)
             for key in asked
         }
-        words = "no safety file was given: nothing goes beyond what the recordings have been to"
+        words = "no safety file: the extremes of the recordings are the limits"
         return Permitted(asked, limits, words)
     path = find(safety, "suites", "targets")
     file = _safety_file(path)
@@ -137,7 +137,7 @@ def _safety_file(path: Path) -> _SafetyFile:
     if kind is not None and kind.name == "suite":
         return _of_suite(load_suite(path))
     raise InputError(
-        "it says nothing of what is safe",
+        "it has no safety limits",
         where=Place(file=str(path), line=1),
         hint="give a target.yaml of a drive (key 'limits'), or a suite whose trials have 'safety'",
     )

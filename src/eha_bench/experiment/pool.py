@@ -168,7 +168,7 @@ def _ranked(
     ]
     outputs = simulated(rivals, layout_vectors, drive)
     if not all(np.isfinite(item).all() for item in outputs):
-        why = "a rival's simulation of it runs away"
+        why = "a rival's simulation of it diverges"
         return Ranked(run.name, seconds, np.nan, np.nan, -1.0, why)
     known = replace(
         bench,

@@ -191,15 +191,15 @@ class _Search:
     def _why_nothing_open(self) -> str:
         if self.question.unlocated:
             return (
-                "something acts that was not located, so no rival of it can be simulated: "
-                "log more channels near it, and run `eha-bench diagnose` again"
+                "the unknown effect was not located, so no rival can be simulated: log more "
+                "channels, and run `eha-bench diagnose` again"
             )
         if not self.question.complete:
             return "the diagnosis was interrupted: run `eha-bench diagnose` again"
         rival = self.rivals[0]
         return (
-            f"'{rival.id}' has no rival that these data cannot tell from it, and every parameter "
-            f"is known within {self.within:.0%}: nothing is open. With more recordings, run "
+            f"'{rival.id}' has no rival left in these data, and every parameter is known within "
+            f"{self.within:.0%}: nothing is open. With more recordings, run "
             "`eha-bench diagnose` again"
         )
 
@@ -463,12 +463,13 @@ class _Search:
         ]
         if len(self.question.rivals) > len(self.rivals):
             left = [item.id for item in self.question.rivals[len(self.rivals) :]]
-            notes.append(f"{', '.join(left)} may fit as well and are not planned for")
+            notes.append(
+                f"{', '.join(left)} may fit as well, but the experiment does not consider them"
+            )
         if any(item.standing is not Standing.FOUND and item.behind > NAMED
                for item in self.rivals):  # fmt: skip
             notes.append(
-                "some of the rivals are behind by more than noise would make, but resampling does "
-                "not bear it out"
+                "some rivals fit worse by more than noise, but resampling does not confirm it"
             )
         return notes
 
@@ -504,8 +505,8 @@ class _Search:
             name = max(named(widths), key=lambda key: widths[key])
             return self._ending(
                 Ending.NONE_PERMITTED,
-                f"nothing permitted within {self.budget:g} s tells {name} better than the "
-                f"{before:.0%} that it is known by",
+                f"no permitted experiment of {self.budget:g} s narrows the interval of {name} "
+                f"below its present {before:.0%}",
             )
         return self._proposed(best[1])
 

@@ -178,7 +178,9 @@ class BypassMetric(Metric):
         value = float(curve.parameters[self.index])
         reach = curve.quantile * math.sqrt(float(curve.covariance[self.index, self.index]))
         if not reach < 10.0 * abs(value):
-            raise NotScored(f"{self.spec.id} cannot be told from these speeds ({curve.reason})")
+            raise NotScored(
+                f"{self.spec.id} cannot be determined from these speeds ({curve.reason})"
+            )
         reason = against_model(recording, self.spec.id, self.spec.unit or "", curve.reason)
         return Measure(value, value - reach, value + reach, reason)
 

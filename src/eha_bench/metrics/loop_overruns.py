@@ -46,7 +46,7 @@ class LoopOverruns(Metric):
         if recording.sample_period > LATE / trial.sample_rate:
             raise NotScored(
                 f"recorded every {recording.sample_period:.4g} s, not at the trial's "
-                f"{trial.sample_rate:g} Hz: late ticks cannot be told"
+                f"{trial.sample_rate:g} Hz: late ticks cannot be counted"
             )
         late = float(np.count_nonzero(np.diff(recording.time) > LATE / trial.sample_rate))
         reason = f"time stamps more than {LATE} periods of {trial.sample_rate:g} Hz apart"

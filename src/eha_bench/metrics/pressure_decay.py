@@ -56,13 +56,13 @@ class PressureDecay(Metric):
             raise NotScored(f"{channel} is not a pressure")
         if trial.mode.unit == "Pa":
             raise NotScored(
-                f"the reference asks for {trial.channel}: what controls it makes up for what leaks"
+                f"the reference asks for {trial.channel}: its controller makes up for the leakage"
             )
         line = timeline(recording, trial)
         data = samples(recording, trial, channel)
         found = [one for one in (_fall(line, data, w) for w in _holds(line, trial)) if one]
         if not found:
-            raise NotScored(f"{channel} is not told from zero in any hold: nothing there can fall")
+            raise NotScored(f"{channel} is not distinct from zero in any hold: nothing can decay")
         worst = max(found, key=lambda fall: fall.rate)
         own = reach(worst.budget)
         first, last = line.time[worst.window][[0, -1]]

@@ -105,8 +105,8 @@ class Samples:
         if low <= worst <= high:
             return ""
         return (
-            f"{worst:.3g} {self.unit} is beyond what such a sensor can read: "
-            "check unit and scale of the channel"
+            f"{worst:.3g} {self.unit} is beyond the range of any such sensor: check unit and "
+            "scale of the channel"
         )
 
 

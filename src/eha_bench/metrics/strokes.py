@@ -82,11 +82,9 @@ def _loop(recording: Recording, trial: Trial, channel: str) -> Loop:
     moved = trial.channel
     unit = recording.unit(moved) if moved in recording else trial.mode.unit
     if unit not in LENGTHS:
-        raise NotScored(f"the trial asks for {moved}, which is no position")
+        raise NotScored(f"the trial commands {moved}, which is no position")
     if channel in (moved, "reference"):
-        raise NotScored(
-            f"{channel} is the motion itself: name another channel that is measured beside it"
-        )
+        raise NotScored(f"{channel} is the motion itself: name another measured position")
     line = timeline(recording, trial)
     position, data = samples(recording, trial, moved), samples(recording, trial, channel)
     window = line.between(0.0, trial.duration)

@@ -47,7 +47,7 @@ class Model:
             declared effects.
         effects: declared effects.
         within: of those under `calibrate`, what the true value may be off by at most, SI.
-        per_run: names of parameters that nobody measured and that differ from run to run.
+        per_run: names of unmeasured parameters that differ from run to run.
         network: what a plant.yaml says, where the plant is no registered one.
     """
 

@@ -56,7 +56,7 @@ class ModelFile(StrictModel):
     )
     per_run: list[str] = Field(
         default_factory=list,
-        description="parameters that nobody measured and that differ from run to run",
+        description="unmeasured parameters that differ from run to run",
     )
     effects: list[dict[str, Real | str | list[Real]]] = Field(
         default_factory=list, description="declared effects, in the order they were added"

@@ -108,7 +108,7 @@ def _of_diagnosis(
     rivals = [item for item in content.get("rivals") or () if item["standing"] != _RUNNER_UP]
     if not rivals:
         raise InputError(
-            "it keeps no covariance of what was fitted",
+            "it holds no covariance of the fitted parameters",
             where=Place(file=str(file), key="rivals"),
             hint="run `eha-bench diagnose` again with this version",
         )
@@ -119,12 +119,9 @@ def _of_diagnosis(
     notes = []
     if len(found) > 1:
         names = ", ".join(item.id for item in found)
-        notes.append(f"draws come in turn from what the data cannot tell apart: {names}")
+        notes.append(f"draws alternate between models that the data do not distinguish: {names}")
     if content.get("verdict") == "unknown":
-        notes.append(
-            "the diagnosis ended with something unexplained, which no draw holds beyond the "
-            "covariance"
-        )
+        notes.append("the diagnosis left an unexplained part, which draws hold only as covariance")
     return found, notes
 
 
@@ -135,7 +132,7 @@ def _of_calibration(
     covariance = content["covariance"]
     if covariance is None:
         raise InputError(
-            "the calibration came to no interval, so that nothing can be drawn",
+            "the calibration has no intervals, so nothing can be drawn",
             where=where,
             hint="calibrate again, or free fewer parameters",
         )
@@ -173,7 +170,7 @@ def _check_same(component: Component, model: Model, file: Path, text: str) -> No
         return InputError(
             f"is the posterior of another model: {why}",
             where=Place(file=str(file), line=line, key=key),
-            hint="give the model that was written beside it",
+            hint="give the model that was written with it",
         )
 
     found = component.model

@@ -121,14 +121,14 @@ def note_of(item: Compared) -> str:
     parts = [item.reason] if item.reason else []
     if item.verdict is Verdict.UNDECIDED:
         if item.baseline.runs == item.candidate.runs == 1:
-            parts.append("six repeats on each side tell most")
+            parts.append("with six repeats on each side most differences are decided")
         elif item.more_repeats is None:
-            parts.append("how many more repeats would decide cannot be told")
+            parts.append("how many more repeats would decide is not known")
         else:
             word = "repeat" if item.more_repeats == 1 else "repeats"
             parts.append(f"about {item.more_repeats} more {word} on each side would decide")
     if item.verdict is Verdict.CHANGED:
-        parts.append("which value is better is not known")
+        parts.append("the metric declares no better direction")
     if item.better.startswith("nearer"):
         parts.append(f"{item.better} is better: differences are of the distances")
     return ". ".join(part[:1].upper() + part[1:] for part in parts)

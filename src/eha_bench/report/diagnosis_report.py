@@ -244,4 +244,4 @@ def _facts(found: Diagnosis, name: str) -> tuple[Fact, ...]:
             took += f", for as much as {found.simulations:.0f} simulations of all training data"
         facts.append(Fact("Time taken", took))
     files = "diagnosis.json, revised.yaml, recalibrated.yaml"
-    return (*facts, Fact("Files beside this page", files))
+    return (*facts, Fact("Files in this folder", files))

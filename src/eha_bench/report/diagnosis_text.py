@@ -152,7 +152,7 @@ def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
 def _shown(value: float, unit: DisplayUnit) -> str:
     """Write an error in a unit that stands elsewhere, with three digits."""
     if math.isinf(value):
-        return "runs away"
+        return "diverges"
     if not math.isfinite(value):
         return _NOTHING
     shown = unit.difference(value)
@@ -160,9 +160,9 @@ def _shown(value: float, unit: DisplayUnit) -> str:
 
 
 def amount(value: float, si: str) -> str:
-    """Write an error: with its unit, or that it is not known or runs away."""
+    """Write an error: with its unit, or that it is not known or diverges."""
     if math.isinf(value):
-        return "runs away"
+        return "diverges"
     return quantity(value, si) if math.isfinite(value) else _NOTHING
 
 

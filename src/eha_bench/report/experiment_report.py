@@ -146,9 +146,7 @@ def scene_of_trial(trial: PlannedTrial) -> Scene:
     """Return a panel for each channel: each rival's prediction with the edges of its band."""
     values: dict[str, FloatArray] = {"reference": trial.reference}
     units: dict[str, str] = {"reference": ""}
-    panels = [
-        _panel("What is asked for", "", [("reference", "reference", "reference", False)], values)
-    ]
+    panels = [_panel("Requirement", "", [("reference", "reference", "reference", False)], values)]
     channels = list(next(iter(trial.bands.values())))
     for channel in channels:
         unit = trial.units.get(channel, "")

@@ -64,7 +64,10 @@ def heat_row(trend: Trend, nights: Sequence[Night]) -> HeatRow:
     if missing:
         marks = "".join(f"M{at + 0.3} .3h.4v.4h-.4z" for at in missing)
         paths.append(f'<path d="{marks}" fill="var(--muted)"/>')
-    told = f"{off} of {len(by_night)} nights off by {LEVELS[0]:g} standard deviations or more"
+    told = (
+        f"{off} of {len(by_night)} nights {LEVELS[0]:g} standard deviations or more from the "
+        "usual value"
+    )
     told += f", no value in {len(missing)}" if missing else ""
     return HeatRow(
         Markup(

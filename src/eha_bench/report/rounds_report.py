@@ -30,9 +30,9 @@ class RoundRow:
 _WORDS = {
     "settled": ("passed", "Settled", "Nothing is left open."),
     "none_permitted": (
-        "undecided", "Not settled", "No experiment that is permitted would go further.",
+        "undecided", "Not settled", "No permitted experiment would tell more.",
     ),
-    "out_of_rounds": ("undecided", "Not settled", "As many rounds were made as asked for."),
+    "out_of_rounds": ("undecided", "Not settled", "All rounds were made."),
     "stopped": ("fault", "Stopped", "A run did not come to its end."),
 }  # fmt: skip
 

@@ -137,7 +137,7 @@ def _headline(sweep: Sweep, margins: FloatArray) -> str:
     ]
     if never:
         return f"No point keeps {', '.join(never)}."
-    return "Every limit is kept somewhere, and nowhere all of them."
+    return "Each limit is kept at some point; no point keeps all."
 
 
 def _best(sweep: Sweep, place: int) -> dict[str, Any]:

@@ -52,7 +52,7 @@ _LOOKS: Final = {
 VERDICTS: Final = {
     "drifted": ("failed", "✕", "The newest run drifted"),
     "steady": ("passed", "✓", "Steady"),
-    "undecided": ("undecided", "?", "Nothing can be said yet"),
+    "undecided": ("undecided", "?", "Too few runs yet"),
 }
 """Look, sign and word of what a history says."""
 
@@ -172,8 +172,8 @@ def headline(history: History) -> str:
     alone = len(history.of(State.ONE_NIGHT_OUT))
     parts = [
         found,
-        f"one night out in {_share(alone, total)}, to be borne out" if alone else "",
-        f"too few runs to tell of {_share(too_few, total)} {needed}" if too_few else "",
+        f"one night outside its limits in {_share(alone, total)}, to be confirmed" if alone else "",
+        f"too few runs to judge {_share(too_few, total)} {needed}" if too_few else "",
         f"the newest run has no value of {_share(missed, total)}" if missed else "",
         "no run has a value of any" if not total else "",
     ]

@@ -38,7 +38,7 @@ def write_tuning_page(found: Tuned, out: Path, facts: tuple[Fact, ...]) -> Path:
         if clash
         else f"P(pass) {after.suite.value:.3f}"
         if after
-        else "Passes at the model as it stands",
+        else "Passes with the model as declared",
         "headline": _headline(found),
         "gains": [
             (factor.key, factor.told(was), factor.told(now))
@@ -81,5 +81,5 @@ def _headline(found: Tuned) -> str:
             f"… {whole.high:.3f}). {text}"
         )
     if found.declared is not None:
-        text += f" With the gains as they were: P(pass) {found.declared.suite.value:.3f}."
+        text += f" With the declared gains: P(pass) {found.declared.suite.value:.3f}."
     return text

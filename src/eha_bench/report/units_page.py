@@ -87,7 +87,7 @@ def write_units(out: Path, kin: Sequence[Kin], pages: Mapping[int, str]) -> Path
 
 def _headline(odd: set[str]) -> str:
     if not odd:
-        return "No unit moved otherwise than the others"
+        return "No unit changed differently from the others"
     listed = ", ".join(sorted(odd))
     return f"{listed} moved otherwise than the others"
 

@@ -123,7 +123,7 @@ class _Pages:
         name = request.path_params["name"]
         run = self._run_on(name)
         if run is None:
-            what = "This run is not on any more, or never was"
+            what = "No such run is going on"
             return page(message_page(what, "Its report is among the runs once it has ended."), 404)
         begun = monotonic()
         try:

@@ -40,9 +40,9 @@ class OwnMetricFile(StrictModel):
     unit: str = Field(default="", description="unit that the expression comes out in")
     description: str = ""
     start: Moment | None = Field(
-        default=None, alias="from", description="statistics from here on, s of the signal"
+        default=None, alias="from", description="start of the statistics, s of the signal"
     )
-    stop: Moment | None = Field(default=None, alias="to", description="statistics until here, s")
+    stop: Moment | None = Field(default=None, alias="to", description="end of the statistics, s")
 
 
 def own_metrics(metrics: Located) -> dict[str, OwnMetric]:

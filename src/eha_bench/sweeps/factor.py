@@ -155,7 +155,7 @@ def _block(content: dict[str, Any], key: str, where: Place) -> tuple[dict[str, A
     owner = max((name for name in blocks if key.startswith(f"{name}.")), key=len, default="")
     if not owner:
         raise InputError(
-            f"the suite has no trial that '{key}' begins with",
+            f"'{key}' names no trial of the suite",
             where=where,
             hint=suggest(key.partition(".")[0], blocks),
         )

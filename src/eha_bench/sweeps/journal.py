@@ -44,9 +44,9 @@ class Journal:
         ]
         if changed:
             raise InputError(
-                f"is of another {' and another '.join(changed)}, and cannot be gone on with",
+                f"is of another {' and another '.join(changed)}, and cannot be resumed",
                 where=where,
-                hint="leave out --resume to begin anew, or name that sweep's folder with --out",
+                hint="leave out --resume to start anew, or name that sweep's folder with --out",
             )
         for line in lines[1:]:
             try:

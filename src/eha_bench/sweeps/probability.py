@@ -102,7 +102,7 @@ class Probability:
 
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
-        """What each unknown costs, the dearest first; nothing below a dozen draws."""
+        """Unknown parameters, the dearest first; nothing below a dozen draws."""
         if len(self.results) < _FEWEST:
             return ()
         least = np.array([_worst(item) for item in self.results])
@@ -188,7 +188,7 @@ def judged_only(case: Case) -> Case:
     trials = tuple(trial for trial in case.suite.trials if trial.limits)
     if not trials:
         raise InputError(
-            "the suite has no acceptance limit, so that nothing can pass",
+            "the suite has no acceptance limit, so nothing can pass",
             where=Place(file=str(case.suite.path)),
             hint="give a trial an 'accept' block",
         )

@@ -126,12 +126,12 @@ def span_of(content: Located, read: Reader) -> Span:
         raise InputError(
             f"the range is empty: it goes from {form.from_} to {form.to}",
             where=content.place(("to",)),
-            hint="let it end above its beginning",
+            hint="let 'to' be greater than 'from'",
         )
     if form.scale == "log" and low <= 0.0:
         raise InputError(
-            f"a range by ratios cannot begin at {form.from_}",
+            f"a logarithmic range cannot start at {form.from_}",
             where=content.place(("from",)),
-            hint="begin above 0, or take 'scale: linear'",
+            hint="start above 0, or use 'scale: linear'",
         )
     return Range(low, high, form.steps, form.scale == "log")

@@ -154,7 +154,7 @@ def run_sweep(
     limits = limits_of(case.suite)
     if not limits:
         raise InputError(
-            "the suite has no acceptance limit, so that nothing can pass",
+            "the suite has no acceptance limit, so nothing can pass",
             where=Place(file=str(case.suite.path)),
             hint="give a trial an 'accept' block",
         )

@@ -56,7 +56,7 @@ class History:
 
     @property
     def drifted(self) -> tuple[Trend, ...]:
-        """Metrics in which the newest run is not what was."""
+        """Metrics that changed in the newest run."""
         return tuple(trend for trend in self.trends if trend.state.drifted)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Why nothing passes: limits that no candidate keeps, and limits that none keeps together."""
+"""Why nothing passes: limits that no candidate keeps, and limits that no candidate keeps all of."""
 
 from __future__ import annotations
 

@@ -208,7 +208,7 @@ class _Tuning:
         for number, point in enumerate(points):
             if self.interrupted():
                 raise KeyboardInterrupt  # the best of the search stands
-            self.progress(number, len(points), "proving the best on all draws")
+            self.progress(number, len(points), "checking the best on all draws")
             row = self.trying.results([point], machines)[0]
             notes = self.posterior.notes if self.posterior else ()
             found.append(Probability(limits, tuple(draws), tuple(row), (), notes))
@@ -219,7 +219,7 @@ class _Tuning:
     def _search(self, machines: Sequence[Machine], aim: Aim) -> Search:
         def tell(search: Search) -> None:
             if isinstance(aim, Only):
-                self.progress(0, self.effort.candidates, "looking for what cannot be kept")
+                self.progress(0, self.effort.candidates, "searching for limits that cannot be kept")
                 return
             what = "at the model as fitted" if len(machines) == 1 else f"over {len(machines)} draws"
             self.progress(
@@ -247,7 +247,7 @@ class _Tuning:
         raise InputError(
             f"nothing scores the limit on {limit.metric} ({found.reason or 'no reason is known'})",
             where=_place_of(suite.text, str(suite.path), limit),
-            hint="take the limit out, or widen what is varied",
+            hint="remove the limit, or widen the ranges",
         )
 
     def _explained(self, first: Search) -> Contradiction:
@@ -285,7 +285,7 @@ class _Tuning:
         passes = bool(np.all(margins >= 0.0)) if after is None else after.suite.kept > 0
         notes = list(self.posterior.notes) if self.posterior else []
         notes += [
-            f"{factor.key} was {factor.told(value)}, outside of what may be varied"
+            f"the declared {factor.key}, {factor.told(value)}, is outside its range"
             for factor, value in zip(space.factors, before, strict=True)
             if isinstance(factor.span, Range)
             and not factor.span.low <= float(value) <= factor.span.high
@@ -295,8 +295,8 @@ class _Tuning:
             notes.append("interrupted: these are the best gains so far")
         elif self.posterior is None:
             notes.append(
-                "without a posterior the gains are tuned for the model as it stands, and nothing "
-                "is said of the machine"
+                "without a posterior the gains are tuned for the model as declared: its "
+                "uncertainty is not considered"
             )
         tried = len(first.tried) + (len(second.tried) if second else 0)
         return Tuned(
@@ -345,8 +345,8 @@ def _at_ends(space: Space, point: Point) -> list[str]:
             share = factor.span.share(float(value))
             if not 0.01 < share < 0.99:
                 notes.append(
-                    f"{factor.key} lies at the end of its range, {factor.told(value)}: beyond it "
-                    "may be better ones"
+                    f"{factor.key} ends at a bound of its range, {factor.told(value)}: values "
+                    "beyond it may be better"
                 )
     return notes
 

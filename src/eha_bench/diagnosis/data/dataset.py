@@ -59,12 +59,16 @@ class RunEntry(StrictModel):
     start: Annotated[
         float,
         Unit("s"),
-        Field(alias="from", ge=0.0, description="only from here on, from the log's first sample"),
+        Field(
+            alias="from",
+            ge=0.0,
+            description="start of the window, counted from the log's first sample",
+        ),
     ] = 0.0
     stop: Annotated[
         float | None,
         Unit("s"),
-        Field(alias="to", description="only until here, from the log's first sample"),
+        Field(alias="to", description="end of the window, counted from the log's first sample"),
     ] = None
     parameters: Annotated[
         dict[str, Real | str],
@@ -77,7 +81,9 @@ class RunEntry(StrictModel):
     @model_validator(mode="after")
     def _ends_later(self) -> RunEntry:
         if self.stop is not None and self.stop <= self.start:
-            raise WrongAt(f"it ends at {self.stop:g} s, where it begins at {self.start:g} s", "to")
+            raise WrongAt(
+                f"it ends at {self.stop:g} s, not after its start at {self.start:g} s", "to"
+            )
         return self
 
 
@@ -266,8 +272,7 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
                 raise InputError(
                     f"'{log.name}' is both for training and held out",
                     where=place("runs", number, "log"),
-                    hint="hold out a run that is not fitted: what was fitted tells nothing of the "
-                    "rest",
+                    hint="hold out another run: only runs that are not fitted can judge the model",
                 )
             read.append(part)
             runs.append(
@@ -414,7 +419,7 @@ def _checked(recording: Recording, part: _Read, fewest: int) -> Recording:
     """
     if len(recording) < fewest:
         raise RecordingError(
-            f"only {len(recording)} samples{_window(part)}, too few to hold a model against",
+            f"only {len(recording)} samples{_window(part)}, too few to compare a model with",
             where=Place(file=str(part.log)),
         )
     length = float(recording.time[-1] - recording.time[0])

@@ -308,8 +308,8 @@ def admit(
     if regular is not None:
         beside = 1e3 * float(np.std(time - regular))
         notes.append(
-            f"{run.name}: its time stamps lie {beside:.2g} ms beside a regular clock; the readings "
-            "were taken by that clock, so it is used"
+            f"{run.name}: its time stamps are {beside:.2g} ms off a regular clock; the readings "
+            "follow that clock, so it is used"
         )
         time = regular
     driven = _driven(run, sampled, time, inputs, roles, where, notes)
@@ -416,7 +416,7 @@ def _driven(
             if asked:
                 known, found.unsure[name] = guessed(time, raw, lost)
                 count = found.unsure[name].ticks.size
-                text += f"bridged; for {count} of them it is not known what it was"
+                text += f"bridged; {count} of them are unknown"
             else:
                 text += "bridged"
             notes.append(text)
@@ -469,8 +469,8 @@ def _stands(
         return False
     if name in restful:
         notes.append(
-            f"{run.name}: '{name}' stands still all through, as in other runs where nothing "
-            "moves: it is taken for a machine at rest or stalled"
+            f"{run.name}: '{name}' never changes, as in other runs at rest: the machine is taken "
+            "to be at rest or stalled"
         )
         return True
     notes.append(f"{run.name}: '{name}' never changes (dead sensor?) and is left out")

@@ -176,7 +176,7 @@ def _at_their_clocks(topics: Sequence[_Topic]) -> tuple[list[_Topic], list[str]]
                 own = replace(item, time=item.clock.times)
             if 1e3 * item.clock.beside >= 1e-3:
                 how = "which is used" if regular else "but the readings follow the stamps"
-                text += f", stamps {1e3 * item.clock.beside:.2g} ms beside a regular clock, {how}"
+                text += f", stamps {1e3 * item.clock.beside:.2g} ms off a regular clock, {how}"
         found.append(own)
         notes.append(text)
     return found, notes

@@ -161,7 +161,7 @@ def gather(
     noise = pooled_noise(measured, compared)
     if not noise:
         raise InputError(
-            "no measured channel can be held against the model",
+            "no measured channel can be compared with the model",
             where=Place(file=dataset.source),
             hint=f"{plant.id} gives: {', '.join(compared)}",
         )
@@ -169,7 +169,7 @@ def gather(
     windows = thinned(windows)
     notes = [f"a training run is left out: {error}" for error in unread]
     notes += [
-        f"'{name}' is not compared: nothing among the inputs drives it"
+        f"'{name}' is not compared: no input drives it"
         for name in plant.outputs
         if name not in compared and name not in dataset.inputs
     ]
@@ -334,8 +334,8 @@ def _noise_notes(measured: Sequence[Measured]) -> Iterator[str]:
         own = [item.input_noise[name] for item in measured if name in item.input_noise]
         level = float(np.median(own))
         yield (
-            f"input '{name}' was measured, with a noise of {level:.2g} {unit_of(name)}: what that "
-            "makes a simulation do counts as noise"
+            f"input '{name}' was measured, with a noise of {level:.2g} {unit_of(name)}: its "
+            "effect on the simulation counts as noise"
         )
     yield from _colour_notes(measured)
 
@@ -348,7 +348,7 @@ def _colour_notes(measured: Sequence[Measured]) -> Iterator[str]:
         known = sorted({f"{colour.correlations(2)[1]:.2f}" for colour in colours}, key=float)
         yield (
             f"the noise of '{name}' is not white: neighbouring samples "
-            f"correlate by {' and '.join(known)}; it is weighed so"
+            f"correlate by {' and '.join(known)}; the fit weighs it accordingly"
         )
 
 

@@ -140,17 +140,18 @@ def moved_notes(
         factor = value / before if before else float("nan")
         if key in at_bounds:
             notes.append(
-                f"CAUTION: {key} stands at its bound, {at_bounds[key]:.4g} {unit}: it hides "
-                "something that is missing, or these data do not determine it"
+                f"CAUTION: {key} is at its bound, {at_bounds[key]:.4g} {unit}: it hides a missing "
+                "effect, or these data do not determine it"
             )
         elif before and not 1.0 / FAR <= factor <= FAR:
             notes.append(
-                f"CAUTION: {key} has moved by a factor of {factor:.3g}, {way}: is the model that "
-                "of this machine? a parameter that moves so far may hide what is missing"
+                f"CAUTION: {key} has moved by a factor of {factor:.3g}, {way}: check that the "
+                "model is of this machine; a parameter that moves so far may hide a missing "
+                "effect"
             )
         elif key in model.within and abs(value - before) > model.within[key]:
             notes.append(
-                f"CAUTION: {key} has moved {way}, which is beyond the {model.within[key]:.3g} "
-                f"{unit} that were believed"
+                f"CAUTION: {key} has moved {way}, more than the {model.within[key]:.3g} {unit} "
+                "given under `within`"
             )
     return notes

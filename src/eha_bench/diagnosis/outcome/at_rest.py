@@ -79,7 +79,7 @@ def _is_open(item: Estimate, deviation: float, declared: float) -> bool:
 def _estimated(key: str, value: float, item: Estimate | None, unit: str) -> str:
     interval = f" ({item.low:.3g} to {item.high:.3g})" if item is not None else ""
     return (
-        f"friction at rest was estimated although it is not under `calibrate`: {key} = "
+        f"friction at rest was estimated, though not listed under `calibrate`: {key} = "
         f"{value:.3g}{interval} {unit}"
     )
 

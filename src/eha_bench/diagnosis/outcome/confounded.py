@@ -44,9 +44,9 @@ def confounded(measured: Sequence[Measured], effects: Sequence[BoundEffect]) -> 
         way = "lower" if rho < 0.0 else "higher"
         notes.append(
             f"CAUTION: speed and pressure are confounded: from run to run, {speed} is {way} where "
-            f"{pressure} is higher (rank correlation {rho:.2f} over {len(measured)} runs), so what "
-            f"{' and '.join(pressed)} takes from the pressure may in part be the speed's; runs of "
-            "one speed at all pressures would tell"
+            f"{pressure} is higher (rank correlation {rho:.2f} over {len(measured)} runs), so the "
+            f"pressure dependence of {' and '.join(pressed)} may in part be one on speed; runs at "
+            "one speed and all pressures would separate them"
         )
     return tuple(notes)
 

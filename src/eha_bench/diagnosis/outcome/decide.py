@@ -70,8 +70,8 @@ def decide(
         if rest.relative > REST_RELATIVE:
             worst = max(rest.by_channel, key=lambda name: rest.by_channel[name])
             notes.append(
-                f"that has no structure in time: single wild readings, or more noise than was "
-                f"estimated, most of '{worst}'"
+                "that has no structure in time: single outliers, or more noise than estimated, "
+                f"mostly of '{worst}'"
             )
         return Decision(Verdict.NONE, search.fit, tuple(notes), None)
     if search.effects:
@@ -84,11 +84,11 @@ def decide(
     locator, equation, located = locate(search.problem, search.fit, step, progress)
     if not located:
         where = f"something acts in the {equation} balance" if equation else "nothing was located"
-        text = f"{where}; what it could depend on is not measured"
+        text = f"{where}; the variables it could depend on are not measured"
         if not places_of(search.problem.plant):
             text = (
-                "something is missing, but nothing could be asked where: this plant is not "
-                "simulated moment by moment (`advance`), so its parameters are all that was tried"
+                "something is missing, but its place is unknown: this plant has no `advance` "
+                "(simulation step by step), so only its parameters were tried"
             )
         unknown = Unknown(equation or None, (), text)
         return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
@@ -122,7 +122,7 @@ def _learned(
         text += f"; a learned curve explains {share:.0%} of the excess"
     else:
         text += f"; a curve of {template.variable} explains {max(share, 0.0):.0%} of the excess, "
-        text += "so it depends on more than one variable, or on what was before"
+        text += "so it depends on several variables, or on the past"
     when = (
         times_of(search.problem, fit, search.declared_vector) if template.variable == "time" else ()
     )

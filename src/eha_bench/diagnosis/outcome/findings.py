@@ -151,8 +151,8 @@ def lateness_note(lateness: Mapping[str, Estimate]) -> list[str]:
     """Say by how much stamps are late."""
     return [
         f"the stamps of '{clock}' are {1e3 * item.value:.3g} ms late "
-        f"({1e3 * item.low:.3g} to {1e3 * item.high:.3g} ms), beside those of the inputs: that is "
-        "the log's, and no effect"
+        f"({1e3 * item.low:.3g} to {1e3 * item.high:.3g} ms) against those of the inputs: a "
+        "property of the log, not an effect"
         for clock, item in lateness.items()
     ]
 
@@ -235,10 +235,10 @@ def _why(item: Ranked, best: float) -> str:
     """Say in words why a candidate was not added."""
     if not item.refitted:
         if item.score < 0.005:
-            return "its simulation does not move the outputs the way the residual goes"
+            return "its simulated response does not resemble the residual"
         return (
             f"one simulation predicts that it takes {item.score:.1%} of the excess; "
-            "others promised more, so it was not refitted"
+            "others promise more, so it was not refitted"
         )
     if item.score <= 0.0:
         return "refitted with all parameters, it is no better on runs left out of the fit"

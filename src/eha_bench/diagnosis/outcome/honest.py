@@ -48,15 +48,15 @@ def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
     near = _AT * abs(start.strength - start.neutral)
     for bound in (start.low, start.high):
         if bound != start.neutral and abs(strength - bound) <= near:
-            return f"its strength stands at its bound, {bound:.4g}"
+            return f"its strength is at its bound, {bound:.4g}"
     if found.explained_out <= 0.0 or found.gain_out <= 0.0:
         return "on runs left out of the fit it explains nothing"
     if found.p_value > _LIKELY:
-        return f"chance may have made its gain (p {found.p_value:.2g})"
+        return f"its gain may be chance (p {found.p_value:.2g})"
     alone = len(search.effects) == 1
     if alone and min(found.share, found.share_out) < limits.share:
         share = max(min(found.share, found.share_out), 0.0)
-        return f"of what is left without it, at its best, it explains {share:.0%} only"
+        return f"it explains only {share:.0%} of the remainder without it"
     return ""
 
 

@@ -106,8 +106,8 @@ def replay_notes(replays: Sequence[Replay], errors: Mapping[str, ChannelError]) 
     if loose:
         yield (
             f"one standard deviation of the first sample moves a whole replay ({', '.join(loose)} "
-            "noise floors): such runs are replayed from the start within that noise that fits "
-            "best, while predict starts from the sample as it is"
+            "noise floors): such runs are replayed from the best-fitting start within that noise, "
+            "while predict starts from the sample itself"
         )
     for name, error in errors.items():
         if error.after == inf:

@@ -74,9 +74,7 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
             readings[name] = behind[name]
             told.add(name)
             value = _amount(name, behind[name], plant)
-            notes.append(
-                f"no '{name}' in the log: it begins at {value}, where other channels have it"
-            )
+            notes.append(f"no '{name}' in the log: it starts at {value}, from other channels")
     if roles.pair and all(name in needed and name not in told for name in roles.pair):
         difference = first.get("pressure_difference")
         if difference is not None:
@@ -85,14 +83,16 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
             readings[roles.pair[1]] = rest + max(-difference, 0.0)
             told |= {*roles.pair}
             notes.append(
-                "neither chamber's pressure is in the log: they begin with the difference that was "
-                f"measured, the lower one at {_amount(roles.pair[0], rest, plant)}, "
+                "neither chamber's pressure is in the log: they start with the measured "
+                f"difference, the lower one at {_amount(roles.pair[0], rest, plant)}, "
                 "which is assumed"
             )
     state = _state(measured, model, readings)
     assumed = [_assumed(name, state, model) for name in needed if name not in told]
     if assumed:
-        notes.append(f"the log does not say where all states begin; assumed: {', '.join(assumed)}")
+        notes.append(
+            f"the log does not hold the start values of all states; assumed: {', '.join(assumed)}"
+        )
     return FirstSample(state, tuple(f"{measured.run.name}: {note}" for note in notes))
 
 
@@ -119,12 +119,12 @@ def _about(measured: Measured, name: str, plant: Plant) -> list[str]:
     amount = _amount(name, first.value, plant)
     if first.tick > 0:
         return [
-            f"the first sample has no '{name}': it begins at its first reading, {amount} at "
+            f"the first sample has no '{name}': it starts at its first reading, {amount} at "
             f"{measured.time[first.tick]:.6g} s"
         ]
     column = measured.column(name)
     if column is None or not np.isfinite(column[0]):
-        return [f"'{name}' begins at what it reads first, {amount}, all the same"]
+        return [f"'{name}' starts at its first reading, {amount}, anyway"]
     return []
 
 

@@ -73,7 +73,7 @@ class Bag1Source(BagFile):
             yield found.batch
 
     def _compare(self, record: Record, size: int, found: Stretch, *, torn: bool) -> None:
-        """Note where a chunk does not hold what the bag says that it does."""
+        """Note where a chunk does not hold what the bag's index counts."""
         for one in found.connections:
             self._declare(one)
         if torn:
@@ -90,10 +90,10 @@ class Bag1Source(BagFile):
         if there != {number: count for number, count in said.items() if count}:
             self._damaged = True
             self._notes.append(
-                f"{name} does not hold what the bag says: {sum(there.values())} messages, not "
+                f"{name} does not hold what its index counts: {sum(there.values())} messages, not "
                 f"{sum(said.values())}"
                 if sum(there.values()) != sum(said.values())
-                else f"{name} does not hold what the bag says: its messages are of other topics"
+                else f"{name} does not hold what its index counts: its messages are of other topics"
             )
 
     def _declare(self, found: Connection) -> None:
@@ -172,7 +172,7 @@ class Bag1Source(BagFile):
             said = head.fields.get(field, b"")
             if len(said) == 4 and u32(said) != there:
                 self._damaged = True
-                self._notes.append(f"its header tells of {u32(said)} {what}, it holds {there}")
+                self._notes.append(f"its header counts {u32(said)} {what}, it holds {there}")
 
     def _take(self, record: Record, data: memoryview) -> None:
         if record.op == CHUNK:

@@ -92,7 +92,7 @@ def count_problems(
             return
         total.update(known)
     if total.total() != said.message_count:
-        yield f"its statistics tell of {said.message_count} messages, it holds {total.total()}"
+        yield f"its statistics count {said.message_count} messages, it holds {total.total()}"
         return
     by_channel = said.channel_message_counts
     wrong = [

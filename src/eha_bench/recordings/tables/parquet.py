@@ -49,7 +49,7 @@ class ParquetSource(TableSource):
             said = {str(key): str(value) for key, value in found["metadata"].items()}
         except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError):
             self._torn = True
-            self._notes.append("what eha-bench wrote beside its columns is damaged: left aside")
+            self._notes.append("the metadata that eha-bench wrote is damaged and ignored")
             return
         self.own_epoch = epoch if abs(epoch) < 2**62 else None
         self._described = {"units": units, "metadata": said}

@@ -222,7 +222,7 @@ def nanoseconds(times: NDArray[Any], unit: str, where: Place) -> Stamps:
         raise RecordingError(
             f"the time is too large for its unit ({unit})",
             where=where,
-            hint="is it in another unit, such as ns or us?",
+            hint="check its unit (ns or us?)",
         )
     if tick < 1 or tick % 1 or offset:
         return np.rint((times.astype(np.float64) * factor + offset) * 1e9).astype(np.int64)

@@ -125,7 +125,7 @@ def _check_applies(
     raise entry.error(
         f"'{metric}' needs {needs.value}, which the signal of trial '{trial}' does not have "
         "within its duration",
-        hint=f"take the limit out, or write '{metric}: null' in a trial that has it by 'defaults'",
+        hint=f"remove the limit, or write '{metric}: null' in a trial that has it by 'defaults'",
     )
 
 

@@ -30,9 +30,7 @@ def inside(folder: Path, name: str) -> Path:
     """
     parts = PurePosixPath(name.replace("\\", "/"))
     if not name or parts.is_absolute() or ".." in parts.parts or ":" in parts.parts[0]:
-        raise ValueError(
-            f"'{name}' does not lie beside the suite or below: name it relative to the suite"
-        )
+        raise ValueError(f"'{name}' is outside the suite's folder: name it relative to the suite")
     return folder / parts
 
 

@@ -67,7 +67,7 @@ class Trajectory(SignalModel):
     def _is_there(cls, file: str, info: ValidationInfo[Any]) -> str:
         folder = SignalContext.of(info).folder
         if file and folder is not None and not inside(folder, file).is_file():
-            raise ValueError(f"there is no file '{file}' beside the suite")
+            raise ValueError(f"there is no file '{file}' in the suite's folder")
         return file
 
     @model_validator(mode="after")

@@ -172,7 +172,7 @@ def check_channel(file: BusFile) -> None:
     """
     if file.interface == "udp_multicast":
         raise TargetFault(
-            "udp_multicast frames leave this machine, and anybody may send them",
+            "udp_multicast frames leave this machine, and any machine may send them",
             hint="use slcan, socketcan or another adapter of this machine",
         )
     if "://" not in file.channel:

@@ -340,7 +340,7 @@ class CanTarget(Target):
             done = self._clear_drive()
             latch = self._hold.clear(by)
             if latch is not None:
-                done = f"{done}; the latch said: {latch}"
+                done = f"{done}; the latch reads: {latch}"
             return done
         finally:
             self._release()

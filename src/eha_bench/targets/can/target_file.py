@@ -224,7 +224,7 @@ class StartFile(StrictModel):
     """What has to hold before the torque comes on."""
 
     timeout: Annotated[Seconds, Field(gt=0, description="for the first frames")] = 2.0
-    watch: Annotated[Seconds, Field(gt=0, description="how long the sensors are looked at")] = 0.1
+    watch: Annotated[Seconds, Field(gt=0, description="how long the sensors are read")] = 0.1
     speed: Annotated[
         float, Unit("rad/s"), Field(gt=0, description="largest motor speed at rest")
     ] = 2.0
@@ -239,7 +239,7 @@ class CanTargetFile(StrictModel):
 
     target: Annotated[str, Field(pattern="^can$")]
     base: Annotated[
-        str, Field(description="another target.yaml; keys given here take the place of its keys")
+        str, Field(description="another target.yaml; keys given here replace its keys")
     ] = ""
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,60}$")]
     dbc: Annotated[str, Field(description="DBC file, relative to this file")]

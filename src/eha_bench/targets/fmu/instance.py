@@ -90,7 +90,7 @@ class Library:
             at = f" at {time:.6g} s" if time is not None else ""
             told = "; ".join(dict.fromkeys(self._messages[-_LONGEST:]))
             raise TargetFault(
-                f"the FMU failed{at}: {error}" + (f" It says: {told}" if told else "")
+                f"the FMU failed{at}: {error}" + (f" Its message: {told}" if told else "")
             ) from error
 
     def start(self, stop: float, values: Mapping[Variable, float]) -> None:

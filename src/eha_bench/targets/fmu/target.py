@@ -318,7 +318,7 @@ class FmuTarget(Target):
 
     def _cannot(self, trial: Trial, wants: str, key: str) -> InputError:
         return InputError(
-            f"trial '{trial.id}' {wants}, and the target does not say how the FMU is told",
+            f"trial '{trial.id}' {wants}, and the target has no FMU input for it",
             where=Place(file=str(self._path)),
             hint=f"name the FMU's variable under `{key}`",
         )
