@@ -28,8 +28,8 @@ from eha_bench.targets.target import Outcome, Stopping, never
 
 FloatArray = NDArray[np.float64]
 
-_LOOK_BACK = 60
-"""Ticks of commands that the knee's kernel is given again, for what acts late."""
+_LATEST = 200
+"""Commands that may still act, ticks: far more than any delay of the rig."""
 
 
 class KneeLoop:
@@ -42,29 +42,25 @@ class KneeLoop:
         self._locked = trial.setup.piston is Piston.LOCKED
         self._bypass = trial.setup.bypass is Bypass.OPEN
         position = dict(trial.setup.initial).get("piston_position", 0.0)
-        self._states = [kernel.start_state(position, self._parameters)]
-        self._commands: list[float] = []
-        self.truth = self._simulated(self._states[0], [0.0])[0][0]
+        self._state = kernel.start_state(position, self._parameters)
+        self._before: list[float] = []
+        self.truth = self._on(0.0)[0][0]
 
-    def _simulated(self, start: FloatArray, commands: list[float]) -> tuple[FloatArray, FloatArray]:
-        """Return readings and states at the moments of the commands, each held for a tick."""
-        count = len(commands)
+    def _on(self, command: float) -> tuple[FloatArray, FloatArray]:
+        """Return readings and states now and a tick later."""
         readings, states, _ = kernel.simulate(
-            self._parameters, kernel.OPEN_LOOP, np.array(commands), np.zeros(count),
-            np.zeros(count), np.zeros(4), self._locked, self._bypass, start,
-            SUBSTEPS_LOCKED if self._locked else SUBSTEPS_FREE,
+            self._parameters, kernel.OPEN_LOOP, np.full(2, command), np.zeros(2), np.zeros(2),
+            np.zeros(4), self._locked, self._bypass, self._state,
+            SUBSTEPS_LOCKED if self._locked else SUBSTEPS_FREE, np.array(self._before),
         )  # fmt: skip
         return readings, states
 
     def advance(self, to: float, command: float) -> None:
         """Hold a command, A, for a tick."""
         del to
-        self._commands.append(command)
-        late = self._parameters["command_delay"][0] > 0.0
-        first = max(0, len(self._commands) - (_LOOK_BACK if late else 1))
-        readings, states = self._simulated(self._states[first], [*self._commands[first:], command])
-        self._states.append(states[-1])
-        self.truth = readings[-1]
+        readings, states = self._on(command)
+        self._before = [*self._before[-_LATEST:], command]
+        self._state, self.truth = states[-1], readings[-1]
 
 
 class ForeignLoop:

@@ -213,6 +213,65 @@ def test_a_pid_of_any_unit_is_tuned(cli: Cli, tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+def diagnosed(folder: Path) -> Path:
+    """Write what a diagnosis leaves, without its search."""
+    place = folder / "found"
+    place.mkdir()
+    (place / "revised.yaml").write_text(MODEL, encoding="utf-8")
+    errors = {"before": 3e5, "after": 4e4, "noise_floor": 3e4, "unit": "Pa"}
+    interval = {"value": 0.25, "low": 0.24, "high": 0.26, "unit": "N*m/A"}
+    content = {
+        "verdict": "effect", "unknown": None, "model": "revised.yaml", "covered": {"seconds": 24.0},
+        "effects": [{"id": "entrained_air", "equation": "flow", "parameters": {}}],
+        "error": {"train": {}, "holdout": {"pressure_a": errors}, "unseen": {}},
+        "calibrated": {"torque_constant": interval},
+    }  # fmt: skip
+    (place / "diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
+    return place
+
+
+def test_one_page_goes_from_the_diagnosis_to_the_result(cli: Cli, files: Path) -> None:
+    cli(*TUNE, *FEW, "--out", "tuned", check=0)
+    cli("run", "hold.yaml", "--target", "tuned/target.yaml", "--out", "new", check=0)
+    (files / "old.yaml").write_text(
+        "target: simulator\nmodel: calibrated.yaml\ncontroller: paper\n", encoding="utf-8"
+    )
+    cli("run", "hold.yaml", "--target", "old.yaml", "--out", "old", check=1)
+    diagnosed(files)
+    done = cli("before-after", "old", "found", "new", "tuned", "--out", "pages/all.html", check=0)
+    assert done.stdout.strip() == "pages/all.html"
+    page = (files / "pages/all.html").read_text(encoding="utf-8")
+    assert "Passed on the machine" in page
+    assert "the machine keeps 3 of 3 limits; with those before it kept 2 of 3" in page
+    assert "entrained air (in the flow balances" in page
+    assert 'href="../new/report.html"' in page
+    assert "another model" not in page
+    # what does not belong together is told
+    cli("before-after", "old", "found", "tuned", "--out", "pages/old.html", check=0)
+    page = (files / "pages/old.html").read_text(encoding="utf-8")
+    assert "no result was made with the tuned gains" in page
+    (files / "found/revised.yaml").write_text("model: eha_knee\n", encoding="utf-8")
+    cli("before-after", "found", "tuned", "--out", "pages/none.html", check=0)
+    page = (files / "pages/none.html").read_text(encoding="utf-8")
+    assert "tuned for another model" in page
+    assert "Not run yet" in page
+
+
+@pytest.mark.parametrize(
+    ("folders", "told"),
+    [
+        (["nowhere"], "nowhere: no such folder"),
+        (["."], "holds none of diagnosis.json, tuning.json, result.json"),
+        (["found"], "no folder of `tune` is given"),
+        (["found", "found"], "there are 2 folders of `diagnose`"),
+    ],
+)
+def test_folders_that_make_no_page(cli: Cli, files: Path, folders: list[str], told: str) -> None:
+    diagnosed(files)
+    done = cli("before-after", *folders, check=2)
+    assert told in done.stderr
+
+
 @pytest.mark.slow
 def test_ctrl_c_keeps_the_best_so_far(files: Path) -> None:
     (files / "hold.yaml").write_text(SUITE.replace("60 ms", "0.8 s"), encoding="utf-8")

@@ -237,7 +237,7 @@ def test_bristles_on_the_rod_build_friction_up_over_their_distance() -> None:
     plant.parameters["load_mass"] = 1e9  # keeps its speed
     _, states, _ = k.simulate(
         plant.parameters, 0, np.zeros(3000), np.zeros(3000), np.zeros(3000), np.zeros(4),
-        False, False, state, 20,
+        False, False, state, 20, np.zeros(0),
     )  # fmt: skip
     slid = states[:, k.POSITION]
     np.testing.assert_allclose(states[:, k.ROD_BRISTLE], 1.0 - np.exp(-slid / 1e-3), atol=1e-3)
@@ -247,7 +247,7 @@ def test_across_a_gap_the_load_is_moved_only_once_touched() -> None:
     plant = Plant({"load_gap": 1e-3, "external_force": 0.0, "rod_coulomb": 0.0, "rod_viscous": 0.0})
     _, states, _ = k.simulate(
         plant.parameters, 0, np.full(60, 12.0), np.zeros(60), np.zeros(60), np.zeros(4),
-        False, False, k.start_state(0.0, plant.parameters), 40,
+        False, False, k.start_state(0.0, plant.parameters), 40, np.zeros(0),
     )  # fmt: skip
     apart = states[:, k.POSITION] - states[:, k.LOAD_POSITION]
     touched = int(np.argmax(apart > 5e-4))
@@ -255,3 +255,21 @@ def test_across_a_gap_the_load_is_moved_only_once_touched() -> None:
     assert np.all(states[:touched, k.LOAD_VELOCITY] == 0.0)
     assert states[-1, k.LOAD_VELOCITY] > 0.0
     assert apart.max() < 7e-4
+
+
+def test_a_run_goes_on_from_a_state_with_the_commands_before_it() -> None:
+    plant = Plant({"command_delay": 0.0033})
+    rng = np.random.default_rng(2)
+    commands, start = rng.uniform(-8.0, 8.0, 80), k.start_state(0.0, plant.parameters)
+
+    def simulated(given, state, before):
+        nothing = np.zeros(given.size)
+        readings, states, _ = k.simulate(
+            plant.parameters, k.OPEN_LOOP, given, nothing, nothing, np.zeros(4), True, False,
+            state, 20, before,
+        )  # fmt: skip
+        return readings, states
+
+    whole, states = simulated(commands, start, np.zeros(0))
+    later, _ = simulated(commands[50:], states[50], commands[:50])
+    np.testing.assert_array_equal(later, whole[50:])

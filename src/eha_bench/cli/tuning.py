@@ -108,6 +108,20 @@ def _say(found: Tuned) -> None:
         say(f"  no candidate keeps all of: {said}")
 
 
+def before_after(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(help="Folders of one diagnosis, one tuning, and one result or two."),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="The page.")] = Path("before_after.html"),
+) -> None:
+    """One page of a machine: recordings, diagnosis, revised model, tuned gains, its own results."""
+    from eha_bench.before_after import before_after as write
+
+    typer.echo(str(write(folders, out)))
+
+
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the commands."""
     app.command()(tune)
+    app.command("before-after")(before_after)

@@ -80,7 +80,12 @@ def to_dict(found: Tuned) -> dict[str, Any]:
         "complete": found.complete,
         "tried": found.tried,
         "gains": {
-            factor.key: {"before": before, "after": after, "unit": factor.unit}
+            factor.key: {
+                "before": before,
+                "after": after,
+                "unit": factor.unit,
+                "written_in": factor.shown_in or factor.unit,
+            }
             for factor, before, after in zip(space.factors, found.before, found.point, strict=True)
         },
         "margin": finite_or_none(finite_least(found.margins)),
