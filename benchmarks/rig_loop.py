@@ -129,9 +129,13 @@ class RigSimulator(Simulator):
         self._rig = rig
 
     def varied(
-        self, model: Model | None = None, controllers: ControllerSet | None = None
+        self,
+        model: Model | None = None,
+        controllers: ControllerSet | None = None,
+        sensors: dict[str, Sensor] | None = None,
     ) -> RigSimulator:
-        """Return the same rig under other controllers."""
+        """Return the same rig under other controllers; its sensors are its own."""
+        del sensors
         return RigSimulator(self._rig, model or self._model, controllers or self._controllers)
 
     def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:

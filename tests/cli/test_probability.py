@@ -108,6 +108,25 @@ def test_draws_have_the_covariance(files: Path) -> None:
     assert draws[7].model.value("torque_constant") == draws[7].values["torque_constant"]
 
 
+def test_what_is_left_unexplained_lowers_the_probability(cli: Cli, files: Path) -> None:
+    (files / "revised.yaml").write_text(MODEL)
+    (files / "hold.yaml").write_text(SUITE.replace("LIMIT", "18.5"), encoding="utf-8")
+    known = {"parameters": ["torque_constant"], "matrix": [[1e-12]]}
+    rival = {"id": "x", "standing": "found", "model": "revised.yaml", "covariance": known}
+    run = ("run", "hold.yaml", "--target", "revised.yaml", "--posterior", "diagnosis.json")
+    kept = []
+    for left in (0.0, 5e6):
+        content = {
+            "verdict": "unknown", "rivals": [rival], "per_run": {},
+            "covered": {"unexplained": {"pressure_a": left, "current": None}},
+        }  # fmt: skip
+        (files / "diagnosis.json").write_text(json.dumps(content))
+        cli(*run, "--draws", 12, "--out", f"out{left:g}")
+        kept.append(probability(files / f"out{left:g}")["suite"]["value"])
+    assert kept[0] == 1.0
+    assert kept[1] < 0.9
+
+
 def test_what_differs_from_run_to_run_is_drawn_from_the_runs(files: Path) -> None:
     own = {f"run{k}": {"external_force": {"value": 100.0 * k}} for k in range(3)}
     (files / "calibration.json").write_text(json.dumps(posterior(per_run=own)))

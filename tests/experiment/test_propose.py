@@ -200,7 +200,7 @@ def test_a_file_that_says_nothing_of_safety_is_refused(tmp_path: Path):
     question = read_question(write_question(tmp_path, [rival(*LAG)]))
     other = tmp_path / "model.yaml"
     other.write_text("model: eha_knee\n")
-    with pytest.raises(InputError, match="nothing of what is safe"):
+    with pytest.raises(InputError, match="no safety limits"):
         permitted(
             question.rivals[0].model.plant, [question.rivals[0].vector], question.covered, other
         )

@@ -52,7 +52,7 @@ def read_posterior(path: Path, model: Model) -> Posterior:
     )
     known = model.plant.layout.by_key
     kept = tuple(own for own in per_run if own and all(key in known for key in own))
-    return Posterior(components, kept, tuple(notes), str(file))
+    return Posterior(components, kept, tuple(notes), str(file), _remainder(content))
 
 
 def beside(model: Path) -> Path | None:
@@ -123,6 +123,12 @@ def _of_diagnosis(
     if content.get("verdict") == "unknown":
         notes.append("the diagnosis left an unexplained part, which draws hold only as covariance")
     return found, notes
+
+
+def _remainder(content: Mapping[str, Any]) -> dict[str, float]:
+    """Return channel -> what a diagnosis left unexplained beyond the noise, SI."""
+    found = (content.get("covered") or {}).get("unexplained") or {}
+    return {name: float(value) for name, value in found.items() if value}
 
 
 def _of_calibration(

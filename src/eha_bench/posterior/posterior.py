@@ -2,14 +2,15 @@
 
 Where the data cannot tell two explanations apart, each is a component, and draws come from all of
 them in turn. What differs from run to run (`per_run`) is drawn from the runs that were recorded.
-The covariance holds correlated residuals and runs that disagree (`diagnosis.fit.uncertainty`); what
-no equation of the model explains beyond that is in no draw.
+The covariance holds correlated residuals and runs that disagree (`diagnosis.fit.uncertainty`). What
+no equation of the model explains beyond that is a slow error of each channel, as large as the
+residual beyond the noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -117,6 +118,7 @@ class Posterior:
     Attributes:
         components: explanations that the data cannot tell apart, what was found first.
         per_run: what differs from run to run, by recorded run, SI.
+        remainder: channel -> root mean square of what was left unexplained beyond the noise, SI.
         notes: what draws leave out, one sentence each. source: the file.
     """
 
@@ -124,6 +126,7 @@ class Posterior:
     per_run: tuple[Mapping[str, float], ...] = ()
     notes: tuple[str, ...] = ()
     source: str = ""
+    remainder: Mapping[str, float] = field(default_factory=dict)
 
     def draws(self, count: int, seed: int) -> tuple[Draw, ...]:
         """Return draws; the same seed gives the same, and more of them begin with the fewer."""

@@ -50,7 +50,7 @@ class RealPlant:
         self._noise: list[list[float]] = []
         self._session = self._started({}, 0.0, locked=plant.can_lock, bypass_open=False)
         self._coded = {
-            name: own[name].in_si(name, plant.units.get(name)) if name in own else (0.0, 0.0)
+            name: own[name].in_si(name, plant.units.get(name))[:2] if name in own else (0.0, 0.0)
             for name in self._session.channels
         }
 

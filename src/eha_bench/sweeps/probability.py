@@ -29,6 +29,7 @@ from eha_bench.posterior.posterior import Draw, Posterior
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.chance import Chance
 from eha_bench.sweeps.evaluation import Evaluated, LimitName, PointResult, limits_of
+from eha_bench.sweeps.remainder import with_remainder
 from eha_bench.sweeps.sweep import time_left
 
 SUMMARY: Final = "probability.json"
@@ -230,6 +231,7 @@ def probability(
         InputError: the suite has no limit.
     """
     case = judged_only(case)
+    case = replace(case, simulator=with_remainder(case.simulator, posterior.remainder))
     chosen = posterior.draws(draws, seed)
     found: dict[int, Evaluated] = {}
     began, passed = time.monotonic(), 0

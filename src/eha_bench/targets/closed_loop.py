@@ -65,7 +65,8 @@ class ClosedLoop:
         clock = trial.clock()
         reference = trial.reference(clock)
         seed = [trial.seed + self.repeat, zlib.crc32(trial.id.encode())]
-        noise = SensorNoise(self.sensors, channels, clock.size, seed, self.units)
+        period = 1.0 / trial.sample_rate
+        noise = SensorNoise(self.sensors, channels, clock.size, seed, self.units, period)
         measured = np.full((clock.size, len(channels)), np.nan)
         commands = np.full(clock.size, np.nan)
         both = "pressure_a" in channels and "pressure_b" in channels

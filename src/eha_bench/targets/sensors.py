@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated
 
@@ -11,18 +12,25 @@ from pydantic import Field
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import UnitError
-from eha_bench.core.units import parse
+from eha_bench.core.units import Unit, parse
 from eha_bench.core.yaml_file import Real, StrictModel
 
 
 class Sensor(StrictModel):
-    """Noise (standard deviation, white, Gaussian) and resolution of one channel."""
+    """Noise (standard deviation, white, Gaussian), resolution and slow error of one channel."""
 
     noise: Annotated[Real | str, Field(description="standard deviation")] = 0.0
     resolution: Annotated[Real | str, Field(description="size of one count; 0 for none")] = 0.0
 
-    def in_si(self, channel: str, unit: str | None = None) -> tuple[float, float]:
-        """Return noise and resolution in the channel's SI unit.
+    wander: Annotated[
+        Real | str, Field(description="standard deviation of an error that changes slowly")
+    ] = 0.0
+    memory: Annotated[
+        float, Unit("s"), Field(gt=0, description="how long that error stays alike")
+    ] = 0.02
+
+    def in_si(self, channel: str, unit: str | None = None) -> tuple[float, float, float]:
+        """Return noise, resolution and wander in the channel's SI unit.
 
         Args:
             channel: its name. unit: its SI unit, where eha_bench does not know the channel.
@@ -31,10 +39,11 @@ class Sensor(StrictModel):
             UnitError: wrong dimension, or negative.
         """
         si = unit_of(channel) if unit is None else unit
-        noise, resolution = (parse(v, si) for v in (self.noise, self.resolution))
-        if noise < 0 or resolution < 0:
-            raise UnitError(f"noise and resolution of '{channel}' cannot be negative")
-        return noise, resolution
+        found = tuple(parse(v, si) for v in (self.noise, self.resolution, self.wander))
+        if min(found) < 0:
+            raise UnitError(f"noise, resolution and wander of '{channel}' cannot be negative")
+        noise, resolution, wander = found
+        return noise, resolution, wander
 
 
 RIG_SENSORS: dict[str, Sensor] = {
@@ -59,15 +68,27 @@ class SensorNoise:
         n: int,
         seed: list[int],
         units: Mapping[str, str],
+        period: float,
     ) -> None:
+        """Draw it.
+
+        Args:
+            sensors: by channel. channels: of the readings. n: ticks. seed: of what is drawn.
+            units: SI units of channels that are not on the list of known ones. period: of ticks, s.
+        """
         generator = np.random.default_rng(seed)
         self._noise = np.zeros((n, len(channels)))
         self._count = np.zeros(len(channels))
         for column, channel in enumerate(channels):
             drawn = generator.standard_normal(n)
             if channel in sensors:
-                noise, self._count[column] = sensors[channel].in_si(channel, units.get(channel))
+                sensor = sensors[channel]
+                noise, self._count[column], wander = sensor.in_si(channel, units.get(channel))
                 self._noise[:, column] = noise * drawn
+                if wander > 0.0:
+                    own = np.random.SeedSequence(seed, spawn_key=(column,))
+                    slow = _slow(n, period / sensor.memory, own)
+                    self._noise[:, column] += wander * slow
 
     def read(self, tick: int, truth: FloatArray) -> FloatArray:
         """Return what the sensors show at a tick for the true values, (channels,)."""
@@ -75,3 +96,17 @@ class SensorNoise:
         counted = self._count > 0
         value[counted] = np.round(value[counted] / self._count[counted]) * self._count[counted]
         return value
+
+
+def _slow(n: int, step: float, seed: np.random.SeedSequence) -> FloatArray:
+    """Return an error of standard deviation 1 that is alike for 1 / `step` ticks, (n,).
+
+    First-order autoregressive: e_k = a e_(k-1) + sqrt(1 - a^2) w_k with a = exp(-step), from its
+    stationary distribution on.
+    """
+    from scipy.signal import lfilter
+
+    keep = math.exp(-step)
+    drawn = np.random.default_rng(seed).standard_normal(n)
+    drawn[1:] *= math.sqrt(1.0 - keep * keep)
+    return np.asarray(lfilter([1.0], [1.0, -keep], drawn))

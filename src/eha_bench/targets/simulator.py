@@ -92,14 +92,22 @@ class Simulator(Target):
         """What closes the loop."""
         return self._controllers
 
+    @property
+    def sensors(self) -> dict[str, Sensor]:
+        """What is read, and how well, by channel."""
+        return self._sensors
+
     def varied(
-        self, model: Model | None = None, controllers: ControllerSet | None = None
+        self,
+        model: Model | None = None,
+        controllers: ControllerSet | None = None,
+        sensors: dict[str, Sensor] | None = None,
     ) -> Simulator:
-        """Return the same simulator with another model or other controllers."""
+        """Return the same simulator with another model, other controllers or other sensors."""
         return Simulator(
             model or self._model,
             controllers or self._controllers,
-            sensors=self._sensors,
+            sensors=self._sensors if sensors is None else sensors,
             step=self._step,
             name=self._name,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from eha_bench.plants.model import Model
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.evaluation import PointResult, evaluated, limits_of
 from eha_bench.sweeps.probability import judged_only
+from eha_bench.sweeps.remainder import with_remainder
 from eha_bench.sweeps.space import Point, Space
 
 
@@ -21,11 +22,12 @@ from eha_bench.sweeps.space import Point, Space
 class Machine:
     """A machine that candidates are tried on: a model, and the number of its draw, -1 for none.
 
-    The number chooses the noise of the sensors.
+    The number chooses the noise of the sensors; `remainder` is what the model leaves unexplained.
     """
 
     number: int
     model: Model
+    remainder: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class _Run:
     def __call__(self, job: _Job) -> PointResult:
         case = self.space.at(job.point)
         simulator = case.simulator.varied(model=job.machine.model)
+        simulator = with_remainder(simulator, job.machine.remainder)
         noise = max(job.machine.number, 0)
         return evaluated(replace(case, simulator=simulator), noise, scorer=score_limits)
 

@@ -176,8 +176,8 @@ class _Tuning:
     def _over_draws(self, first: Search, before: Point, posterior: Posterior) -> Tuned:
         space, effort = self.trying.space, self.effort
         draws = posterior.draws(effort.draws, effort.seed)
-        few = [Machine(draw.number, draw.model) for draw in draws[: effort.few]]
-        second = self._search(few, self.aim)
+        machines = [Machine(draw.number, draw.model, posterior.remainder) for draw in draws]
+        second = self._search(machines[: effort.few], self.aim)
         ranked = sorted(first.tried, key=lambda item: -item.worth)
         size = max(5, 2 * len(space.factors))
         chosen = ranked[0]
@@ -195,7 +195,8 @@ class _Tuning:
         self, second: Search, before: Point, draws: Sequence[Draw]
     ) -> tuple[Candidate, Probability, Probability]:
         """Return the best of the finalists over all draws, and the gains as they were."""
-        machines = [Machine(draw.number, draw.model) for draw in draws]
+        left = self.posterior.remainder if self.posterior else {}
+        machines = [Machine(draw.number, draw.model, left) for draw in draws]
         finalists: list[Candidate] = []
         for item in sorted(second.whole, key=lambda item: -item.worth):
             if item.point not in [other.point for other in finalists]:
