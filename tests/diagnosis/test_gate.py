@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eha_bench.core.errors import InputError, MissingChannelError
+from eha_bench.core.note import Note, of_run
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit, grouped, pooled_noise
@@ -190,10 +191,16 @@ def test_nothing_to_compare_is_an_error():
 def test_what_several_runs_say_alike_is_said_once():
     one = admit(run(recording()), recording(), ["current_command"], OUTPUTS)
     runs = [
-        replace(one, run=replace(one.run, name=name), notes=(f"{name}: 'current' has {gaps} gaps",))
+        replace(
+            one,
+            run=replace(one.run, name=name),
+            notes=(Note("{run}: 'current' has {gaps:d} gaps", run=name, gaps=gaps),),
+        )
         for name, gaps in (("ramp", 3), ("steps", 12))
     ]
-    alone = replace(one, run=replace(one.run, name="sine"), notes=("sine: the clock jumps",))
+    alone = replace(
+        one, run=replace(one.run, name="sine"), notes=(of_run("sine", "the clock jumps"),)
+    )
     assert grouped([*runs, alone]) == (
         "ramp, steps: 'current' has 3 to 12 gaps",
         "sine: the clock jumps",

@@ -12,8 +12,14 @@ def suggest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
     `likeness` (0 to 1) is what a name needs to be suggested: more where any name is allowed.
     """
     names = list(known)
-    folded = {other.lower(): other for other in reversed(names)}
-    close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=likeness)
-    if close:
-        return f"did you mean '{folded[close[0]]}'?"
+    close = nearest(name, names, likeness=likeness)
+    if close is not None:
+        return f"did you mean '{close}'?"
     return f"known: {', '.join(names)}" if names else "there are none"
+
+
+def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str | None:
+    """Return the known name that is most like another one, None where none is."""
+    folded = {other.lower(): other for other in reversed(list(known))}
+    close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=likeness)
+    return folded[close[0]] if close else None

@@ -9,6 +9,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.core.note import Note
 from eha_bench.recordings.channel_map import ChannelMap, Gaps, Method, Range
 from eha_bench.recordings.series import (
     BRIDGED,
@@ -167,13 +168,20 @@ def _method_notes(
 ) -> list[str]:
     how = {Method.LINEAR: "interpolated linearly", Method.HOLD: "held until the next message"}
     step = typical_step(track.stamps) / 1e9
-    notes = []
+    notes: list[str] = []
     for method, text in how.items():
         affected = [name for name in names if mapping.method(name) is method]
         if affected:
             notes.append(
-                f"topic '{topic}' (every {step:.6g} s) was carried onto the clock of '{base}': "
-                f"{', '.join(affected)} {text}"
+                Note(
+                    "topic '{topic}' (every {step:.6g} s) was carried onto the clock of '{base}': "
+                    "{channels} {how}",
+                    topic=topic,
+                    step=step,
+                    base=base,
+                    channels=", ".join(affected),
+                    how=text,
+                )
             )
     if step * 1e9 < _SLOWER * typical_step(stamps):
         notes.append(

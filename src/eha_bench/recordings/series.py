@@ -8,6 +8,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.core.note import Note
 from eha_bench.recordings.channel_map import ChannelEntry, Duplicates, Repair, StepsBack
 from eha_bench.recordings.track import Column, Stamps, Track
 
@@ -154,9 +155,16 @@ def gap_note(name: str, stamps: Stamps, epoch: int) -> list[str]:
     at = seconds(stamps[found.starts[longest : longest + 1]], epoch)[0]
     count = found.starts.size
     return [
-        f"{name}: {count} gap{'s' if count > 1 else ''} in time, the longest "
-        f"{found.lengths[longest]:.6g} s after {at:.6g} s (samples usually every "
-        f"{found.period:.6g} s)"
+        Note(
+            "{clock}: {count:d} gap{s} in time, the longest {longest:.6g} s after {at:.6g} s "
+            "(samples usually every {period:.6g} s)",
+            clock=name,
+            count=count,
+            s="s" if count > 1 else "",
+            longest=float(found.lengths[longest]),
+            at=float(at),
+            period=float(found.period),
+        )
     ]
 
 
@@ -171,8 +179,14 @@ def nan_note(name: str, values: Column, time: FloatArray) -> list[str]:
         return []
     at = time[int(np.argmax(bad))]
     return [
-        f"channel '{name}': {count} of {values.size} samples are not finite, first at {at:.6g} s; "
-        "they are kept"
+        Note(
+            "channel '{channel}': {count:d} of {size:d} samples are not finite, first at {at:.6g} "
+            "s; they are kept",
+            channel=name,
+            count=count,
+            size=values.size,
+            at=float(at),
+        )
     ]
 
 

@@ -28,7 +28,7 @@ from eha_bench.metrics.frequency_response import (
 )
 from eha_bench.metrics.low_frequency import low_frequency_gain
 from eha_bench.metrics.recorded import bind
-from eha_bench.report.engineering import limit_text, metric_name, number, quantity
+from eha_bench.report.engineering import limit_text, metric_label, number, quantity
 from eha_bench.report.marks import Role
 
 GAIN: Final = 0
@@ -206,7 +206,7 @@ def _frequencies(scores: dict[str, Score], metrics: tuple[str, ...]) -> Iterator
         if score is None:
             continue
         value = quantity(score.value, score.unit, metric=name, written=score.limit)
-        words = metric_name(name).partition(" (")[0].lower()
+        words = metric_label(name)
         text = f"{words} {value}" + (f" (limit {limit_text(score.limit)})" if score.limit else "")
         yield BodeMark(Role.MEASURED, text, frequency=score.value)
 

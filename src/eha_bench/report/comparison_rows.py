@@ -8,6 +8,7 @@ from typing import Final
 
 from eha_bench.comparison.comparison import Compared, Values
 from eha_bench.comparison.verdict import Verdict
+from eha_bench.core.metric import Better
 from eha_bench.report.aspects import aspect_of
 from eha_bench.report.engineering import (
     COUNTS,
@@ -129,7 +130,7 @@ def note_of(item: Compared) -> str:
             parts.append(f"about {item.more_repeats} more {word} on each side would decide")
     if item.verdict is Verdict.CHANGED:
         parts.append("the metric declares no better direction")
-    if item.better.startswith("nearer"):
+    if item.better not in ("", Better.LOWER, Better.HIGHER):
         parts.append(f"{item.better} is better: differences are of the distances")
     return ". ".join(part[:1].upper() + part[1:] for part in parts)
 

@@ -91,18 +91,19 @@ _FRACTIONS: Final = frozenset({"overshoot", "undershoot", "tracking_nrmse", "dis
 COUNTS: Final = frozenset({"loop_overruns"})
 """Metrics that are whole numbers."""
 
-_METRIC_NAMES: Final[dict[str, str]] = {
-    "rise_time": "Rise time (10\N{EN DASH}90 %)",
-    "response_time": "Response time (0\N{EN DASH}95 %)",
-    "settling_time": "Settling time (2 %)",
-    "steady_state_error": "Steady-state error",
-    "tracking_rms": "Tracking error, RMS",
-    "tracking_max": "Tracking error, maximum",
-    "tracking_nrmse": "Tracking error, normalised RMS",
-    "bandwidth_3db": f"Bandwidth ({_MINUS}3 dB)",
-    "bandwidth_90deg": f"Bandwidth ({_MINUS}90°)",
-    "loop_overruns": "Loop overruns",
+_METRIC_NAMES: Final[dict[str, tuple[str, str]]] = {
+    "rise_time": ("Rise time", "10\N{EN DASH}90 %"),
+    "response_time": ("Response time", "0\N{EN DASH}95 %"),
+    "settling_time": ("Settling time", "2 %"),
+    "steady_state_error": ("Steady-state error", ""),
+    "tracking_rms": ("Tracking error, RMS", ""),
+    "tracking_max": ("Tracking error, maximum", ""),
+    "tracking_nrmse": ("Tracking error, normalised RMS", ""),
+    "bandwidth_3db": ("Bandwidth", f"{_MINUS}3 dB"),
+    "bandwidth_90deg": ("Bandwidth", f"{_MINUS}90°"),
+    "loop_overruns": ("Loop overruns", ""),
 }
+"""id -> name, and the convention by which it is measured."""
 
 _CHANNEL_NAMES: Final[dict[str, str]] = {
     "pressure_a": "Pressure A",
@@ -112,7 +113,14 @@ _CHANNEL_NAMES: Final[dict[str, str]] = {
 
 def metric_name(metric: str) -> str:
     """Return a metric's id as a heading, e.g. `response_time` -> Response time (0-95 %)."""
-    return _METRIC_NAMES.get(metric) or _sentence(metric)
+    name, convention = _METRIC_NAMES.get(metric) or (_sentence(metric), "")
+    return f"{name} ({convention})" if convention else name
+
+
+def metric_label(metric: str) -> str:
+    """Return a metric's name for a mark in a plot, without its convention: response time."""
+    name, _ = _METRIC_NAMES.get(metric) or (_sentence(metric), "")
+    return name.lower()
 
 
 def channel_name(channel: str) -> str:

@@ -18,7 +18,7 @@ from eha_bench.core.score import Score
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.settling_time import BAND
 from eha_bench.metrics.step_response import FINAL_SHARE
-from eha_bench.report.engineering import limit_text, metric_name, quantity
+from eha_bench.report.engineering import limit_text, metric_label, quantity
 
 _SHARE_AT: Final = {"delay_time": 0.5, "response_time": 0.95, "settling_time": 1.0}
 _TIMES: Final = (*_SHARE_AT, "peak_time")
@@ -161,7 +161,7 @@ def _settling_band(channel: str, step: Step) -> ValueBand:
 
 
 def _limit(trial: Trial, limit: AcceptanceLimit, steps: Sequence[Step]) -> Iterator[Mark]:
-    label = f"{_short(limit.metric)} {limit_text(limit.text)}"
+    label = f"{metric_label(limit.metric)} {limit_text(limit.text)}"
     low, high = limit.bounds.low, limit.bounds.high
     # The upper side carries the label; of a limit with one side, that one.
     sides = [(high, label)] if math.isfinite(high) else []
@@ -211,7 +211,7 @@ def _measured(step: Step, scores: Sequence[Score], followed: str) -> Iterator[Ma
             written=score.limit,
             spread=(score.measure.high - score.measure.low) / 2.0,
         )
-        label = f"{_short(score.metric)} {value}"
+        label = f"{metric_label(score.metric)} {value}"
         if score.metric in _SHARE_AT and score.channel == followed:
             level = step.initial + _SHARE_AT[score.metric] * step.size
             yield Point(score.channel, step.time + score.value, level, label)
@@ -227,7 +227,3 @@ def _measured(step: Step, scores: Sequence[Score], followed: str) -> Iterator[Ma
                 yield LevelLine(
                     score.channel, score.value, step.time, step.until, Role.MEASURED, label
                 )
-
-
-def _short(metric: str) -> str:
-    return metric_name(metric).partition(" (")[0].lower()

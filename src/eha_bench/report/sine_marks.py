@@ -15,7 +15,7 @@ from eha_bench.core.score import Score
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.tone_response import tone_response
 from eha_bench.metrics.window import Timeline
-from eha_bench.report.engineering import limit_text, metric_name, quantity
+from eha_bench.report.engineering import limit_text, metric_label, quantity
 from eha_bench.report.marks import LevelLine, Mark, Point, Role, TimeBand, TimeLine
 
 
@@ -95,7 +95,7 @@ def sine_marks(
 
 
 def _limit(swing: Swing, limit: AcceptanceLimit) -> Iterator[Mark]:
-    label = f"{metric_name(limit.metric).partition(' (')[0].lower()} {limit_text(limit.text)}"
+    label = f"{metric_label(limit.metric)} {limit_text(limit.text)}"
     sides = [side for side in (limit.bounds.high, limit.bounds.low) if math.isfinite(side)]
     for number, side in enumerate(sides):
         text = "" if number else label
@@ -111,7 +111,7 @@ def _measured(swing: Swing, score: Score) -> Iterator[Mark]:
     value = quantity(
         score.value, score.unit, metric=score.metric, written=score.limit, spread=spread
     )
-    label = f"{metric_name(score.metric).partition(' (')[0].lower()} {value}"
+    label = f"{metric_label(score.metric)} {value}"
     if score.metric == "amplitude_ratio":
         yield from _levels(swing, swing.response, Role.MEASURED, label)
     elif score.metric == "time_lag":

@@ -30,7 +30,7 @@ def _check_inputs(path: Path, dataset: Dataset, mapped: set[str]) -> None:
     """
     from eha_bench.core.channels import CHANNELS
     from eha_bench.core.errors import InputError, Place
-    from eha_bench.core.near_miss import suggest
+    from eha_bench.core.near_miss import nearest, suggest
     from eha_bench.core.yaml_file import line_of, load
 
     plant = dataset.model.plant
@@ -38,13 +38,12 @@ def _check_inputs(path: Path, dataset: Dataset, mapped: set[str]) -> None:
     known = dict.fromkeys((*sorted(mapped), *own, *CHANNELS))
     all_mapped = all(run.channels for run in dataset.runs)
     for number, name in enumerate(dataset.inputs):
-        hint = suggest(name, known)
-        if name not in known and (all_mapped or hint.startswith("did you mean")):
+        if name not in known and (all_mapped or nearest(name, known) is not None):
             line = line_of(load(path), ["inputs", number])
             raise InputError(
                 f"no channel map and no plant has an input '{name}'",
                 where=Place(file=str(path), line=line, key=f"inputs.{number}"),
-                hint=hint,
+                hint=suggest(name, known),
             )
 
 

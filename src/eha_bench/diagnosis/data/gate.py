@@ -6,7 +6,6 @@ stretches that stand still or are clipped, and gaps are said and left out.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,6 +14,7 @@ import numpy as np
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
+from eha_bench.core.note import Note, merged, of_run
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.colour import Colour
@@ -40,7 +40,6 @@ _RESTS = 3
 SAME = 1e-3
 """What an input may move and still rest, as a share of its range."""
 # a number on its own, not one in a name
-_NUMBER = re.compile(r"(?<![\w.#])\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)")
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class Measured:
     values: FloatArray
     valid: BoolArray
     breaks: tuple[int, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
     still: Mapping[str, FloatArray] = field(default_factory=dict)
     input_noise: Mapping[str, float] = field(default_factory=dict)
@@ -210,30 +209,8 @@ class Measured:
 
 
 def grouped(measured: Sequence[Measured]) -> tuple[str, ...]:
-    """Return the notes of several runs: what several say alike is said once, for all of them.
-
-    Where they differ by a number only, its range stands in its place.
-    """
-    alike: dict[str, list[tuple[str, list[str]]]] = {}
-    for item in measured:
-        for note in item.notes:
-            text = note.removeprefix(f"{item.run.name}: ")
-            alike.setdefault(_NUMBER.sub("#", text), []).append(
-                (item.run.name, _NUMBER.findall(text))
-            )
-    found = []
-    for text, said in alike.items():
-        names = ", ".join(dict.fromkeys(name for name, _ in said))
-        numbers = zip(*(own for _, own in said), strict=True)
-        ranges = [*(_range_of(own) for own in numbers), ""]
-        pieces = zip(text.split("#"), ranges, strict=True)
-        found.append(f"{names}: " + "".join(piece + value for piece, value in pieces))
-    return tuple(found)
-
-
-def _range_of(numbers: Sequence[str]) -> str:
-    low, high = min(numbers, key=float), max(numbers, key=float)
-    return low if float(low) == float(high) else f"{low} to {high}"
+    """Return the notes of several runs, those that differ in numbers only as one."""
+    return merged(note for item in measured for note in item.notes)
 
 
 def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[str, float]:
@@ -301,15 +278,19 @@ def admit(
     sampled = recording if isinstance(recording, Sampled) else Sampled(recording)
     recording, apart = sampled.recording, sampled.is_of_several
     time = np.array(recording.time - recording.time[0])
-    notes = [f"{run.name}: {note}" for note in recording.notes]
+    notes = [of_run(run.name, note) for note in recording.notes]
     regular = None
     if not apart:
         regular = regular_clock(time, [recording[name] for name in outputs if name in recording])
     if regular is not None:
         beside = 1e3 * float(np.std(time - regular))
         notes.append(
-            f"{run.name}: its time stamps are {beside:.2g} ms off a regular clock; the readings "
-            "follow that clock, so it is used"
+            Note(
+                "{run}: its time stamps are {off:.2g} ms off a regular clock; the readings follow "
+                "that clock, so it is used",
+                run=run.name,
+                off=beside,
+            )
         )
         time = regular
     driven = _driven(run, sampled, time, inputs, roles, where, notes)
@@ -322,7 +303,13 @@ def admit(
         raw = np.array(recording[name])
         good = np.isfinite(raw)
         if not good.any():
-            notes.append(f"{run.name}: '{name}' holds no finite value and is left out")
+            notes.append(
+                Note(
+                    "{run}: '{channel}' holds no finite value and is left out",
+                    run=run.name,
+                    channel=name,
+                )
+            )
             continue
         if run.locked and name in roles.locked and name in roles.rate_of:
             held[name] = float(raw[int(np.argmax(good))])
@@ -334,14 +321,25 @@ def admit(
         still = _stuck(raw, good, limited=name in roles.limited, own=apart)
         if still.any():
             notes.append(
-                f"{run.name}: '{name}' stands still or is clipped for "
-                f"{int(still.sum())} samples, left out"
+                Note(
+                    "{run}: '{channel}' stands still or is clipped for {count:d} samples, left out",
+                    run=run.name,
+                    channel=name,
+                    count=int(still.sum()),
+                )
             )
             good &= ~still
         if not good.all():
             gaps = int((~np.isfinite(raw)).sum())
             if gaps and not apart:
-                notes.append(f"{run.name}: '{name}' has {gaps} samples missing")
+                notes.append(
+                    Note(
+                        "{run}: '{channel}' has {count:d} samples missing",
+                        run=run.name,
+                        channel=name,
+                        count=gaps,
+                    )
+                )
         names.append(name)
         columns.append(np.where(good, raw, 0.0))
         masks.append(good)
@@ -396,14 +394,20 @@ def _driven(
     inputs: Sequence[str],
     roles: ChannelRoles,
     where: Place,
-    notes: list[str],
+    notes: list[Note],
 ) -> _Driven:
     """Return what drives a run, and say what is not there."""
     found = _Driven({}, {}, {}, np.zeros(time.size, dtype=np.bool_))
     recording = sampled.recording
     for name in inputs:
         if name not in recording and name in roles.on_top:
-            notes.append(f"{run.name}: no '{name}' in the log, so none are taken to have acted")
+            notes.append(
+                Note(
+                    "{run}: no '{channel}' in the log, so none are taken to have acted",
+                    run=run.name,
+                    channel=name,
+                )
+            )
             found.values[name] = np.zeros(time.size)
             continue
         raw = _input(name, recording, where)
@@ -412,14 +416,13 @@ def _driven(
         known = raw
         if lost.any():
             found.missing[lost] = True
-            text = f"{run.name}: input '{name}' has {int(lost.sum())} gaps, "
+            text = "{run}: input '{channel}' has {count:d} gaps, bridged"
+            values: dict[str, str | int] = {"channel": name, "count": int(lost.sum())}
             if asked:
                 known, found.unsure[name] = guessed(time, raw, lost)
-                count = found.unsure[name].ticks.size
-                text += f"bridged; {count} of them are unknown"
-            else:
-                text += "bridged"
-            notes.append(text)
+                text += "; {unknown:d} of them are unknown"
+                values["unknown"] = found.unsure[name].ticks.size
+            notes.append(Note(text, run=run.name, **values))
         found.values[name] = _filled(time, known, held=asked)
         found.noise.update(_input_noise(name, time, raw, roles))
     return found
@@ -462,18 +465,28 @@ def _may_rest(values: FloatArray) -> bool:
 
 
 def _stands(
-    run: Run, name: str, restful: Collection[str], notes: list[str], roles: ChannelRoles
+    run: Run, name: str, restful: Collection[str], notes: list[Note], roles: ChannelRoles
 ) -> bool:
     """Whether a reading that never changes is that of a machine that stands, and say so."""
     if run.locked and name in roles.locked:
         return False
     if name in restful:
         notes.append(
-            f"{run.name}: '{name}' never changes, as in other runs at rest: the machine is taken "
-            "to be at rest or stalled"
+            Note(
+                "{run}: '{channel}' never changes, as in other runs at rest: the machine is taken "
+                "to be at rest or stalled",
+                run=run.name,
+                channel=name,
+            )
         )
         return True
-    notes.append(f"{run.name}: '{name}' never changes (dead sensor?) and is left out")
+    notes.append(
+        Note(
+            "{run}: '{channel}' never changes (dead sensor?) and is left out",
+            run=run.name,
+            channel=name,
+        )
+    )
     return False
 
 
@@ -511,7 +524,7 @@ def _clock(
     time: FloatArray,
     inputs: Mapping[str, FloatArray],
     missing: BoolArray,
-    notes: list[str],
+    notes: list[Note],
 ) -> tuple[int, ...]:
     """Say what is wrong with the clock; return ticks after which inputs were unknown for long."""
     steps = np.diff(time)
@@ -521,12 +534,19 @@ def _clock(
     jumps = np.flatnonzero(steps > 5.0 * usual) + 1
     if jumps.size:
         notes.append(
-            f"{run.name}: the clock jumps {jumps.size} times by more than five periods of "
-            f"{usual * 1e3:.3g} ms"
+            Note(
+                "{run}: the clock jumps {count:d} times by more than five periods of "
+                "{period:.3g} ms",
+                run=run.name,
+                count=jumps.size,
+                period=usual * 1e3,
+            )
         )
     uneven = float(np.std(steps[steps <= 5.0 * usual]) / usual) if steps.size else 0.0
     if uneven > 0.3:
-        notes.append(f"{run.name}: the sampling period varies by {uneven:.0%}")
+        notes.append(
+            Note("{run}: the sampling period varies by {uneven:.0%}", run=run.name, uneven=uneven)
+        )
     holes = _long_holes(missing, time, 10.0 * usual)
     telling = [k for k in map(int, jumps) if steps[k - 1] > 0.05 or not _held_across(inputs, k)]
     return tuple(sorted({*telling, *holes}))

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
+from eha_bench.core.note import Note
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import RegularClock, Telling, clock_beside, telling
 
@@ -157,7 +158,7 @@ def _topic(part: Recording, wanted: Collection[str]) -> _Topic:
     return _Topic(part, names, np.array(part.time), clock_beside(part.time))
 
 
-def _at_their_clocks(topics: Sequence[_Topic]) -> tuple[list[_Topic], list[str]]:
+def _at_their_clocks(topics: Sequence[_Topic]) -> tuple[list[_Topic], list[Note]]:
     """Return topics on regular clocks where the log's readings do not speak for its stamps."""
     said = Telling()
     for item in topics:
@@ -168,17 +169,20 @@ def _at_their_clocks(topics: Sequence[_Topic]) -> tuple[list[_Topic], list[str]]
     for item in topics:
         own = item
         period = _usual(item.time) if item.clock is None else item.clock.period
-        text = f"{item.title}: every {1e3 * period:.4g} ms"
+        text = "{topic}: every {period:.4g} ms"
+        values: dict[str, str | int | float] = {"topic": item.title, "period": 1e3 * period}
         if item.clock is not None:
             if item.clock.lost:
-                text += f", {item.clock.lost} of {item.clock.lost + item.time.size} messages lost"
+                text += ", {lost:d} of {sent:d} messages lost"
+                values |= {"lost": item.clock.lost, "sent": item.clock.lost + item.time.size}
             if regular:
                 own = replace(item, time=item.clock.times)
             if 1e3 * item.clock.beside >= 1e-3:
                 how = "which is used" if regular else "but the readings follow the stamps"
-                text += f", stamps {1e3 * item.clock.beside:.2g} ms off a regular clock, {how}"
+                text += ", stamps {off:.2g} ms off a regular clock, {how}"
+                values |= {"off": 1e3 * item.clock.beside, "how": how}
         found.append(own)
-        notes.append(text)
+        notes.append(Note(text, **values))
     return found, notes
 
 

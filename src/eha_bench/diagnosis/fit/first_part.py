@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from eha_bench.core.note import Note
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.data.windows import Window, cut
 from eha_bench.diagnosis.fit.evidence import groups_of
@@ -48,17 +49,33 @@ class FirstPart:
         """Parameter -> value, SI."""
         return {key: item.value for key, item in self.estimates.items()}
 
-    def notes(self) -> list[str]:
-        """Say what was estimated, one sentence each."""
-        return [
-            f"{self.run}: {key} = {item.value:.4g} {item.unit}".rstrip()
-            + f" ({item.low:.4g} to {item.high:.4g}) was estimated from its first {self.until:.3g} "
-            "s only"
-            if np.isfinite(item.low) and np.isfinite(item.high)
-            else f"{self.run}: its first {self.until:.3g} s do not determine {key}, which keeps "
-            f"its declared value, {item.value:.4g} {item.unit}".rstrip()
-            for key, item in self.estimates.items()
-        ]
+    def notes(self) -> list[Note]:
+        """Return a note on every estimate: its value, or that the part does not determine it."""
+        return [self._note(key, item) for key, item in self.estimates.items()]
+
+    def _note(self, key: str, item: Estimate) -> Note:
+        unit = f" {item.unit}" if item.unit else ""
+        if np.isfinite(item.low) and np.isfinite(item.high):
+            return Note(
+                "{run}: {key} = {value:.4g}{unit} ({low:.4g} to {high:.4g}) was estimated from its "
+                "first {until:.3g} s only",
+                run=self.run,
+                key=key,
+                value=item.value,
+                unit=unit,
+                low=item.low,
+                high=item.high,
+                until=self.until,
+            )
+        return Note(
+            "{run}: its first {until:.3g} s do not determine {key}, which keeps its declared "
+            "value, {value:.4g}{unit}",
+            run=self.run,
+            key=key,
+            value=item.value,
+            unit=unit,
+            until=self.until,
+        )
 
 
 def first_part(measured: Measured, model: Model, noise: Mapping[str, float]) -> FirstPart:
