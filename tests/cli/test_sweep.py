@@ -11,6 +11,7 @@ import pytest
 from eha_bench.plants.model import load_model
 
 from .conftest import Cli
+from .own_controller import write_own_controller
 
 SUITE = """\
 name: hold
@@ -196,21 +197,7 @@ def test_validate_and_schema_know_a_sweep(cli: Cli, files: Path) -> None:
 
 
 def test_a_class_of_the_users_own_is_swept_by_workers(cli: Cli, files: Path) -> None:
-    (files / "mine.py").write_text(
-        "from typing import Annotated\n"
-        "from eha_bench.control.controller import Controller\n"
-        "from eha_bench.core.units import Unit\n"
-        "from eha_bench.core.yaml_file import StrictModel\n"
-        "class Own(StrictModel):\n"
-        "    gain: Annotated[float, Unit('A/Pa')]\n"
-        "class Mine(Controller):\n"
-        "    Gains = Own\n"
-        "    def __init__(self, gains, context):\n"
-        "        self.gain = gains.gain\n"
-        "    def step(self, reference, reading):\n"
-        "        return self.gain * (2.0 * reference - reading['pressure_difference'])\n"
-    )
-    (files / "own.yaml").write_text("pressure: {controller: 'mine:Mine', gain: 1 A/MPa}\n")
+    write_own_controller(files, "own.yaml")
     (files / "target.yaml").write_text("target: simulator\nmodel: paper\ncontroller: own.yaml\n")
     (files / "sweep.yaml").write_text("over: {gains: {pressure.gain: [0.5 A/MPa, 2 A/MPa]}}\n")
     words = ("sweep", "hold.yaml", "--over", "sweep.yaml", "--target", "target.yaml")

@@ -17,6 +17,7 @@ from eha_bench.tuning.aim import Passing, Tail, Worst, least
 from eha_bench.tuning.contradiction import contradiction
 
 from .conftest import Cli
+from .own_controller import write_own_controller
 
 SUITE = """\
 name: hold
@@ -166,21 +167,7 @@ def test_an_unknown_aim(cli: Cli, files: Path) -> None:
 
 
 def test_a_class_of_the_users_own_is_tuned(cli: Cli, files: Path) -> None:
-    (files / "law.py").write_text(
-        "from typing import Annotated\n"
-        "from eha_bench.control.controller import Controller\n"
-        "from eha_bench.core.units import Unit\n"
-        "from eha_bench.core.yaml_file import StrictModel\n"
-        "class Own(StrictModel):\n"
-        "    gain: Annotated[float, Unit('A/Pa')]\n"
-        "class Law(Controller):\n"
-        "    Gains = Own\n"
-        "    def __init__(self, gains, context):\n"
-        "        self.gain = gains.gain\n"
-        "    def step(self, reference, reading):\n"
-        "        return self.gain * (2.0 * reference - reading['pressure_difference'])\n"
-    )
-    (files / "own.yaml").write_text("pressure: {controller: 'law:Law', gain: 1 A/MPa}\n")
+    write_own_controller(files, "own.yaml")
     (files / "vary.yaml").write_text("vary: {pressure.gain: {from: 0.2 A/MPa, to: 3 A/MPa}}\n")
     few = ("--candidates", 8, "--draws", 2)
     cli(*TUNE, *few, "--controller", "own.yaml", "--out", "out")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +12,7 @@ import typer
 from eha_bench.cli.completion import complete_sweeps, complete_targets
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
 from eha_bench.cli.running import Suite, Workers
+from eha_bench.core.result import Status
 
 if TYPE_CHECKING:
     from eha_bench.sweeps.sweep import Sweep
@@ -93,9 +95,19 @@ def _say(found: Sweep) -> None:
         for place, limit in enumerate(found.limits):
             if not kept[:, place].any():
                 say(f"  no point keeps {limit.key} ({limit.text})")
-    reasons = {item.reason for item in found.results.values() if item.reason}
-    for reason in sorted(reasons)[:3]:
-        say(f"  {reason}")
+    for places in _without_score(found)[:3]:
+        more = f" and {len(places) - 1} more" if len(places) > 1 else ""
+        say(f"  {found.results[places[0]].reason} (point {places[0]}{more})")
+
+
+def _without_score(found: Sweep) -> list[list[int]]:
+    """Return the points that have no score, in groups by the first limit that has none."""
+    groups: dict[tuple[Status, int], list[int]] = {}
+    for place, item in sorted(found.results.items()):
+        if item.reason:
+            missing = [k for k, margin in enumerate(item.margins) if not math.isfinite(margin)]
+            groups.setdefault((item.status, missing[0] if missing else -1), []).append(place)
+    return sorted(groups.values(), key=len, reverse=True)
 
 
 def register(app: typer.Typer) -> None:

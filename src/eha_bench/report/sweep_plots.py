@@ -128,7 +128,9 @@ def parallel_svg(axes: Sequence[Axis], passed: BoolArray) -> Markup:
         finite = axis.values[np.isfinite(axis.values)]
         ends = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
         parts.append(f'<path d="M{x:.0f} {top}V{height - bottom}" stroke="var(--axis)"/>')
-        parts.append(_text(x, top - 20 + 12 * (k % 2), axis.label, "middle"))
+        # an outer label starts or ends at the picture's edge: centred it would be cut off
+        edge, anchor = {0: (4, "start"), len(axes) - 1: (_WIDTH - 4, "end")}.get(k, (x, "middle"))
+        parts.append(_text(edge, top - 32 + 16 * (k % 2), axis.label, anchor))
         parts.append(_text(x, height - 8, axis.text(ends[0]), "middle"))
         parts.append(_text(x + 4, top + 10, axis.text(ends[1]), "start"))
     return Markup("".join([*parts, "</svg>"]))
