@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -218,7 +219,7 @@ def test_what_is_assumed_is_what_is_simulated_from(read):
     """Without a declared charge a chamber begins as the other, or as the model's rest."""
     model = Model("eha_knee", {"initial_pressure": 5e5})
     values = {"force": np.zeros(100), **{k: np.full(100, v) for k, v in read.items()}}
-    (found,) = predict(freely(values).with_model(model))
+    (found,) = predict(replace(freely(values), model=model))
     (note,) = (note for note in found.notes if "assumed" in note)
     expected = next(iter(read.values()), 5e5)
     assert found.values["pressure_b"][0] == pytest.approx(expected)

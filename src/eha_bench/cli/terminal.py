@@ -17,7 +17,6 @@ class Colour(Enum):
     WARN = "33"
     UNSURE = "35"
     QUIET = "2"
-    STRONG = "1"
 
 
 def coloured(stream: TextIO | None = None) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 
 from eha_bench.core import plugins, yaml_file
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.near_miss import likely
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,8 @@ def kind_of(path: Path) -> FileKind:
         return found
     telling = [key for kind in kinds() for key in kind.keys]
     for key in content if isinstance(content, dict) else ():
-        near = suggest(str(key), telling)
-        if near.startswith("did you mean"):
+        near = likely(str(key), telling)
+        if near:
             line = yaml_file.line_of(content, [key])
             raise InputError(
                 f"key '{key}' belongs to no kind of file",

@@ -12,14 +12,12 @@ def suggest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
     `likeness` (0 to 1) is what a name needs to be suggested: more where any name is allowed.
     """
     names = list(known)
-    close = nearest(name, names, likeness=likeness)
-    if close is not None:
-        return f"did you mean '{close}'?"
-    return f"known: {', '.join(names)}" if names else "there are none"
+    listed = f"known: {', '.join(names)}" if names else "there are none"
+    return likely(name, names, likeness=likeness) or listed
 
 
-def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str | None:
-    """Return the known name that is most like another one, None where none is."""
+def likely(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
+    """Return a hint such as `did you mean 'sine'?`, "" where no known name is like this one."""
     folded = {other.lower(): other for other in reversed(list(known))}
     close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=likeness)
-    return folded[close[0]] if close else None
+    return f"did you mean '{folded[close[0]]}'?" if close else ""

@@ -12,7 +12,7 @@ from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit, SafetyLimit
 from eha_bench.core.margin import Margin
 from eha_bench.core.metric import MetricSpec, metric_spec
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.near_miss import likely
 from eha_bench.core.signal import Signal
 
 if TYPE_CHECKING:
@@ -95,8 +95,8 @@ def mode_named(name: str, declared: str | None = None, where: Place | None = Non
     if name == "reference":
         raise InputError("the reference cannot follow itself", where=where)
     names = [item.name for item in MODES]
-    hint = "" if mode.known else suggest(name, [*names, *CHANNELS], likeness=_MISSPELT)
-    if hint.startswith("did you mean"):
+    hint = "" if mode.known else likely(name, [*names, *CHANNELS], likeness=_MISSPELT)
+    if hint:
         raise InputError(f"unknown mode '{name}'", where=where, hint=hint)
     return mode
 

@@ -80,11 +80,6 @@ class FrequencyResponse:
         """Share of the channel's power that the reference explains, (n,)."""
         return np.array([point.coherence for point in self.points])
 
-    @property
-    def h2(self) -> ComplexArray:
-        """The estimate that leaves the noise to the reference: H1 over coherence, (n,)."""
-        return self.response / self.coherence
-
 
 def frequency_response(recording: Recording, trial: Trial, channel: str) -> FrequencyResponse:
     """Return the response of a channel to the reference (channel's unit over the reference's).

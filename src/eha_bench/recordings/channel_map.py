@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.expression import Expression
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.near_miss import likely, suggest
 from eha_bench.core.sensor import Sensor
 from eha_bench.core.units import Unit, base_unit, factor_and_offset
 from eha_bench.core.yaml_file import (
@@ -294,8 +294,8 @@ class ChannelMapFile(StrictModel):
         free = [name for name in CHANNELS if name not in self.channels]
         notes = []
         for name in self.channels:
-            hint = "" if name in CHANNELS else suggest(name, free, likeness=_MISSPELT)
-            if hint.startswith("did you mean"):
+            hint = "" if name in CHANNELS else likely(name, free, likeness=_MISSPELT)
+            if hint:
                 notes.append(f"channel '{name}' is not one that eha-bench knows; {hint}")
         return notes
 

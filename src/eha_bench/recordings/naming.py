@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.near_miss import likely
 
 
 def shown(names: Iterable[str]) -> str:
@@ -16,6 +16,6 @@ def shown(names: Iterable[str]) -> str:
 def among(name: str, known: Iterable[str], what: str) -> str:
     """Say which names of a kind (`what`, in plural) there are, the likeliest first."""
     names = list(known)
-    nearest = suggest(name[:200], names)
+    near = likely(name[:200], names)
     listed = f"its {what} are: {shown(names) or 'none'}"
-    return f"{shown([nearest])} ({listed})" if nearest.startswith("did you mean") else listed
+    return f"{shown([near])} ({listed})" if near else listed

@@ -14,7 +14,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Mistakes, Place, UnitError
 from eha_bench.core.located import Located
 from eha_bench.core.metric import METRICS, metric_spec
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.near_miss import likely
 from eha_bench.core.own_metric import STATISTICS, OwnMetric
 from eha_bench.core.units import base_unit
 from eha_bench.core.yaml_file import StrictModel, validate
@@ -139,6 +139,6 @@ def _check(
 def _check_channel(channel: str, where: Place) -> None:
     if channel in CHANNELS:
         return
-    hint = suggest(channel, CHANNELS, likeness=_MISSPELT)
-    if hint.startswith("did you mean"):
+    hint = likely(channel, CHANNELS, likeness=_MISSPELT)
+    if hint:
         raise InputError(f"unknown channel '{channel}'", where=where, hint=hint)

@@ -286,8 +286,3 @@ def _bands(case: Case, found: Sequence[Evaluated]) -> tuple[Band, ...]:
             )
         )  # fmt: skip
     return tuple(bands)
-
-
-def gate(found: Probability, least: float) -> bool:
-    """Whether the whole interval of P(pass) is at `least` or above."""
-    return found.suite.low >= least

@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -223,14 +223,6 @@ class Dataset:
                 f"it gives: {', '.join(plant.outputs)}",
             )
         return found
-
-    def with_model(self, model: Model) -> Dataset:
-        """Return the same runs held against another model.
-
-        Raises:
-            InputError: an input that the model's plant does not take.
-        """
-        return replace(self, model=model)
 
 
 def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:

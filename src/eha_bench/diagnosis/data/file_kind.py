@@ -30,7 +30,7 @@ def _check_inputs(path: Path, dataset: Dataset, mapped: set[str]) -> None:
     """
     from eha_bench.core.channels import CHANNELS
     from eha_bench.core.errors import InputError, Place
-    from eha_bench.core.near_miss import nearest, suggest
+    from eha_bench.core.near_miss import likely, suggest
     from eha_bench.core.yaml_file import line_of, load
 
     plant = dataset.model.plant
@@ -38,7 +38,7 @@ def _check_inputs(path: Path, dataset: Dataset, mapped: set[str]) -> None:
     known = dict.fromkeys((*sorted(mapped), *own, *CHANNELS))
     all_mapped = all(run.channels for run in dataset.runs)
     for number, name in enumerate(dataset.inputs):
-        if name not in known and (all_mapped or nearest(name, known) is not None):
+        if name not in known and (all_mapped or likely(name, known)):
             line = line_of(load(path), ["inputs", number])
             raise InputError(
                 f"no channel map and no plant has an input '{name}'",

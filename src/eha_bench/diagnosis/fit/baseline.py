@@ -88,7 +88,6 @@ class Baseline:
     fit: Fit
     keys: tuple[str, ...]
     nuisance: tuple[str, ...]
-    declared_cost: float
     notes: tuple[str, ...] = field(default=())
     starts: int = 1
     agreed: int = 1
@@ -283,7 +282,6 @@ def _calibrated(
         fit,
         (*keys, *nuisance),
         nuisance,
-        float(np.sum(declared**2)),
         (*notes_of(outliers), *(_colour_notes(measured) if seen.colours else ())),
         arrival.tried,
         arrival.agreed,
@@ -380,7 +378,7 @@ def _as_far_as(
     creeps = (key for key in nuisance if vector[layout.index[key]] != 0.0)
     free = free_parameters(problem.places, (*keys, *creeps), vector)
     fit = levenberg_marquardt(problem, vector, free, iterations=0)
-    return Baseline(dataset, measured, problem, fit, (*keys, *nuisance), nuisance, np.nan)
+    return Baseline(dataset, measured, problem, fit, (*keys, *nuisance), nuisance)
 
 
 def at_rest(problem: Problem, fit: Fit) -> Fit:

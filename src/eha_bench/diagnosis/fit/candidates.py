@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.plants.effect import BoundEffect, Equation
+from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.layout import Layout
 
 LEARNED = "learned"
@@ -152,8 +152,3 @@ def _repeats(layout: Layout, effect: BoundEffect, start: Start, vector: FloatArr
     values = {p.name: settings[layout.index[f"{effect.id}.{p.name}"]] for p in effect.parameters}
     twin = effect.repeats(values)
     return bool(twin) and vector[layout.index[twin]] != 0.0
-
-
-def equation_of(start: Start) -> Equation | None:
-    """Return the balance a start acts in, None for a mundane alternative."""
-    return Equation(start.equation) if start.equation else None

@@ -102,11 +102,6 @@ class Prediction:
             pq.write_table(table, part)
 
 
-def simulate_run(measured: Measured, model: Model, step: float = STEP) -> FloatArray:
-    """Return the plant's outputs over a whole run, (n, outputs), from inputs and first sample."""
-    return simulate_from(measured, model, first_sample(measured, model).state, step)
-
-
 def simulate_from(
     measured: Measured, model: Model, state: Mapping[str, float], step: float
 ) -> FloatArray:

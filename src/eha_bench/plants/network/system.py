@@ -515,7 +515,6 @@ class System:
                 self._element_output(channel, self.parts[of], quantity)
         for output in self.outputs:
             self._check_known("channels", output.channel, output.unit)
-        self.output_of = {item.channel: number for number, item in enumerate(self.outputs)}
 
     def _check_known(self, section: str, channel: str, unit: str) -> None:
         """Refuse a channel that eha_bench knows by this name, but as another quantity."""

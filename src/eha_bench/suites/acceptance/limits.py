@@ -12,7 +12,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Mistakes, Place, UnitError
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
 from eha_bench.core.located import Located
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.near_miss import likely, suggest
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode
 from eha_bench.core.units import base_unit
@@ -266,7 +266,7 @@ def _unit_of(channel: str, form: BoundsFile | ScoreFile, mode: ControlMode, wher
         if form.unit:
             return base_unit(form.unit)
         written = unit_written(form) if isinstance(form, BoundsFile) else ""
-        if written and not hint.startswith("did you mean"):
+        if written and not likely(channel, CHANNELS, likeness=_MISSPELT):
             return base_unit(written)
     except UnitError as error:
         raise InputError(error.what, where=where, hint=error.hint) from error

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, TypeAlias
 
+from eha_bench.core import plugins
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.metric import MetricSpec, metric_spec
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.near_miss import likely
 
 Specs: TypeAlias = Mapping[str, MetricSpec]
 
@@ -26,7 +27,7 @@ def named(name: str, own: Specs, where: Place) -> MetricSpec:
     try:
         return metric_spec(name, where=where)
     except InputError as error:
-        near = suggest(name, own)
-        if near.startswith("did you mean") and "did you mean" not in (error.hint or ""):
+        near = likely(name, own)
+        if near and not likely(name, plugins.names("metrics")):
             raise InputError(error.what, where=where, hint=near) from error
         raise

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place, TargetFault, UnitError
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.near_miss import likely, suggest
 from eha_bench.core.trial import ControlMode, mode_named
 from eha_bench.core.units import base_unit
 from eha_bench.targets.can.bus import check_channel
@@ -158,8 +158,8 @@ class _Reader:
             known = CHANNELS if group == "channels" else self.file.channels
             for name in names:
                 own = group == "channels" and self.file.channels[name].unit
-                hint = suggest(name, known, likeness=_MISSPELT)
-                if name not in known and (not own or hint.startswith("did you mean")):
+                near = likely(name, known, likeness=_MISSPELT)
+                if name not in known and (near or not own):
                     raise self.error(
                         f"unknown channel '{name}'", (group, name), suggest(name, known)
                     )

@@ -20,7 +20,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place, TargetFault, UnitError
 from eha_bench.core.linkage import Linkage
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.near_miss import likely
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped
 from eha_bench.core.trial import COMMANDS, Bypass, Piston, Setup, Trial
@@ -113,11 +113,6 @@ class FmuTarget(Target):
             where = self._place(key, channel)
             raise InputError(error.what, where=where, hint="give the variable's `unit`") from error
 
-    def _output(self, channel: str, entry: VariableFile) -> Variable:
-        unit = self._si_unit(channel, entry)
-        places = self._at("outputs", channel)
-        return self._description.output(entry.variable, entry.unit, unit, places)
-
     def _command_variable(self) -> Variable:
         """Return what the bench commands: the one input that is named."""
         entry = self._file.inputs[self._commanded]
@@ -141,16 +136,13 @@ class FmuTarget(Target):
         command = next((name for name in COMMANDS if name in names), names[0])
         for name in names:
             measured = name in CHANNELS and name not in COMMANDS
-            hint = suggest(name, COMMANDS, likeness=_MISSPELT)
-            misspelt = name not in COMMANDS and hint.startswith("did you mean")
-            if name != command or measured or misspelt:
+            near = "" if name in COMMANDS else likely(name, COMMANDS, likeness=_MISSPELT)
+            if name != command or measured or near:
                 only = command if name != command else ", ".join((*COMMANDS, "one of its own"))
                 raise InputError(
                     f"'{name}' is not commanded by the bench",
                     where=self._place("inputs", name),
-                    hint=hint
-                    if misspelt
-                    else f"only {only} is; give anything else its value under `parameters`",
+                    hint=near or f"only {only} is; give anything else its value under `parameters`",
                 )
         return command
 
