@@ -133,7 +133,8 @@ def run_case(plant: Plant, effect: Effect, number: int, folder: Path) -> Case:
     rig = Rig(plant, effect, number)
     rig.record(rig.first, folder / "first.csv")
     (folder / "channels.yaml").write_text(channels_files(plant)["channels_csv.yaml"])
-    write_plant(plant.name, folder / "plant.yaml", list(effect.undeclared_in_plant))
+    missing = effect.undeclared_in_plant or effect.undeclared
+    write_plant(plant.name, folder / "plant.yaml", list(missing))
     inputs = [channel.name for channel in plant.channels[: plant.inputs]]
     (folder / "safe.yaml").write_text(
         f"name: safe\ndefaults: {{safety: {SAFETY[plant.name]}}}\ntrials:\n"

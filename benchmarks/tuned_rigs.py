@@ -127,7 +127,8 @@ def valve(number: int, folder: Path, _seconds: float) -> Recorded:
             rig.record(drive, folder / "case" / f"{drive.name}.csv")
             rows.append(f"  - {{log: {drive.name}.csv, use: {drive.use}}}\n")
     (folder / "case/channels.yaml").write_text(channels_files(plant)["channels_csv.yaml"])
-    write_plant(plant.name, folder / "case/plant.yaml", list(effect.undeclared_in_plant))
+    missing = effect.undeclared_in_plant or effect.undeclared
+    write_plant(plant.name, folder / "case/plant.yaml", list(missing))
     dataset = folder / "case/dataset.yaml"
     inputs = ", ".join(channel.name for channel in plant.channels[: plant.inputs])
     dataset.write_text(
