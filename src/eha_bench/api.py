@@ -40,6 +40,7 @@ from eha_bench.report.sweep_page import POINTS, write_sweep_page
 from eha_bench.report.tuning_page import write_tuning_page
 from eha_bench.suites import Suite, load_suite
 from eha_bench.sweeps.case import case_of
+from eha_bench.sweeps.conditions import ANY, conditions_of
 from eha_bench.sweeps.probability import Probability, judged_only
 from eha_bench.sweeps.probability import probability as passing
 from eha_bench.sweeps.sweep import Sweep, prepared, run_sweep
@@ -166,6 +167,7 @@ def probability(
     target: Given | None = None,
     out: str | Path | None = None,
     *,
+    conditions: Given | None = None,
     draws: int = 200,
     seed: int = 0,
     workers: str | int | None = None,
@@ -177,6 +179,8 @@ def probability(
         suite, target: as for `run`; the target is a simulator with the model that was fitted.
         posterior: diagnosis.json or calibration.json, or the folder of one.
         out: folder that gets probability.json and probability.html; nothing is written if None.
+        conditions: sweep.yaml, or a dict of what it would hold, with ranges of the model's
+            parameters that are drawn beside: oil between cold and hot, a load.
         draws: machines that are drawn. seed: of the draws.
         workers: number of processes, dask://host:port or ray://host:port.
         progress: told after every draw.
@@ -187,12 +191,20 @@ def probability(
     loaded = load_suite(suite)
     case = case_of(loaded, target_for(loaded, target))
     known = read_posterior(Path(posterior), case.simulator.model)
-    found = passing(case, known, draws, seed=seed, workers=workers_from(workers), progress=progress)
+    met = conditions_of(case, load_sweep(conditions)) if conditions is not None else ANY
+    found = passing(
+        case, known, draws,
+        seed=seed, conditions=met, workers=workers_from(workers), progress=progress,
+    )  # fmt: skip
     if out is not None:
         folder = writable(Path(out))
         folder.mkdir(parents=True, exist_ok=True)
         found.write(folder)
-        facts = (Fact("Posterior", str(posterior)), Fact("Draws", str(draws)))
+        facts = (
+            Fact("Posterior", str(posterior)),
+            Fact("Draws", str(draws)),
+            Fact("Conditions", "; ".join(item.about for item in met.factors) or "as fitted"),
+        )
         identity = case.simulator.identity.name
         write_probability_page(found, folder, loaded.name, identity, facts)
     return found
@@ -206,6 +218,7 @@ def tune(  # noqa: PLR0913 - as the options of the command
     *,
     controller: str | Path | None = None,
     posterior: str | Path | None = None,
+    conditions: Given | None = None,
     draws: int = 200,
     candidates: int = 240,
     robust: str | None = None,
@@ -222,6 +235,7 @@ def tune(  # noqa: PLR0913 - as the options of the command
         controller: where to begin; the suite's or the target's own if None.
         posterior: diagnosis.json or calibration.json; the one that wrote the model beside it if
             None, and no probability where there is none.
+        conditions: as for `probability`.
         draws: machines that the best is proven on. candidates: gains that are tried in all.
         robust: `worst` or `cvar` in place of P(pass). seed: of search and draws.
         workers: number of processes, dask://host:port or ray://host:port.
@@ -247,6 +261,7 @@ def tune(  # noqa: PLR0913 - as the options of the command
         case, file, known,
         effort=Effort(candidates, min(draws, Effort.few), draws, seed),
         aim=Robust(robust).aim if robust else None,
+        conditions=conditions_of(case, load_sweep(conditions)) if conditions is not None else ANY,
         workers=workers_from(workers), progress=progress,
     )  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)

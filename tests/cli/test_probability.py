@@ -127,6 +127,40 @@ def test_what_is_left_unexplained_lowers_the_probability(cli: Cli, files: Path) 
     assert kept[1] < 0.9
 
 
+def test_conditions_are_drawn_beside_what_was_fitted(cli: Cli, files: Path) -> None:
+    (files / "cold.yaml").write_text(
+        "over:\n  parameters:\n    viscous_torque: {from: 0.001 N*m*s/rad, to: 0.1 N*m*s/rad}\n"
+    )
+    cli(*RUN, "--draws", 24, "--conditions", "cold.yaml", "--out", "out")
+    found = probability(files / "out")
+    unknown = {item["key"]: item for item in found["unknowns"]}
+    assert set(unknown) == {"torque_constant", "viscous_torque"}
+    page = (files / "out/probability.html").read_text(encoding="utf-8")
+    assert "viscous_torque 0.001 N*m*s/rad ... 0.1 N*m*s/rad" in page
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            "over:\n  gains: {pressure.k_p: [3 A/MPa]}\n",
+            "c.yaml:2, key 'over.gains': condit",
+        ),
+        ("over:\n  parameters: {viscous: [1]}\n", "c.yaml:2, key 'over.parameters.viscous'"),
+    ],
+)
+def test_conditions_that_are_none(cli: Cli, files: Path, text: str, told: str) -> None:
+    (files / "c.yaml").write_text(text)
+    done = cli(*RUN, "--conditions", "c.yaml", "--out", "out", check=2)
+    assert told in done.stderr
+
+
+def test_conditions_need_a_posterior(cli: Cli, files: Path) -> None:
+    (files / "c.yaml").write_text("over: {}\n")
+    done = cli("run", "hold.yaml", "--conditions", "c.yaml", check=2)
+    assert "--conditions needs a --posterior" in done.stderr
+
+
 def test_what_differs_from_run_to_run_is_drawn_from_the_runs(files: Path) -> None:
     own = {f"run{k}": {"external_force": {"value": 100.0 * k}} for k in range(3)}
     (files / "calibration.json").write_text(json.dumps(posterior(per_run=own)))

@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eha_bench.cli.completion import complete_suites, complete_targets, complete_trials
+from eha_bench.cli.completion import (
+    complete_suites,
+    complete_sweeps,
+    complete_targets,
+    complete_trials,
+)
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
 from eha_bench.cli.reading_limits import MaxMemory, MaxTime, reading_limits
 
@@ -50,6 +55,15 @@ Posterior = Annotated[
         help="diagnosis.json or calibration.json of the model: P(pass) over what is not known.",
     ),
 ]
+Conditions = Annotated[
+    Path | None,
+    typer.Option(
+        "--conditions",
+        help="sweep.yaml with ranges of the model's parameters (oil, load) that are drawn beside "
+        "the posterior.",
+        autocompletion=complete_sweeps,
+    ),
+]
 Draws = Annotated[int, typer.Option("--draws", min=1, help="Machines drawn from the posterior.")]
 
 
@@ -79,6 +93,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
     workers: Workers = "",
     posterior: Posterior = None,
     draws: Draws = 200,
+    conditions: Conditions = None,
     least: Annotated[
         float | None,
         typer.Option(
@@ -104,6 +119,10 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         from eha_bench.core.errors import InputError
 
         raise InputError("--p-pass needs a --posterior", hint="give a diagnosis.json")
+    if posterior is None and conditions is not None:
+        from eha_bench.core.errors import InputError
+
+        raise InputError("--conditions needs a --posterior", hint="give a diagnosis.json")
     if posterior is not None:
         _check_posterior(suite, target, posterior)
     if dry_run:
@@ -125,7 +144,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         with TerminalProgress() as progress:
             chance = probability(
                 suite, posterior, target, result.folder,
-                draws=draws, workers=workers, progress=progress,
+                conditions=conditions, draws=draws, workers=workers, progress=progress,
             )  # fmt: skip
         say_probability(chance)
     finish(result, json=json, verbose=verbose, resume=shlex.join(words))

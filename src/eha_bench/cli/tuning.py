@@ -9,7 +9,7 @@ import typer
 
 from eha_bench.cli.completion import complete_sweeps, complete_targets
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
-from eha_bench.cli.running import Posterior, Suite, Workers, say_probability
+from eha_bench.cli.running import Conditions, Posterior, Suite, Workers, say_probability
 
 if TYPE_CHECKING:
     from eha_bench.tuning.tune import Tuned
@@ -39,6 +39,7 @@ def tune(  # noqa: PLR0913, PLR0917 - the options of a command
         ),
     ] = None,
     posterior: Posterior = None,
+    conditions: Conditions = None,
     draws: Annotated[
         int,
         typer.Option(
@@ -68,8 +69,8 @@ def tune(  # noqa: PLR0913, PLR0917 - the options of a command
     with TerminalProgress() as progress:
         found = find(
             suite, model, vary, out,
-            controller=controller, posterior=posterior, draws=draws, candidates=candidates,
-            robust=robust, seed=seed, workers=workers, progress=progress,
+            controller=controller, posterior=posterior, conditions=conditions, draws=draws,
+            candidates=candidates, robust=robust, seed=seed, workers=workers, progress=progress,
         )  # fmt: skip
     _say(found)
     if json:

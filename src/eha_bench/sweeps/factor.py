@@ -25,7 +25,7 @@ from eha_bench.core.units import base_unit, factor_and_offset, parse, unit_in
 from eha_bench.plants.values import parameter_named, read_value, with_values
 from eha_bench.suites.load import parse_suite
 from eha_bench.sweeps.case import Case
-from eha_bench.sweeps.span import Span, Value, span_of
+from eha_bench.sweeps.span import Range, Span, Value, span_of
 from eha_bench.targets.simulator import Simulator
 
 DEFAULTS: Final = "defaults"
@@ -65,6 +65,13 @@ class Factor(ABC):
         shown = self.shown(value)
         number = shown if isinstance(shown, str) else f"{shown:.5g}"
         return f"{number} {self.shown_in or self.unit}".rstrip()
+
+    @property
+    def about(self) -> str:
+        """Its name and its levels or ends, for people."""
+        if isinstance(self.span, Range):
+            return f"{self.key} {self.told(self.span.low)} ... {self.told(self.span.high)}"
+        return f"{self.key} {', '.join(self.told(level) for level in self.span.levels)}"
 
     @abstractmethod
     def declared(self, case: Case) -> Value | None:

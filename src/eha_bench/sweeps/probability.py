@@ -28,6 +28,7 @@ from eha_bench.core.workers import HERE, Workers
 from eha_bench.posterior.posterior import Draw, Posterior
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.chance import Chance
+from eha_bench.sweeps.conditions import ANY, Conditions
 from eha_bench.sweeps.evaluation import Evaluated, LimitName, PointResult, limits_of
 from eha_bench.sweeps.remainder import with_remainder
 from eha_bench.sweeps.sweep import time_left
@@ -214,6 +215,7 @@ def probability(
     draws: int,
     *,
     seed: int = 0,
+    conditions: Conditions = ANY,
     bands: bool = True,
     workers: Workers = HERE,
     progress: Progress = silent,
@@ -224,7 +226,8 @@ def probability(
 
     Args:
         case: suite, model and controllers. posterior: of that model. draws: how many.
-        seed: of the draws. bands: whether what the channels do is kept, too.
+        seed: of the draws. conditions: that they are run in.
+        bands: whether what the channels do is kept, too.
         workers: where draws are run. progress: told after every draw.
 
     Raises:
@@ -232,7 +235,7 @@ def probability(
     """
     case = judged_only(case)
     case = replace(case, simulator=with_remainder(case.simulator, posterior.remainder))
-    chosen = posterior.draws(draws, seed)
+    chosen = conditions.met_by(posterior.draws(draws, seed), seed)
     found: dict[int, Evaluated] = {}
     began, passed = time.monotonic(), 0
     try:

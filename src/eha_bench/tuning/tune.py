@@ -21,6 +21,7 @@ from eha_bench.core.workers import HERE, Workers
 from eha_bench.core.yaml_file import line_of, parse
 from eha_bench.posterior.posterior import Draw, Posterior
 from eha_bench.sweeps.case import Case
+from eha_bench.sweeps.conditions import ANY, Conditions
 from eha_bench.sweeps.evaluation import LimitName, limits_of
 from eha_bench.sweeps.factor import Gain
 from eha_bench.sweeps.probability import Probability, judged_only
@@ -111,6 +112,7 @@ def tune(
     *,
     effort: Effort | None = None,
     aim: Aim | None = None,
+    conditions: Conditions = ANY,
     workers: Workers = HERE,
     progress: Progress = silent,
 ) -> Tuned:
@@ -121,7 +123,8 @@ def tune(
     Args:
         case: suite, model and controllers. file: what may be changed. posterior: of the model;
             None tunes for the model as it stands. effort: how much is tried. aim: another one
-            than P(pass). workers: where candidates are run. progress: told after each generation.
+            than P(pass). conditions: that machines are run in. workers: where candidates are run.
+            progress: told after each generation.
 
     Raises:
         InputError: a gain that no controller has, an empty range, gains that no limit follows, or
@@ -139,7 +142,7 @@ def tune(
     for trial in space.case.suite.trials:
         space.case.simulator.check(trial)
     with Interruption() as interrupted:
-        return _Tuning(trying, posterior, effort, aim, interrupted, progress).run()
+        return _Tuning(trying, posterior, effort, aim, conditions, interrupted, progress).run()
 
 
 def _modes(case: Case) -> tuple[str, ...]:
@@ -152,6 +155,7 @@ class _Tuning:
     posterior: Posterior | None
     effort: Effort
     aim: Aim
+    conditions: Conditions
     interrupted: Callable[[], bool]
     progress: Progress
 
@@ -175,7 +179,7 @@ class _Tuning:
 
     def _over_draws(self, first: Search, before: Point, posterior: Posterior) -> Tuned:
         space, effort = self.trying.space, self.effort
-        draws = posterior.draws(effort.draws, effort.seed)
+        draws = self.conditions.met_by(posterior.draws(effort.draws, effort.seed), effort.seed)
         machines = [Machine(draw.number, draw.model, posterior.remainder) for draw in draws]
         second = self._search(machines[: effort.few], self.aim)
         ranked = sorted(first.tried, key=lambda item: -item.worth)
