@@ -31,7 +31,7 @@ from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.diagnosis.search.periodic import Form, Wave, best_counts, scan
 from eha_bench.diagnosis.search.refit import Near
-from eha_bench.diagnosis.search.start_angles import begun_apart
+from eha_bench.diagnosis.search.start_angles import with_own_angles
 from eha_bench.diagnosis.search.state import Search, begin
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
@@ -114,9 +114,9 @@ def off(angle: float, true: float) -> float:
 
 def test_phases_of_their_own_show_the_count_and_the_angles() -> None:
     waves = scanned(turning(ANGLES))
-    best = max(waves, key=lambda wave: wave.begun(wave.turns()).gain)
+    best = max(waves, key=lambda wave: wave.with_turns(wave.turns()).gain)
     assert best.count == COUNT
-    apart = best.begun(best.turns())
+    apart = best.with_turns(best.turns())
     common = max(wave.gain for wave in waves)
     assert begin_apart(common, apart.gain, 2, tries=len(waves))
     for name, turn in best.turns().items():
@@ -127,7 +127,7 @@ def test_phases_of_their_own_show_the_count_and_the_angles() -> None:
 def test_runs_that_begin_alike_keep_one_phase() -> None:
     waves = scanned(turning(dict.fromkeys(ANGLES, 0.0)))
     common = max(waves, key=lambda wave: wave.gain)
-    apart = max(wave.begun(wave.turns()).gain for wave in waves)
+    apart = max(wave.with_turns(wave.turns()).gain for wave in waves)
     assert common.count == COUNT
     assert not begin_apart(common.gain, apart, 2, tries=len(waves))
     assert best_counts(waves)[0] is common.start
@@ -139,7 +139,7 @@ def test_a_search_begins_apart_also_a_run_that_had_no_say() -> None:
     near.problem = near.problem.subset(windows)
     near.fit = levenberg_marquardt(near.problem, near.fit.vector, near.fit.free, iterations=1)
     before = search.problem.residual(search.fit.vector)
-    found = begun_apart(search, near, cogging(search))
+    found = with_own_angles(search, near, cogging(search))
     assert found is not near
     assert Near.here(search, search.problem) is found
     angles = angles_of(search.problem)
@@ -155,14 +155,14 @@ def test_a_search_begins_apart_also_a_run_that_had_no_say() -> None:
 def test_a_search_whose_runs_begin_alike_stays_as_it_is() -> None:
     search, near = searched(turning(dict.fromkeys(ANGLES, 0.0)))
     problem = search.problem
-    assert begun_apart(search, near, cogging(search)) is near
+    assert with_own_angles(search, near, cogging(search)) is near
     assert search.problem is problem
 
 
 def test_a_wave_begun_where_it_was_scanned_gains_the_same() -> None:
     for wave in scanned(turning(ANGLES)):
-        assert wave.begun({}).gain == pytest.approx(wave.gain, rel=1e-9)
-        assert wave.begun({}).start.strength == pytest.approx(wave.start.strength, rel=1e-9)
+        assert wave.with_turns({}).gain == pytest.approx(wave.gain, rel=1e-9)
+        assert wave.with_turns({}).start.strength == pytest.approx(wave.start.strength, rel=1e-9)
 
 
 def test_chance_alone_hardly_ever_sets_runs_apart() -> None:
@@ -184,7 +184,7 @@ def test_chance_alone_hardly_ever_sets_runs_apart() -> None:
         told = 0
         for _ in range(40):
             waves = [drawn(np.array([size * (number == 0), 0.0])) for number in range(40)]
-            apart = max(wave.begun(wave.turns()).gain for wave in waves)
+            apart = max(wave.with_turns(wave.turns()).gain for wave in waves)
             common = max(wave.gain for wave in waves)
             told += begin_apart(common, apart, 5, tries=len(waves))
         assert told <= 1
@@ -209,7 +209,7 @@ def test_nothing_is_estimated_where_runs_begin_at_zero_or_nothing_turns() -> Non
 def test_what_does_not_turn_does_not_see_where_a_run_begins() -> None:
     problem = whole(turning(ANGLES))
     plain = Model("eha_knee", {}).vector()
-    begun = problem.begun({"two": StartAngle(1.0, 0.1)})
+    begun = problem.at_angles({"two": StartAngle(1.0, 0.1)})
     assert np.array_equal(begun.residual(plain), problem.residual(plain))
     assert not np.array_equal(begun.residual(TRUTH.vector()), problem.residual(TRUTH.vector()))
     assert starts_of(begun) == {"two": StartAngle(1.0, 0.1)}
@@ -226,7 +226,7 @@ def test_a_prediction_begins_where_the_run_shows_it() -> None:
         assert np.sqrt(np.mean(error**2)) < 1.1 * NOISE["motor_speed"]
     zero = StartAngle()
     plain = TRUTH.plant.simulate(
-        TRUTH.vector(), turning(ANGLES)[0].begun({"one": zero}).drive(0, 800, {}), 1e-4
+        TRUTH.vector(), turning(ANGLES)[0].at_angles({"one": zero}).drive(0, 800, {}), 1e-4
     )
     first = TRUTH.plant.outputs.index("motor_speed")
     assert np.allclose(found[0].values["motor_speed"], plain[:, first], atol=1e-2)
@@ -243,7 +243,7 @@ def test_the_interval_holds_though_the_angles_are_estimated() -> None:
         vector = TRUTH.vector()
         vector[at[keys[0]]] *= 0.9
         began = {"two": StartAngle(0.33, 1 / COUNT), "three": StartAngle(-0.28, 1 / COUNT)}
-        problem = refined(whole(turning(ANGLES, seed, mean=5.0)).begun(began), vector)
+        problem = refined(whole(turning(ANGLES, seed, mean=5.0)).at_angles(began), vector)
         problem.prepare(vector)
         free = free_parameters(layout, keys, vector)
         fit = levenberg_marquardt(problem, vector, free, iterations=4, tolerance=0.1)

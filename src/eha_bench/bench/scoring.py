@@ -183,9 +183,11 @@ def _ended(recording: Recording) -> Status | None:
 
 def _of_another(recording: Recording, trial: Trial) -> tuple[str, ...]:
     """Return a note where --trial or the file's name takes a recording for another trial's."""
-    said = recording.metadata.get("trial", "")
-    taken = bool(said) and said != trial.id
-    return (f"its metadata names trial '{said}'; scored as '{trial.id}'",) if taken else ()
+    recorded_trial = recording.metadata.get("trial", "")
+    taken = bool(recorded_trial) and recorded_trial != trial.id
+    return (
+        (f"its metadata names trial '{recorded_trial}'; scored as '{trial.id}'",) if taken else ()
+    )
 
 
 def _trial_of(recording: Recording, path: Path, suite: Suite | None, named: str | None) -> Trial:

@@ -234,8 +234,8 @@ def _change_cells(row: Row) -> tuple[str, str, str, str]:
     change = f"{row.baseline} -> {row.candidate} {row.unit}".rstrip()
     if row.baseline == row.candidate == number(math.nan):
         change = ""
-    told = f"({row.share})" if row.share and change else ""
-    return row.trial, f"{row.metric} {row.verdict}", change, f"{told} {row.note}".strip()
+    share_text = f"({row.share})" if row.share and change else ""
+    return row.trial, f"{row.metric} {row.verdict}", change, f"{share_text} {row.note}".strip()
 
 
 def leave(found: Comparison, *, strict: bool) -> None:

@@ -113,10 +113,10 @@ def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, js
         if item.why:
             typer.echo(f"-   {item.name}: not ranked, {item.why}")
             continue
-        told = f"{item.reached:.2g} of what is needed"
+        outlook = f"{item.reached:.2g} of what is needed"
         if isfinite(item.right):
-            told = f"names the right one in {item.right:.0%}, a wrong one in {item.wrong:.1%}"
-        typer.echo(f"{place:<3} {item.name}: {item.seconds:.3g} s, {told}")
+            outlook = f"names the right one in {item.right:.0%}, a wrong one in {item.wrong:.1%}"
+        typer.echo(f"{place:<3} {item.name}: {item.seconds:.3g} s, {outlook}")
 
 
 def close(

@@ -50,8 +50,8 @@ def _plants() -> Iterator[Row]:
 
     for name in names("plants"):
         plant = get_plant(name)
-        said = shipped(f"plants/{name}.yaml").read_text(encoding="utf-8").splitlines()
-        about = " ".join(line.lstrip("# ") for line in said if line.startswith("#"))
+        lines = shipped(f"plants/{name}.yaml").read_text(encoding="utf-8").splitlines()
+        about = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
         yield name, ", ".join(plant.inputs), _sentence(about)
     for name in plugins.names("plants"):
         kind = plugins.load("plants", name)

@@ -89,8 +89,8 @@ def _limits(rejected: tuple[ScoreRow, ...], *, verbose: bool, colour: bool) -> l
 def _limit_cells(row: ScoreRow) -> tuple[str, str, str, str]:
     word = row.status.value.replace("_", " ")
     value = f"{row.value} {row.unit}".strip() if row.unit or row.margin else ""
-    told = [row.limit, row.margin, row.stands_for]
-    rest = f"({', '.join(part for part in told if part)})"
+    pieces = [row.limit, row.margin, row.stands_for]
+    rest = f"({', '.join(part for part in pieces if part)})"
     if row.reason:
         rest = f"{row.reason} {rest}"
     return row.trial, f"{row.metric_id} {word}", value, rest
@@ -147,13 +147,13 @@ def _verdict(result: Result, *, colour: bool) -> str:
     limits = [score for run in result.trials for score in run.scores if score.limit]
     kept = sum(not score.status.rejects for score in limits)
     word, tone = result.status.value, _COLOURS[result.status]
-    told = f"{kept} of {len(limits)} limits kept"
+    text = f"{kept} of {len(limits)} limits kept"
     if not limits:
-        told = "no limits to keep"
+        text = "no limits to keep"
         word, tone = ("not judged", Colour.WARN) if result.status is Status.PASSED else (word, tone)
     if result.not_run:
-        told += f", {len(result.not_run)} run{'s' * (len(result.not_run) > 1)} not made"
-    return f"{result.suite}: {paint(word, tone, on=colour)}, {told}"
+        text += f", {len(result.not_run)} run{'s' * (len(result.not_run) > 1)} not made"
+    return f"{result.suite}: {paint(word, tone, on=colour)}, {text}"
 
 
 def _first(lines: list[str], *, verbose: bool) -> list[str]:

@@ -86,7 +86,7 @@ def _say(found: Sweep) -> None:
     best = found.best
     if best is not None:
         named = ", ".join(
-            f"{factor.key} = {factor.told(value)}"
+            f"{factor.key} = {factor.formatted(value)}"
             for factor, value in zip(found.space.factors, found.points[best], strict=True)
         )
         word = "most margin" if found.results[best].passed else "nearest miss"

@@ -86,7 +86,7 @@ def tune(  # noqa: PLR0913, PLR0917 - the options of a command
 def _say(found: Tuned) -> None:
     """Print the gains, how likely they pass, or what contradicts what."""
     for factor, before, after in zip(found.space.factors, found.before, found.point, strict=True):
-        say(f"{factor.key}: {factor.told(before)} -> {factor.told(after)}")
+        say(f"{factor.key}: {factor.formatted(before)} -> {factor.formatted(after)}")
     if found.after is not None:
         say_probability(found.after)
     else:
@@ -105,8 +105,8 @@ def _say(found: Tuned) -> None:
     for place in clash.never:
         say(f"  none keeps {found.limits[place].key} ({found.limits[place].text})")
     for group in clash.together:
-        said = " and ".join(f"{found.limits[k].key} ({found.limits[k].text})" for k in group)
-        say(f"  no candidate keeps all of: {said}")
+        group_text = " and ".join(f"{found.limits[k].key} ({found.limits[k].text})" for k in group)
+        say(f"  no candidate keeps all of: {group_text}")
 
 
 def before_after(

@@ -91,5 +91,5 @@ def _together(loaded: Sequence[tuple[Result, Path]], name: str) -> Result:
             counts[run.id] = repeat + 1
             runs.append(replace(run, repeat=repeat, recording="", sha256=""))
     first = loaded[0][0]
-    said = {**first.provenance, "baseline": name, "results": str(len(loaded))}
-    return replace(first, trials=tuple(runs), provenance=said)
+    origin = {**first.provenance, "baseline": name, "results": str(len(loaded))}
+    return replace(first, trials=tuple(runs), provenance=origin)

@@ -118,9 +118,9 @@ class Result:
         """What it is in one line: suite, target, verdict, limits kept."""
         limits = [score for run in self.trials for score in run.scores if score.limit]
         kept = sum(not score.status.rejects for score in limits)
-        told = f"{kept} of {len(limits)} limits kept" if limits else "no limits"
+        kept_of = f"{kept} of {len(limits)} limits kept" if limits else "no limits"
         where = f", in {self.folder}" if self.folder else ""
-        return f"<Result of {self.suite} on {self.target}: {self.status.value}, {told}{where}>"
+        return f"<Result of {self.suite} on {self.target}: {self.status.value}, {kept_of}{where}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a line a limit."""

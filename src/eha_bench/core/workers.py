@@ -108,8 +108,8 @@ class Workers(ABC):
                         tries[group[0]] += 1
                     if group[0] in waiting and tries[group[0]] >= TRIES:
                         del waiting[group[0]]
-                        told = f"its worker died each of {TRIES} times ({type(error).__name__})"
-                        yield Outcome(group[0], error=WorkError(told, status=3))
+                        reason = f"its worker died each of {TRIES} times ({type(error).__name__})"
+                        yield Outcome(group[0], error=WorkError(reason, status=3))
             if alone and not set(chosen) & set(waiting):
                 lost = 0
 
@@ -144,8 +144,8 @@ def _done(
     except EhaBenchError as error:
         return Outcome(index, error=WorkError(str(error), status=error.exit_status))
     except Exception as error:
-        told = f"{type(error).__name__}: {error}"
-        return Outcome(index, error=WorkError(told, trace=traceback.format_exc(), status=BUG))
+        reason = f"{type(error).__name__}: {error}"
+        return Outcome(index, error=WorkError(reason, trace=traceback.format_exc(), status=BUG))
 
 
 _LOST = {

@@ -116,7 +116,7 @@ def diagnose_points(dataset: Dataset, progress: ProgressHook) -> Diagnosis:
         if best is None or _cost(found) < _cost(best):
             tried[start.candidate] = found
     ranked = sorted(tried.values(), key=_cost)
-    return _told(dataset, plant, training, base, ranked)
+    return _diagnosis(dataset, plant, training, base, ranked)
 
 
 def _points(run: Run, plant: StaticPlant) -> Points:
@@ -220,8 +220,8 @@ def _fitted(
         done = filled(np.where(np.abs(high - ends) < 1e-6 * scale, high, ends))
         # by their sizes: beside N*m/A a column of m^3/rad is all there is
         jacobian = np.asarray(fit.jac, dtype=np.float64) * size
-        told, directions = np.linalg.svd(jacobian, full_matrices=False)[1:]
-        deviation = np.linalg.norm(directions / np.maximum(told, 1e-150)[:, None], axis=0)
+        strengths, directions = np.linalg.svd(jacobian, full_matrices=False)[1:]
+        deviation = np.linalg.norm(directions / np.maximum(strengths, 1e-150)[:, None], axis=0)
         dead = np.linalg.norm(jacobian, axis=0) == 0.0
         dead[held] |= deviation[held] > _LOOSE
         deviation = np.where(dead, np.inf, deviation * size)
@@ -244,7 +244,7 @@ def _cost(item: Tried) -> float:
     return item.left + item.stretch
 
 
-def _told(
+def _diagnosis(
     dataset: Dataset,
     plant: StaticPlant,
     training: list[Points],

@@ -32,7 +32,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.profile import profile_interval
 from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
-from eha_bench.diagnosis.fit.start_angles import said, starts_of
+from eha_bench.diagnosis.fit.start_angles import angles_note, starts_of
 from eha_bench.diagnosis.fit.uncertainty import (
     Covariance,
     Direction,
@@ -219,8 +219,8 @@ def _estimated(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
             ended.convergence.at_bounds,
         ),
     ]
-    if begun := starts_of(base.problem):
-        notes.append(said(begun))
+    if starts := starts_of(base.problem):
+        notes.append(angles_note(starts))
     values = estimates(end.fit, groups, units_of(model), shift=end.shifts)
     open_ = open_parameters(end.fit) if ended.convergence.has_intervals else values.keys()
     values = {key: item.without_interval if key in open_ else item for key, item in values.items()}
@@ -365,10 +365,10 @@ class _Closing:
         """Search, decide, and score; or as far as that goes until a stop is asked for."""
         try:
             with checkpoints(asked), fits_by(workers):
-                stepwise.run(self.search, self._told)
+                stepwise.run(self.search, self._on_progress)
                 self.stage = "decide"
                 self.refused = pruned(self.search)
-                self.decision = decide(self.search, COARSE, self._told, self.refused)
+                self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
         except KeyboardInterrupt:
             self.decision = self._stopped()
             return self._scored(complete=False)
@@ -417,7 +417,7 @@ class _Closing:
         """Write what has been found so far."""
         _write(replace(self.found, complete=complete), self.out)
 
-    def _told(self, stage: str, fraction: float) -> None:
+    def _on_progress(self, stage: str, fraction: float) -> None:
         self.stage = stage
         self.progress(stage, fraction)
 
@@ -438,9 +438,11 @@ class _Closing:
         self.found = assemble(self.dataset, self.base, self.search, self.decision)
         self.keep(complete=False)
         self.stage = "score"
-        base = self.base.begun(starts_of(self.search.problem))
+        base = self.base.at_angles(starts_of(self.search.problem))
         try:
-            found = scored(self.found, self.dataset, base, self.search.base.vector, self._told)
+            found = scored(
+                self.found, self.dataset, base, self.search.base.vector, self._on_progress
+            )
         except KeyboardInterrupt:
             note = "interrupted before the runs were scored"
             return replace(self.found, notes=(*self.found.notes, note), complete=False)
@@ -454,7 +456,7 @@ class _Closing:
         self.stage = "decide"
         drop(search, weakest, without(search, weakest))
         self.refused.append(f"{weakest.start.candidate} is not accepted: {why}")
-        self.decision = decide(search, COARSE, self._told, self.refused)
+        self.decision = decide(search, COARSE, self._on_progress, self.refused)
         return self._scored(complete=True)
 
     def _without_the_curve(self) -> Diagnosis:

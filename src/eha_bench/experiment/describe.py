@@ -21,7 +21,7 @@ _OUTSIDE = 0.05
 def words_of(candidate: Candidate, plan: Plan) -> str:
     """Say what a trial does."""
     signal = candidate.signal(plan.command[candidate.setup], plan.unit)
-    told = {
+    phrases = {
         "steps": "steps of up to {most}, each held for {hold}",
         "ramp": "a ramp to {final} over {over}",
         "sine": "a sine of {amplitude} at {frequency}",
@@ -33,7 +33,7 @@ def words_of(candidate: Candidate, plan: Plan) -> str:
     setup = "piston locked" if piston is Piston.LOCKED else "free to move"
     if bypass is Bypass.OPEN:
         setup += ", bypass open"
-    return f"{told}, {setup}, {candidate.seconds:.3g} s"
+    return f"{phrases}, {setup}, {candidate.seconds:.3g} s"
 
 
 def _most(levels: Sequence[object]) -> str:

@@ -528,10 +528,10 @@ class _Search:
         measured = {*self.plant.outputs, *self.plant.derived_channels, "pressure_difference"}
         found: dict[str, Any] = {}
         for name, limit in self.permitted.limits[setup].items():
-            told = limit.reason not in (PLANT, RECORDINGS) or (
+            stated = limit.reason not in (PLANT, RECORDINGS) or (
                 limit.reason == RECORDINGS and self.question.covered.noise.get(name, 0.0) > 0.0
             )
-            if name in measured and told and (text := _limit_text(limit)):
+            if name in measured and stated and (text := _limit_text(limit)):
                 unit = {"unit": self.plant.units.get(name, "")}
                 found[name] = text if name in CHANNELS else {"limit": text, **unit}
         return found

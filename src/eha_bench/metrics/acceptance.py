@@ -82,9 +82,9 @@ def combined(measures: Sequence[Measure], limit: AcceptanceLimit) -> Measure:
         return Measure.none(f"all: {missing} of {len(measures)} repeats not scored")
     if limit.repeats is Repeats.WORST:
         worst = min(measures, key=lambda measure: _margin(measure, limit))
-        return replace(worst, reason=_said("worst", worst, len(measures)))
+        return replace(worst, reason=_combined_reason("worst", worst, len(measures)))
     found = median(measures)
-    return replace(found, reason=_said("median", found, len(measures)))
+    return replace(found, reason=_combined_reason("median", found, len(measures)))
 
 
 def _margin(measure: Measure, limit: AcceptanceLimit) -> float:
@@ -98,7 +98,7 @@ def _margin(measure: Measure, limit: AcceptanceLimit) -> float:
     return min(low - bounds.low, bounds.high - high)
 
 
-def _said(which: str, measure: Measure, count: int) -> str:
+def _combined_reason(which: str, measure: Measure, count: int) -> str:
     interval = ""
     if math.isfinite(measure.low) and math.isfinite(measure.high):
         interval = f" [{measure.low:.4g}, {measure.high:.4g}]"

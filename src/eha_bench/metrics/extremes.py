@@ -25,7 +25,7 @@ from eha_bench.metrics.local_peak import Peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.samples import samples
-from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge
+from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, since_edge, with_state
 from eha_bench.metrics.step_response import (
     NotSettled,
     StepResponse,
@@ -169,7 +169,7 @@ class PeakValue(StepMetric):
                 low = min(low, step.final - settled)
             else:
                 high = max(high, step.final + settled)
-        reason = said(step, "extreme after the edge")
+        reason = with_state(step, "extreme after the edge")
         return Measure(value, low, high, reason, (budget + sensor).merged())
 
 
@@ -234,5 +234,5 @@ class PeakTime(StepMetric):
             budget += type_a("noise", (flat / NORMAL) ** 2, step.noise.freedom)
         else:
             low = high = math.nan
-        reason = said(step, "edge to the peak")
+        reason = with_state(step, "edge to the peak")
         return since_edge(step, Measure(found.peak.time, low, high, reason, budget))

@@ -15,7 +15,7 @@ from eha_bench.metrics.crossing import Crossing, between_samples, refined, strai
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.settling_model import settled_by_model
-from eha_bench.metrics.step_metric import LEVELS, StepMetric, said, since_edge
+from eha_bench.metrics.step_metric import LEVELS, StepMetric, since_edge, with_state
 from eha_bench.metrics.step_response import StepResponse
 from eha_bench.metrics.step_times import RESPONDED
 
@@ -72,7 +72,9 @@ class SettlingTime(StepMetric):
         if wide > 1.5 * budget.standard:  # other exits from the band that noise hides or feigns
             rest = math.sqrt(wide**2 - budget.variance)
             budget += type_a("other exits", rest**2, step.noise.freedom)
-        return since_edge(step, Measure(place.time, low, high, said(step, convention), budget))
+        return since_edge(
+            step, Measure(place.time, low, high, with_state(step, convention), budget)
+        )
 
     @staticmethod
     def _by_model(step: StepResponse, spread: float) -> Measure:
@@ -88,7 +90,7 @@ class SettlingTime(StepMetric):
             f"2 % of the step for good, {LEVELS}; two modes fitted to the tail, since {floor}"
         )
         parameters = type_a("noise", ((high - low) / (2.0 * NORMAL)) ** 2, step.noise.freedom)
-        return since_edge(step, Measure(value, low, high, said(step, convention), parameters))
+        return since_edge(step, Measure(value, low, high, with_state(step, convention), parameters))
 
     @staticmethod
     def _interval(

@@ -57,7 +57,7 @@ def worst(found: list[tuple[StepResponse, Measure]]) -> Measure:
 def around(step: StepResponse, value: float, budget: Budget, convention: str) -> Measure:
     """Return a value with the interval that its budget gives it."""
     own = reach(budget)
-    return Measure(value, value - own, value + own, said(step, convention), budget.merged())
+    return Measure(value, value - own, value + own, with_state(step, convention), budget.merged())
 
 
 def since_edge(step: StepResponse, measure: Measure) -> Measure:
@@ -75,6 +75,6 @@ def since_edge(step: StepResponse, measure: Measure) -> Measure:
     return replace(measure, value=value, low=low, high=high + step.slack, budget=budget)
 
 
-def said(step: StepResponse, convention: str) -> str:
+def with_state(step: StepResponse, convention: str) -> str:
     """Return the convention followed by what the reader of the score should know."""
     return "; ".join((convention, *step.notes))

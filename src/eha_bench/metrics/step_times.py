@@ -14,7 +14,7 @@ from eha_bench.core.metric import Better, MetricSpec, Needs
 from eha_bench.core.score import Measure
 from eha_bench.metrics.crossing import Crossing
 from eha_bench.metrics.metric import spec_of
-from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, said, since_edge
+from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, since_edge, with_state
 from eha_bench.metrics.step_response import StepResponse
 
 RESPONDED = 0.95
@@ -104,4 +104,4 @@ def _until(step: StepResponse, share: float, convention: str) -> Measure:
     level = step.place_budget(crossing, share)
     low, high = crossing.interval(level, step.noise)
     budget = crossing.budget(level, step.noise)
-    return since_edge(step, Measure(crossing.time, low, high, said(step, convention), budget))
+    return since_edge(step, Measure(crossing.time, low, high, with_state(step, convention), budget))

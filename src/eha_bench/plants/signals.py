@@ -173,20 +173,31 @@ class SignalPlant(Plant):
             return
         given, true = inputs.copy(), np.empty_like(out)
         # the row that is gone on from is read anew: what its sensors made of it is in the memory
-        begun = fresh
+        is_first = fresh
         for k in range(first, last + 1):
             self.inner.advance(
-                k, k, time, given, locked, bypass_open, step, begun, parameters, inner, state, true
+                k,
+                k,
+                time,
+                given,
+                locked,
+                bypass_open,
+                step,
+                is_first,
+                parameters,
+                inner,
+                state,
+                true,
             )
-            self._read(acting, own, k, time, inputs, true[k], out[k], fresh=begun)
+            self._read(acting, own, k, time, inputs, true[k], out[k], fresh=is_first)
             if k == last:
                 return
-            self._command(acting, own, k, time, inputs, given, true[k], fresh=begun)
+            self._command(acting, own, k, time, inputs, given, true[k], fresh=is_first)
             self.inner.advance(
                 k, k + 1, time, given, locked, bypass_open, step, False, parameters, inner, state,
                 true,
             )  # fmt: skip
-            begun = False
+            is_first = False
 
     def _read(
         self,

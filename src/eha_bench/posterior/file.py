@@ -150,10 +150,10 @@ def _of_calibration(
     model = load_model(file.parent / str(content["model"]))
     known = model.plant.layout.by_key
     own = [key.partition("[")[0] in known for key in covariance["parameters"]]
-    told = np.array(own, dtype=np.bool_) & np.isfinite(matrix.diagonal())
-    kept = np.flatnonzero(told)
-    open_ = [key for key, known_, here in zip(covariance["parameters"], told, own, strict=True)
-             if here and not known_]  # fmt: skip
+    determined = np.array(own, dtype=np.bool_) & np.isfinite(matrix.diagonal())
+    kept = np.flatnonzero(determined)
+    determinable = zip(covariance["parameters"], determined, own, strict=True)
+    open_ = [key for key, is_determined, is_own in determinable if is_own and not is_determined]
     notes = []
     if open_:
         notes.append(f"these data do not determine {', '.join(open_)}, which no draw moves")

@@ -51,8 +51,8 @@ def _headings(recording: Recording) -> dict[str, str]:
     headings = {}
     for name in recording.values:
         unit = recording.unit(name)
-        said = name in CHANNELS and CHANNELS[name].unit in ("", unit)
-        headings[name] = name if said else f"{name} [{unit}]"
+        implied = name in CHANNELS and CHANNELS[name].unit in ("", unit)
+        headings[name] = name if implied else f"{name} [{unit}]"
     return headings
 
 

@@ -96,9 +96,9 @@ def first_map(path: str | Path) -> str:
         known = name in CHANNELS
         unit = guess.unit or (CHANNELS[name].unit if known else "")
         why = guess.reason if known else "no channel is called like it"
-        said = "" if guess.unit else ", unit assumed"
+        caution = "" if guess.unit else ", unit assumed"
         entry = f"{{{guess.place}, unit: {_quoted(unit)}}}"
-        lines.append(f"  {_quoted(name)}: {entry}  # guessed: {why}{said}")
+        lines.append(f"  {_quoted(name)}: {entry}  # guessed: {why}{caution}")
     return "\n".join(lines) + "\n"
 
 
@@ -184,8 +184,10 @@ def _clocks(found: RecordingInformation) -> list[tuple[str, str]]:
             at_end = _UNIT_AT_END.search(name)
             stem = name[: at_end.start()] if at_end else name
             if stem.rpartition("/")[2].lower() in _TIMES and not value.nan_share > 0:
-                said = value.unit or unit or (at_end[1].lower() if at_end else "")
-                clocks.append((value.name, said if said in ("s", "ms", "us", "ns", "min") else ""))
+                written = value.unit or unit or (at_end[1].lower() if at_end else "")
+                clocks.append(
+                    (value.name, written if written in ("s", "ms", "us", "ns", "min") else "")
+                )
     return sorted(clocks, key=lambda clock: not clock[0].lower().startswith("time"))
 
 
@@ -193,9 +195,9 @@ def _clock_lines(found: RecordingInformation) -> list[str]:
     clocks = _clocks(found)
     if clocks:
         name, unit = clocks[0]
-        said = f"its unit is {'said' if unit else 'assumed'}"
+        source = f"its unit is {'given' if unit else 'assumed'}"
         clock = f"time: {{column: {_quoted(name)}, unit: {unit or 's'}}}"
-        return [f"{clock}  # guessed: by its name; {said}"]
+        return [f"{clock}  # guessed: by its name; {source}"]
     if found.format in ("mdf", "ulog", "tdms"):
         return []
     return ["sample_rate: 1 kHz  # ASSUMED: no column is called like a time"]

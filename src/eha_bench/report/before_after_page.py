@@ -112,9 +112,13 @@ def write_before_after(content: BeforeAfter, path: Path) -> Path:
 def _summary(content: BeforeAfter, rows: Sequence[LimitRow]) -> tuple[str, str, str]:
     """Return status, verdict and one sentence."""
     stated = content.tuning["p_pass"]
-    told = f"P(pass) was stated as {_chance(stated)}." if stated else "No P(pass) was stated."
+    amount = f"P(pass) was stated as {_chance(stated)}." if stated else "No P(pass) was stated."
     if content.after is None:
-        return "undecided", "Not run yet", f"The machine has not been run with these gains. {told}"
+        return (
+            "undecided",
+            "Not run yet",
+            f"The machine has not been run with these gains. {amount}",
+        )
     kept = sum(row.status == "passed" for row in rows)
     sentence = f"With the tuned gains the machine keeps {kept} of {len(rows)} limits"
     if content.before is not None:
@@ -123,7 +127,7 @@ def _summary(content: BeforeAfter, rows: Sequence[LimitRow]) -> tuple[str, str, 
         sentence += f"; with those before it kept {count} of {len(earlier)}"
     status = content.after.status
     word = "Passed" if status is Status.PASSED else "Not passed"
-    return status.value, f"{word} on the machine", f"{sentence}. {told}"
+    return status.value, f"{word} on the machine", f"{sentence}. {amount}"
 
 
 def _covered(diagnosis: Mapping[str, Any]) -> list[Fact]:
@@ -194,10 +198,10 @@ def _gain(name: str, item: Mapping[str, Any]) -> tuple[str, str, str]:
     shown, unit = item.get("written_in") or item.get("unit") or "", item.get("unit") or ""
     factor, offset = factor_and_offset(shown, unit) if shown and unit else (1.0, 0.0)
 
-    def told(value: float | None) -> str:
+    def amount(value: float | None) -> str:
         return _NOTHING if value is None else f"{(value - offset) / factor:.5g} {shown}".rstrip()
 
-    return name, told(item["before"]), told(item["after"])
+    return name, amount(item["before"]), amount(item["after"])
 
 
 def _chance(item: Mapping[str, Any] | None) -> str:

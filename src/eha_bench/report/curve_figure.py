@@ -49,18 +49,20 @@ def learned_curve(model: Model) -> Curve | None:
     for effect in model.effects:
         if effect.id != _LEARNED:
             continue
-        said: dict[str, Any] = dict(effect.values)
-        values = float(said.get("scale", 1.0)) * np.asarray(said["values"], dtype=np.float64)
-        period = float(said.get("period", 0.0))
+        values_of: dict[str, Any] = dict(effect.values)
+        values = float(values_of.get("scale", 1.0)) * np.asarray(
+            values_of["values"], dtype=np.float64
+        )
+        period = float(values_of.get("period", 0.0))
         if period > 0.0:
             at = np.linspace(0.0, period, values.size + 1)
             values = np.append(values, values[0])
         else:
-            at = np.linspace(float(said["low"]), float(said["high"]), values.size)
-        name = str(said["variable"])
+            at = np.linspace(float(values_of["low"]), float(values_of["high"]), values.size)
+        name = str(values_of["variable"])
         unit = model.plant.units.get(name) or _UNITS.get(name, unit_of(name))
         variable = (_name(name), unit)
-        return Curve(variable, _amount(said, model), at, values, period > 0.0)
+        return Curve(variable, _amount(values_of, model), at, values, period > 0.0)
     return None
 
 
@@ -90,11 +92,11 @@ def _name(variable: str) -> str:
     return channel_name(variable).replace("_", " ").capitalize()
 
 
-def _amount(said: dict[str, Any], model: Model) -> tuple[str, str]:
-    if said.get("form") == "gain":
+def _amount(values_of: dict[str, Any], model: Model) -> tuple[str, str]:
+    if values_of.get("form") == "gain":
         return "Change of the gain, share of 1", ""
     effect = model.plant.layout.effect(_LEARNED)
-    equation, at = effect.equation(said).value, effect.place(said)
+    equation, at = effect.equation(values_of).value, effect.place(values_of)
     if equation == "measurement":
         sensor = at.removesuffix(".sensor")
         if sensor == "pressures":
@@ -104,6 +106,6 @@ def _amount(said: dict[str, Any], model: Model) -> tuple[str, str]:
     name, unit = _AMOUNTS[equation]
     if equation == "actuation":
         unit = model.plant.units.get(model.plant.command, unit)
-    if said.get("form") == "friction":
+    if values_of.get("form") == "friction":
         name = f"Dry friction ({name.lower()})"
     return name, unit

@@ -90,10 +90,10 @@ def _verdict(found: Diagnosis) -> str:
 
 def _rests_on(found: Diagnosis) -> str:
     errors = found.holdout or found.unseen or found.train
-    told = [name for name, item in errors.items() if _told(item)]
-    if not told:
+    named = [name for name, item in errors.items() if _is_explained(item)]
+    if not named:
         return "no run could be scored."
-    name = max(told, key=lambda key: errors[key].before / errors[key].noise_floor)
+    name = max(named, key=lambda key: errors[key].before / errors[key].noise_floor)
     item = errors[name]
     fitted = errors is found.train
     kind = "the runs that were fitted" if fitted else "runs that were never fitted"
@@ -115,7 +115,7 @@ def _channel(name: str) -> str:
     return words[:1].lower() + words[1:]
 
 
-def _told(item: ChannelError) -> bool:
+def _is_explained(item: ChannelError) -> bool:
     return item.noise_floor > 0.0 and math.isfinite(item.before) and math.isfinite(item.after)
 
 
@@ -212,22 +212,22 @@ def times(when: Iterable[tuple[float, float]]) -> str:
             merged[-1][1] = stop
         else:
             merged.append([start, stop])
-    told = [f"{number(start, 3)} … {number(stop, 3)} s" for start, stop in merged[:_TIMES]]
-    more = len(merged) - len(told)
-    return ", ".join(told) + (f" and {more} more stretches" if more else "")
+    named = [f"{number(start, 3)} … {number(stop, 3)} s" for start, stop in merged[:_TIMES]]
+    more = len(merged) - len(named)
+    return ", ".join(named) + (f" and {more} more stretches" if more else "")
 
 
 def unknown_text(found: Unknown) -> str:
     """Say how much a learned curve explains, and whether it comes again."""
-    told = []
+    named = []
     if math.isfinite(found.share) and found.share > 0.0:
-        told.append(f"A learned curve explains {share(found.share)} of what noise does not.")
+        named.append(f"A learned curve explains {share(found.share)} of what noise does not.")
     elif found.description:
-        told.append(f"{found.description[:1].upper()}{found.description[1:]}.")
+        named.append(f"{found.description[:1].upper()}{found.description[1:]}.")
     if found.period > 0.0:
         unit = {"time": "s", "shaft_angle": "rad"}.get(next(iter(found.variables), ""), "")
-        told.append(f"It comes again every {quantity(found.period, unit)}.")
-    return " ".join(told)
+        named.append(f"It comes again every {quantity(found.period, unit)}.")
+    return " ".join(named)
 
 
 def _listed(words: list[str]) -> str:

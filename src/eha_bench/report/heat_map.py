@@ -35,7 +35,7 @@ class HeatRow:
     """
 
     cells: Markup
-    told: str
+    title: str
 
 
 def heat_row(trend: Trend, nights: Sequence[Night]) -> HeatRow:
@@ -64,18 +64,18 @@ def heat_row(trend: Trend, nights: Sequence[Night]) -> HeatRow:
     if missing:
         marks = "".join(f"M{at + 0.3} .3h.4v.4h-.4z" for at in missing)
         paths.append(f'<path d="{marks}" fill="var(--muted)"/>')
-    told = (
+    title = (
         f"{off} of {len(by_night)} nights {LEVELS[0]:g} standard deviations or more from the "
         "usual value"
     )
-    told += f", no value in {len(missing)}" if missing else ""
+    title += f", no value in {len(missing)}" if missing else ""
     return HeatRow(
         Markup(
             f'<svg class="heat" viewBox="0 0 {len(nights)} 1" preserveAspectRatio="none" '
-            f'role="img" aria-label="{told}"><rect width="{len(nights)}" height="1" '
+            f'role="img" aria-label="{title}"><rect width="{len(nights)}" height="1" '
             f'fill="var(--raised)"/>{"".join(paths)}</svg>'
         ),
-        told,
+        title,
     )
 
 

@@ -173,7 +173,7 @@ def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
     shown = unit.shown(score.value)
     counted = score.metric in COUNTS
     decimals = 0 if counted else decimals_for(shown, unit.difference(half_width))
-    told = math.isfinite(score.value) and score.status is not ScoreStatus.UNDECIDED
+    decided = math.isfinite(score.value) and score.status is not ScoreStatus.UNDECIDED
     margin, severity = _margin(score.value, bounds, unit, decimals)
     return ScoreRow(
         trial=run.id,
@@ -190,9 +190,9 @@ def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
         margin=margin,
         gauge=_gauge(score.value, bounds),
         status=score.status,
-        reason="" if told else score.reason,
-        convention=score.reason if told else "",
-        budget=_budget(measure.budget, unit) if told else "",
+        reason="" if decided else score.reason,
+        convention=score.reason if decided else "",
+        budget=_budget(measure.budget, unit) if decided else "",
         severity=severity,
         at_risk=_at_risk(score, bounds),
         own=trial is not None and score.channel == trial.channel,

@@ -41,9 +41,9 @@ def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) 
         f"{result.status.value}",
         as_text(headline(result)),
     ]
-    told = _of_the_run(result.provenance)
-    if told:
-        parts.append(as_text(told))
+    facts = _of_the_run(result.provenance)
+    if facts:
+        parts.append(as_text(facts))
     stopped = [run for run in result.trials if run.reason]
     if stopped:
         parts.append(

@@ -105,7 +105,7 @@ class TrialView:
     repeats: tuple[RepeatsRow, ...]
     group: Group
     open: bool
-    told: str
+    limits_note: str
 
 
 def write_report(
@@ -254,7 +254,7 @@ def _trial_views(
                 repeats=repeats_rows(runs[0], result.repeats),
                 group=group,
                 open=group is not Group.PASSED or len(grouped) == 1,
-                told=_told(group, own),
+                limits_note=_limits_note(group, own),
             )
         )
     return tuple(views)
@@ -266,7 +266,7 @@ def _group(worst: Status, rows: Sequence[ScoreRow]) -> Group:
     return Group.AT_RISK if any(row.at_risk for row in rows) else Group.PASSED
 
 
-def _told(group: Group, rows: Sequence[ScoreRow]) -> str:
+def _limits_note(group: Group, rows: Sequence[ScoreRow]) -> str:
     """Return the one thing to know of a trial's limits, where it is folded to a line."""
     if group is Group.FAILED:
         missed = worst_first(rows)

@@ -148,8 +148,8 @@ def _best(sweep: Sweep, place: int) -> dict[str, Any]:
         rows.append(
             (
                 factor.key,
-                factor.told(value),
-                "" if now is None else factor.told(now),
+                factor.formatted(value),
+                "" if now is None else factor.formatted(now),
             )
         )
     return {
@@ -213,7 +213,7 @@ def _point_rows(sweep: Sweep) -> list[PointRow]:
         PointRow(
             place,
             tuple(
-                factor.told(value)
+                factor.formatted(value)
                 for factor, value in zip(sweep.space.factors, sweep.points[place], strict=True)
             ),
             sweep.results[place].status.value,

@@ -90,12 +90,12 @@ def heat_svg(x: Axis, y: Axis, margins: FloatArray) -> Markup:
         parts.append(_text(left - 6, at + 0.5 * tall + 4, name, "end"))
         for column in range(len(across)):
             value = float(best[row, column])
-            told = f"{across[column]}, {name}: " + (
+            title = f"{across[column]}, {name}: " + (
                 f"{value:+.3f}" if math.isfinite(value) else "nothing scored"
             )
             parts.append(
                 f'<rect x="{left + wide * column:.1f}" y="{at:.1f}" width="{wide - 1:.1f}" '
-                f'height="{tall - 1:.1f}" {paint(value)}><title>{escape(told)}</title></rect>'
+                f'height="{tall - 1:.1f}" {paint(value)}><title>{escape(title)}</title></rect>'
             )
     for column, name in enumerate(across):
         parts.append(_text(left + wide * (column + 0.5), height - bottom + 16, name, "middle"))
@@ -202,13 +202,13 @@ def kept_bars(axis: Axis, margins: FloatArray) -> Markup:
             f'height="{tall:.1f}" fill="var(--blue)"><title>{escape(name)}: kept by '
             f"{share:.0%}</title></rect>"
         )
-    told = ", ".join(
+    title = ", ".join(
         f"{name} {float(np.mean(margins[places == k] >= 0.0)) if (places == k).any() else 0.0:.0%}"
         for k, name in enumerate(names)
     )
     return Markup(
         f'<svg class="gauge" viewBox="0 0 100 12" preserveAspectRatio="none" role="img" '
-        f'aria-label="kept: {escape(told)}">{"".join(parts)}</svg>'
+        f'aria-label="kept: {escape(title)}">{"".join(parts)}</svg>'
     )
 
 

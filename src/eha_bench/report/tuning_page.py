@@ -41,7 +41,7 @@ def write_tuning_page(found: Tuned, out: Path, facts: tuple[Fact, ...]) -> Path:
         else "Passes with the model as declared",
         "headline": _headline(found),
         "gains": [
-            (factor.key, factor.told(was), factor.told(now))
+            (factor.key, factor.formatted(was), factor.formatted(now))
             for factor, was, now in zip(found.space.factors, found.before, found.point, strict=True)
         ],
         "limits": [

@@ -91,7 +91,7 @@ class Faults:
     def __init__(self, faults: Sequence[Fault]) -> None:
         self._faults = faults
         self._torque_at: float | None = None
-        self._begun: set[Fault] = set()
+        self._started: set[Fault] = set()
         self._held: dict[str, float] = {}
         self._active: dict[FaultKind, Fault] = {}
 
@@ -102,7 +102,7 @@ class Faults:
 
     def update(self, now: float) -> list[str]:
         """Let the faults of this moment act; return those that have just begun."""
-        begun, self._active = [], {}
+        started, self._active = [], {}
         for fault in self._faults:
             if fault.start == -math.inf:
                 since = 0.0
@@ -112,12 +112,12 @@ class Faults:
                 since = now - self._torque_at - fault.start
             if 0.0 <= since < fault.length:
                 self._active[fault.kind] = fault
-                if fault not in self._begun:
-                    self._begun.add(fault)
-                    begun.append(fault.text)
+                if fault not in self._started:
+                    self._started.add(fault)
+                    started.append(fault.text)
         if FaultKind.FROZEN not in self._active:
             self._held = {}
-        return begun
+        return started
 
     def active(self, kind: FaultKind) -> Fault | None:
         """Return the fault of a kind that acts now."""

@@ -125,13 +125,13 @@ class _Pages:
         if run is None:
             what = "No such run is going on"
             return page(message_page(what, "Its report is among the runs once it has ended."), 404)
-        begun = monotonic()
+        began = monotonic()
         try:
             with self._reading:
                 text = live_page(run)
         except EhaBenchError as error:
             text = message_page("Nothing can be read yet", str(error))
-        return page(text, again=max(_AGAIN, _SHARE * (monotonic() - begun)))
+        return page(text, again=max(_AGAIN, _SHARE * (monotonic() - began)))
 
     def _run_on(self, name: str) -> RunOn | None:
         return next((run for run in self._watch.state.seen.runs_on if run.name == name), None)

@@ -92,12 +92,12 @@ class Watch:
 
     def _go_on(self) -> None:
         while not self._stop.is_set():
-            begun = time.monotonic()
+            began = time.monotonic()
             try:
                 self.refresh()
             except Exception as error:  # a page that is a little old is better than none
                 _LOG.warning("note: the folder could not be read anew (%s)", error)
-            took = time.monotonic() - begun
+            took = time.monotonic() - began
             self._stop.wait(max(_PAUSE, min(_SHARE * took, 60.0)))
 
     def refresh(self) -> None:

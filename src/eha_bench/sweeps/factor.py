@@ -60,7 +60,7 @@ class Factor(ABC):
         factor, offset = factor_and_offset(self.shown_in, self.unit)
         return (value - offset) / factor
 
-    def told(self, value: Value) -> str:
+    def formatted(self, value: Value) -> str:
         """Return a value with its unit, for people."""
         shown = self.shown(value)
         number = shown if isinstance(shown, str) else f"{shown:.5g}"

@@ -248,8 +248,8 @@ def probability(
                 found[outcome.index] = item
                 passed += item.result.passed
                 left = (time.monotonic() - began) / number * (len(chosen) - number)
-                told = f"{passed} of {number} draws pass; {time_left(left)} left"
-                progress(number, len(chosen), told)
+                progress_text = f"{passed} of {number} draws pass; {time_left(left)} left"
+                progress(number, len(chosen), progress_text)
                 if interrupted():
                     break
     except KeyboardInterrupt:

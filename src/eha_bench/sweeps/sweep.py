@@ -217,8 +217,8 @@ def _run_rest(
                     journal.add(waiting[outcome.index], found)
                     passed += found.passed
                     left = (time.monotonic() - began) / number * (len(waiting) - number)
-                    told = f"{passed} pass; {time_left(left)} left"
-                    progress(before + number, len(points), told)
+                    progress_text = f"{passed} pass; {time_left(left)} left"
+                    progress(before + number, len(points), progress_text)
                     if interrupted():
                         break
     except KeyboardInterrupt:

@@ -16,7 +16,7 @@ from eha_bench.core.errors import EhaBenchError, TargetFault
 from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
-from eha_bench.targets.crash import told
+from eha_bench.targets.crash import error_text
 from eha_bench.targets.sensors import Sensor, SensorNoise
 from eha_bench.targets.target import Ending, Outcome, Stopping
 
@@ -103,7 +103,7 @@ class ClosedLoop:
         except EhaBenchError:
             raise
         except (Exception, SystemExit) as crash:  # a plug-in controller may raise anything
-            ending, reason = Ending.FAULT, told(crash)
+            ending, reason = Ending.FAULT, error_text(crash)
             done = int(np.count_nonzero(np.isfinite(commands)))
         values = {"reference": reference[:done], self.command: commands[:done]}
         for column, name in enumerate(channels):

@@ -33,10 +33,10 @@ def crashes_as_faults() -> Iterator[None]:
     except EhaBenchError:
         raise
     except (Exception, SystemExit) as error:
-        raise TargetFault(told(error)) from error
+        raise TargetFault(error_text(error)) from error
 
 
-def told(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return what was raised and where: `KeyError: 'x', at my_law.py:7 in step`."""
     what = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
     frame = _place(traceback.extract_tb(error.__traceback__))

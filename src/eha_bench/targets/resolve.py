@@ -10,7 +10,7 @@ from eha_bench.core import plugins, yaml_file
 from eha_bench.core.errors import EhaBenchError, InputError, Place, PluginError
 from eha_bench.core.file_kind import kind_by_keys
 from eha_bench.core.shipped import find
-from eha_bench.targets.crash import told
+from eha_bench.targets.crash import error_text
 from eha_bench.targets.simulator import default_simulator
 from eha_bench.targets.target import Target
 
@@ -80,7 +80,7 @@ def _from_file(path: Path, content: dict[str, object]) -> Target:
         raise
     except Exception as error:
         raise PluginError(
-            f"target '{content['target']}' cannot be made ({told(error)})", where=where
+            f"target '{content['target']}' cannot be made ({error_text(error)})", where=where
         ) from error
     if not isinstance(target, Target):
         raise InputError(f"'{content['target']}' does not make a Target", where=where)

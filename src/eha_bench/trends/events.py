@@ -75,16 +75,16 @@ def events_of(nights: Sequence[Night], trends: Sequence[Trend]) -> tuple[Event, 
 def _marks(trend: Trend, places: dict[int, int]) -> Iterator[_Mark]:
     at = [places[night.id] for night in trend.nights]
     since = places[trend.since.id] if trend.since is not None else None
-    told = False
+    noted = False
     for change in trend.course.changes:
         start = at[change.start]
         now = start == since and trend.state is not State.LOST
-        told = told or now
+        noted = noted or now
         yield _Mark(
             start, at[change.earliest], at[change.latest], trend, now,
             _in_margins(trend, change.size if not now else trend.shift),
         )  # fmt: skip
-    if since is not None and not told:
+    if since is not None and not noted:
         size = _in_margins(trend, trend.shift)
         yield _Mark(since, since, since, trend, now=True, size=size)
 

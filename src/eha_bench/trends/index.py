@@ -179,16 +179,16 @@ def _append(database: sqlite3.Connection, folder: Path) -> list[str]:
 
 
 def _add(database: sqlite3.Connection, name: str, stamp: tuple[int, int], result: Result) -> None:
-    said = result.provenance
+    origin = result.provenance
     keys = ("revision", "host", "version", "suite_sha256", "model_sha256", "controller_sha256")
     started = (
-        said.get("recorded")
-        or said.get("started")
+        origin.get("recorded")
+        or origin.get("started")
         or datetime.fromtimestamp(stamp[1] / 1e9, UTC).isoformat()
     )
     row = (
         name, *stamp, started, result.suite, result.target, result.status.value,
-        *(said.get(key, "") for key in keys), _number(said.get("oil_temperature", "")),
+        *(origin.get(key, "") for key in keys), _number(origin.get("oil_temperature", "")),
     )  # fmt: skip
     key = database.execute(
         f"INSERT INTO runs VALUES (NULL, {', '.join('?' * len(row))})", row

@@ -111,12 +111,12 @@ def _specimen(trend: Trend, *, relative: bool) -> Specimen:
 
 def _marked(specimens: list[Specimen], family: int, *, relative: bool) -> list[Specimen]:
     """Return the units, those marked that moved otherwise than the others."""
-    told = [one for one in specimens if math.isfinite(one.change)]
-    if len(told) < 3:
+    changed = [one for one in specimens if math.isfinite(one.change)]
+    if len(changed) < 3:
         return specimens  # of two nobody knows which is the odd one
     marked = []
     for one in specimens:
-        others = [other for other in told if other is not one]
+        others = [other for other in changed if other is not one]
         changes = np.array([other.change for other in others])
         middle = float(changes.mean())
         # how much units of this kind differ: seen of few, and at least what is known of each

@@ -174,7 +174,7 @@ class _Tuning:
             raise KeyboardInterrupt
         self._check_scored(first)
         if self.posterior is None:
-            return self._told(first, first.best, before, None, None)
+            return self._tuned(first, first.best, before, None, None)
         return self._over_draws(first, before, self.posterior)
 
     def _over_draws(self, first: Search, before: Point, posterior: Posterior) -> Tuned:
@@ -193,7 +193,7 @@ class _Tuning:
             chosen = second.best if second.tried else chosen
             if second.tried and not self.interrupted():
                 chosen, after, declared = self._proven(second, before, draws)
-        return self._told(first, chosen, before, after, declared, second)
+        return self._tuned(first, chosen, before, after, declared, second)
 
     def _proven(
         self, second: Search, before: Point, draws: Sequence[Draw]
@@ -275,7 +275,7 @@ class _Tuning:
             found = contradiction(np.concatenate([item.margins for item in tried]))
         return found
 
-    def _told(
+    def _tuned(
         self,
         first: Search,
         chosen: Candidate,
@@ -290,7 +290,7 @@ class _Tuning:
         passes = bool(np.all(margins >= 0.0)) if after is None else after.suite.kept > 0
         notes = list(self.posterior.notes) if self.posterior else []
         notes += [
-            f"the declared {factor.key}, {factor.told(value)}, is outside its range"
+            f"the declared {factor.key}, {factor.formatted(value)}, is outside its range"
             for factor, value in zip(space.factors, before, strict=True)
             if isinstance(factor.span, Range)
             and not factor.span.low <= float(value) <= factor.span.high
@@ -350,7 +350,7 @@ def _at_ends(space: Space, point: Point) -> list[str]:
             share = factor.span.share(float(value))
             if not 0.01 < share < 0.99:
                 notes.append(
-                    f"{factor.key} ends at a bound of its range, {factor.told(value)}: values "
+                    f"{factor.key} ends at a bound of its range, {factor.formatted(value)}: values "
                     "beyond it may be better"
                 )
     return notes

@@ -91,8 +91,8 @@ def regular_clock(time: FloatArray, channels: Sequence[FloatArray]) -> FloatArra
     clock = clock_beside(time)
     if clock is None or not _NOTICED * clock.period < clock.beside:
         return None
-    said = telling(clock, channels)
-    return None if not said.tells or said.for_stamps else clock.tick * clock.period
+    evidence = telling(clock, channels)
+    return None if not evidence.tells or evidence.for_stamps else clock.tick * clock.period
 
 
 def clock_beside(time: FloatArray) -> RegularClock | None:

@@ -124,7 +124,7 @@ class Measured:
         instants = self.time + taken - lateness.get(self.late.get(channel, ""), 0.0)
         return np.interp(instants, self.time, simulated)
 
-    def begun(self, starts: Mapping[str, StartAngle]) -> Measured:
+    def at_angles(self, starts: Mapping[str, StartAngle]) -> Measured:
         """Return the same run with the shaft at another angle at its start, given by run's name."""
         return replace(self, start=starts.get(self.run.name, self.start))
 

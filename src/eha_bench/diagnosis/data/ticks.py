@@ -90,13 +90,13 @@ def on_ticks(
     used = [_topic(item, wanted) for item in topics if wanted & {*item.values}]
     if not used:
         return Sampled(topics[0])
-    said, notes = _at_their_clocks(used)
-    driving = [item for item in said if {*item.names} & {*inputs}]
-    beside = [item for item in said if item not in driving]
+    placed, notes = _at_their_clocks(used)
+    driving = [item for item in placed if {*item.names} & {*inputs}]
+    beside = [item for item in placed if item not in driving]
     if not driving:
-        driving = [max(said, key=lambda item: item.time.size)]
-        beside = [item for item in said if item is not driving[0]]
-    period = min(_usual(item.time) for item in said)
+        driving = [max(placed, key=lambda item: item.time.size)]
+        beside = [item for item in placed if item is not driving[0]]
+    period = min(_usual(item.time) for item in placed)
     ticks = _driven(driving, _SAME * period)
     reach = min(0.5 * _usual(ticks), _FURTHEST)
     for item in sorted(beside, key=lambda item: -item.time.size):
@@ -106,7 +106,7 @@ def on_ticks(
     late: dict[str, str] = {}
     lost: dict[str, BoolArray] = {}
     firsts, lasts = [], []
-    for item in said:
+    for item in placed:
         at = nearest(ticks, item.time)
         after = item.time - ticks[at]
         same = float(np.quantile(np.abs(after), _USUALLY)) <= _SAME * period
@@ -126,11 +126,11 @@ def on_ticks(
         firsts.append(int(at[0]))
         lasts.append(int(at[-1]) if item not in driving else ticks.size - 1)
     kept = slice(max(firsts), min(lasts) + 1)
-    first = said[0].part
+    first = placed[0].part
     recording = Recording(
         ticks[kept],
         {name: column[kept] for name, column in values.items()},
-        {name: item.part.unit(name) for item in said for name in item.names},
+        {name: item.part.unit(name) for item in placed for name in item.names},
         epoch_ns=first.epoch_ns,
         metadata=first.metadata,
         attachments=first.attachments,
@@ -160,11 +160,11 @@ def _topic(part: Recording, wanted: Collection[str]) -> _Topic:
 
 def _at_their_clocks(topics: Sequence[_Topic]) -> tuple[list[_Topic], list[Note]]:
     """Return topics on regular clocks where the log's readings do not speak for its stamps."""
-    said = Telling()
+    evidence = Telling()
     for item in topics:
         if item.clock is not None:
-            said += telling(item.clock, [item.part.values[name] for name in item.names])
-    regular = not (said.tells and said.for_stamps)
+            evidence += telling(item.clock, [item.part.values[name] for name in item.names])
+    regular = not (evidence.tells and evidence.for_stamps)
     found, notes = [], []
     for item in topics:
         own = item

@@ -49,14 +49,14 @@ def carried(
         windows: of one run, in the order of time; each gets a start value and a spread, SI.
     """
     measured = windows[0].measured
-    begun = list(windows)
+    started = list(windows)
     if windows[0].first > 0:
-        begun.insert(0, window_at(measured, 0, windows[0].first, windows[0].noise))
-    stops = [*(window.first for window in begun[1:]), measured.time.size - 1]
+        started.insert(0, window_at(measured, 0, windows[0].first, windows[0].noise))
+    stops = [*(window.first for window in started[1:]), measured.time.size - 1]
     known: dict[str, float] = {}
     paths: dict[str, list[float]] = {}
     found: list[dict[str, float]] = []
-    for window, stop in zip(begun, stops, strict=True):
+    for window, stop in zip(started, stops, strict=True):
         unread = missing(plant, window)
         own = {name: known[name] for name in unread if name in known}
         start = {**plant.at_rest(window.initial), **window.initial, **own}
@@ -72,7 +72,7 @@ def carried(
         found.append(own)
     moves = {name: float(np.ptp(path)) for name, path in paths.items()}
     done = []
-    for window, own in zip(begun[-len(windows) :], found[-len(windows) :], strict=True):
+    for window, own in zip(started[-len(windows) :], found[-len(windows) :], strict=True):
         spread = {name: _TRUSTED * moves[name] for name in own}
         done.append(
             replace(window, initial={**window.initial, **own}, spread={**window.spread, **spread})

@@ -126,7 +126,7 @@ def window_at(measured: Measured, first: int, last: int, noise: Mapping[str, flo
     return Window(measured, first, last, state, spread, noise)
 
 
-def begun(window: Window, measured: Measured) -> Window:
+def restarted(window: Window, measured: Measured) -> Window:
     """Return a window of the same run, of which only the shaft's angle at the start is another."""
     state, spread = dict(window.initial), dict(window.spread)
     _turn(measured, window.first, window.noise, state, spread)

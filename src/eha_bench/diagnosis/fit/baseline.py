@@ -23,7 +23,7 @@ from eha_bench.diagnosis.data.gate import (
 from eha_bench.diagnosis.data.quiet import coloured, quiet_stretches, with_colours
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.ticks import on_ticks
-from eha_bench.diagnosis.data.windows import Window, begun, cut, split, window_at
+from eha_bench.diagnosis.data.windows import Window, cut, restarted, split, window_at
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -92,10 +92,10 @@ class Baseline:
     starts: int = 1
     agreed: int = 1
 
-    def begun(self, starts: Mapping[str, StartAngle]) -> Baseline:
+    def at_angles(self, starts: Mapping[str, StartAngle]) -> Baseline:
         """Return the same where runs begin at other angles of the shaft, by name."""
-        measured = tuple(item.begun(starts) for item in self.measured)
-        return replace(self, measured=measured, problem=self.problem.begun(starts))
+        measured = tuple(item.at_angles(starts) for item in self.measured)
+        return replace(self, measured=measured, problem=self.problem.at_angles(starts))
 
 
 def is_friction_at_rest(key: str) -> bool:
@@ -301,8 +301,10 @@ def _at_their_angles(
     if not counts_on(dataset.model.plant.layout, vector):
         return measured, windows
     starts = own_angles(Problem(dataset.model.plant, windows, noise, COARSE), vector)
-    turned = {item.run.name: item.begun(starts) for item in measured}
-    return tuple(turned.values()), [begun(item, turned[item.measured.run.name]) for item in windows]
+    turned = {item.run.name: item.at_angles(starts) for item in measured}
+    return tuple(turned.values()), [
+        restarted(item, turned[item.measured.run.name]) for item in windows
+    ]
 
 
 def _roughly(

@@ -102,9 +102,9 @@ def convergence(fit: Fit, starts: int = 1, agreed: int = 1) -> Convergence:
     sizes = np.array([abs(fit.vector[i.at]) or i.scale for i in fit.free])[inside]
     units = sizes / np.array([item.scale for item in fit.free])[inside]
     values, vectors = np.linalg.eigh((matrix[:, inside] * units).T @ (matrix[:, inside] * units))
-    told = values > level / LOOSE**2
-    along = vectors[:, told].T @ (gradient[inside] * units)
-    decrement = float(np.sum(along**2 / values[told]))
+    determined = values > level / LOOSE**2
+    along = vectors[:, determined].T @ (gradient[inside] * units)
+    decrement = float(np.sum(along**2 / values[determined]))
     readings = fit.residual[: fit.residual.size - fit.beliefs]
     ratio = float(np.sqrt(np.mean(readings**2))) if readings.size else float("nan")
     return Convergence(float(np.sqrt(max(decrement, 0.0) / level)), ratio, starts, agreed, bounds)

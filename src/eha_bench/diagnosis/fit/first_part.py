@@ -107,10 +107,10 @@ def first_part(measured: Measured, model: Model, noise: Mapping[str, float]) -> 
     fit = arrived(problem, vector, free, lambda _: None).fit
     problem.scale_to(fit.residual)
     fit = levenberg_marquardt(problem, fit.vector, free, iterations=4)
-    told = estimates(fit, groups_of(problem), {})
+    intervals = estimates(fit, groups_of(problem), {})
     found = {}
     for item in problem.places.own:
-        value = told[item.key]
+        value = intervals[item.key]
         if not (np.isfinite(value.low) and np.isfinite(value.high)):
             value = replace(value, value=float(vector[item.place]))
         found[item.parameter] = replace(value, unit=units[item.parameter])

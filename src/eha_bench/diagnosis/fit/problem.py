@@ -26,7 +26,7 @@ from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.interruption import checkpoint
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.unmeasured import carried, missing
-from eha_bench.diagnosis.data.windows import Window, begun
+from eha_bench.diagnosis.data.windows import Window, restarted
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.beliefs import Belief, believed_residual
 from eha_bench.diagnosis.fit.effort import simulated
@@ -178,17 +178,17 @@ class Problem:
         other.step = step
         return other
 
-    def begun(self, starts: Mapping[str, StartAngle]) -> Problem:
+    def at_angles(self, starts: Mapping[str, StartAngle]) -> Problem:
         """Return the same problem with the shaft at other angles where runs begin, by run's name.
 
         Start-state bases are shared until it is prepared.
         """
         other = self.subset(range(len(self.windows)))
         other._defect = self._defect
-        runs = {id(item.measured): item.measured.begun(starts) for item in self.windows}
-        other.windows = tuple(begun(item, runs[id(item.measured)]) for item in self.windows)
+        runs = {id(item.measured): item.measured.at_angles(starts) for item in self.windows}
+        other.windows = tuple(restarted(item, runs[id(item.measured)]) for item in self.windows)
         other._parts = [
-            replace(part, window=begun(part.window, runs[id(part.window.measured)]))
+            replace(part, window=restarted(part.window, runs[id(part.window.measured)]))
             for part in self._parts
         ]
         return other

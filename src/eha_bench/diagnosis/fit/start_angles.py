@@ -106,7 +106,7 @@ def refined(problem: Problem, vector: FloatArray) -> Problem:
     for _ in range(_ROUNDS):
         soft, weight = soften(residual, problem.soft)
         turned = {name: _by(start, _MOVE * start.spread) for name, start in starts.items()}
-        change = (problem.begun(turned).residual(vector) - residual) * weight
+        change = (problem.at_angles(turned).residual(vector) - residual) * weight
         trial = {}
         for name, start in starts.items():
             slope, own = change[rows[name]], soft[rows[name]]
@@ -114,13 +114,13 @@ def refined(problem: Problem, vector: FloatArray) -> Problem:
             step = -float(slope @ own) / square if square > 0.0 else 0.0
             step = float(np.clip(step * _MOVE, -_FURTHEST, _FURTHEST))
             trial[name] = _by(start, step * start.spread)
-        after = problem.begun(trial).residual(vector)
+        after = problem.at_angles(trial).residual(vector)
         new, _ = soften(after, problem.soft)
         better = [n for n, k in rows.items() if float(new[k] @ new[k]) < float(soft[k] @ soft[k])]
         if not better:
             break
         starts |= {name: trial[name] for name in better}
-        problem = problem.begun(starts)
+        problem = problem.at_angles(starts)
         for name in better:
             residual[rows[name]] = after[rows[name]]
     return problem
@@ -147,7 +147,7 @@ def own_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     more = len(rows_of_runs(short))
     if not begin_apart(nothing - common, nothing - apart, more, level=level):
         return {}
-    return _settled(problem, short.begun(starts), vector)
+    return _settled(problem, short.at_angles(starts), vector)
 
 
 def estimated(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
@@ -161,10 +161,10 @@ def estimated(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     short = _short_windows(problem, vector)
     if short is None:
         return {}
-    return _settled(problem, short.begun(_scanned(short, vector)[0]), vector)
+    return _settled(problem, short.at_angles(_scanned(short, vector)[0]), vector)
 
 
-def said(starts: Mapping[str, StartAngle]) -> str:
+def angles_note(starts: Mapping[str, StartAngle]) -> str:
     """Say in words where runs begin."""
     each = ", ".join(f"{name} {start.value:.3g}" for name, start in starts.items())
     return f"the shaft's angle at the start of each run was estimated from the run, in rad: {each}"
@@ -185,7 +185,7 @@ def _scanned(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle],
     costs = []
     for number in range(tries):
         angle = math.remainder(period * number / tries, period)
-        moved = short.begun(dict.fromkeys(rows, StartAngle(angle, spread)))
+        moved = short.at_angles(dict.fromkeys(rows, StartAngle(angle, spread)))
         soft, _ = soften(moved.residual(vector), short.soft)
         costs.append(float(soft @ soft))
         for name, own in rows.items():
@@ -201,7 +201,7 @@ def _scanned(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle],
 
 def _settled(problem: Problem, short: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     """Return the angles refined over short windows, and then over the problem's own."""
-    long = problem.begun(starts_of(refined(short, vector)))
+    long = problem.at_angles(starts_of(refined(short, vector)))
     long.prepare(vector)
     long.scale_to(long.residual(vector))
     return starts_of(refined(long, vector))

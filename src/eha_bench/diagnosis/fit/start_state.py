@@ -17,9 +17,9 @@ def start_of(at: Parametrised, drive: Drive, measured: Mapping[str, float]) -> d
     """
     plant = at.plant
     given = {name: float(values[drive.first]) for name, values in drive.inputs.items()}
-    told = plant.through_cells(at.vector, {**given, **measured})
+    implied = plant.through_cells(at.vector, {**given, **measured})
     measured = {name: value for name, value in measured.items() if name in plant.states}
-    initial = {**told, **plant.at_rest(measured), **measured}
+    initial = {**implied, **plant.at_rest(measured), **measured}
     if at.sensors_are_ideal:
         return initial
     reads = at.simulate(drive.first_tick, initial, 1.0)[drive.first]

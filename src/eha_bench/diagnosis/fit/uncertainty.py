@@ -185,10 +185,10 @@ def _disagreement(
         shares += np.where(concerned, np.diag(own), 0.0)
         squares += np.where(concerned, np.diag(own) ** 2, 0.0)
         values, vectors = np.linalg.eigh(own)
-        told = values > _CONCERNED * max(float(values.max(initial=0.0)), 1e-300)
-        level = np.maximum(values, np.diag(vectors.T @ noise @ vectors))[told]
-        chow += float(np.sum((vectors[:, told].T @ score) ** 2 / level))
-        ranks += int(told.sum())
+        concerning = values > _CONCERNED * max(float(values.max(initial=0.0)), 1e-300)
+        level = np.maximum(values, np.diag(vectors.T @ noise @ vectors))[concerning]
+        chow += float(np.sum((vectors[:, concerning].T @ score) ** 2 / level))
+        ranks += int(concerning.sum())
     if ranks <= 0 or chow < chdtri(ranks, _CHANCE):
         return np.ones(size), np.full(size, np.inf)
     # as many runs of equal say as these are worth

@@ -45,7 +45,7 @@ class Decision:
 
 
 def decide(
-    search: Search, step: float, progress: ProgressHook, said: Sequence[str] = ()
+    search: Search, step: float, progress: ProgressHook, earlier: Sequence[str] = ()
 ) -> Decision:
     """Return the verdict on a finished search.
 
@@ -58,7 +58,7 @@ def decide(
     before = max(search.excess_base.total, 1.0)
     share = 1.0 - max(rest.total, 0.0) / before
     notes = [
-        *said,
+        *earlier,
         f"what remains is {max(rest.relative, 0.0):.1%} above the noise "
         f"({max(search.excess_base.relative, 0.0):.1%} before)",
     ]

@@ -21,7 +21,13 @@ from eha_bench.diagnosis.fit.baseline import STEP, Baseline, thinned
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.own_parameters import OwnValues, like_clocks
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.fit.start_angles import angles_of, counts_on, estimated, said, starts_of
+from eha_bench.diagnosis.fit.start_angles import (
+    angles_note,
+    angles_of,
+    counts_on,
+    estimated,
+    starts_of,
+)
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.outcome.rivals import covered
@@ -110,16 +116,16 @@ def scores_of(
     held_out, notes = _read(dataset, base.measured)
     held_out = [coloured_like(item, base.measured) for item in held_out]
     held_out = [like_clocks(item, base.measured) for item in held_out]
-    begun = starts_of(base.problem)
-    if begun and counts_on(dataset.model.plant.layout, vectors[-1]):
+    starts = starts_of(base.problem)
+    if starts and counts_on(dataset.model.plant.layout, vectors[-1]):
         seen = angles_of(base.problem)
         for item in (*base.measured, *held_out):
             alone = None if item.run.name in seen else _windows_of(dataset, [item], noise)
             if alone is not None:
-                begun |= estimated(alone, vectors[-1])
-        base = base.begun(begun)
-        held_out = [item.begun(begun) for item in held_out]
-        notes.append(said(begun))
+                starts |= estimated(alone, vectors[-1])
+        base = base.at_angles(starts)
+        held_out = [item.at_angles(starts) for item in held_out]
+        notes.append(angles_note(starts))
     parts = [[first_part(item, model, noise) for item in held_out] for model in models[1:]]
     trained = [base.problem.places.values(vector) for vector in vectors]
     own: tuple[OwnValues, ...] = (

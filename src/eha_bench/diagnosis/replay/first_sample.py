@@ -65,30 +65,30 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
             continue
         readings[name] = first[name]
         notes += _about(measured, name, plant)
-    told = {*readings, *(measured.held if locked else ())}
+    known = {*readings, *(measured.held if locked else ())}
     if locked:
-        told |= {name for name in roles.locked if name in roles.rates}
+        known |= {name for name in roles.locked if name in roles.rates}
     behind = plant.behind(model.vector(), first)
     for name in needed:
-        if name in behind and name not in told:
+        if name in behind and name not in known:
             readings[name] = behind[name]
-            told.add(name)
+            known.add(name)
             value = _amount(name, behind[name], plant)
             notes.append(f"no '{name}' in the log: it starts at {value}, from other channels")
-    if roles.pair and all(name in needed and name not in told for name in roles.pair):
+    if roles.pair and all(name in needed and name not in known for name in roles.pair):
         difference = first.get("pressure_difference")
         if difference is not None:
             rest = _rest_pressure(model)
             readings[roles.pair[0]] = rest + max(difference, 0.0)
             readings[roles.pair[1]] = rest + max(-difference, 0.0)
-            told |= {*roles.pair}
+            known |= {*roles.pair}
             notes.append(
                 "neither chamber's pressure is in the log: they start with the measured "
                 f"difference, the lower one at {_amount(roles.pair[0], rest, plant)}, "
                 "which is assumed"
             )
     state = _state(measured, model, readings)
-    assumed = [_assumed(name, state, model) for name in needed if name not in told]
+    assumed = [_assumed(name, state, model) for name in needed if name not in known]
     if assumed:
         notes.append(
             f"the log does not hold the start values of all states; assumed: {', '.join(assumed)}"

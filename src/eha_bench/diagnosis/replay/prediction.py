@@ -24,7 +24,7 @@ from eha_bench.diagnosis.data.ticks import Sampled, nearest, on_ticks
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles, said
+from eha_bench.diagnosis.fit.start_angles import angles_note, counts_on, own_angles
 from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.replay.first_sample import first_sample
 from eha_bench.plants.model import Model, model_from
@@ -122,8 +122,8 @@ def _with_its_own(measured: Measured, model: Model) -> Measured:
     if not model.per_run or not noise:
         return measured
     found = first_part(measured, model, noise)
-    told = replace(measured, notes=(*measured.notes, *found.notes()))
-    return told.knowing(found.values)
+    own = replace(measured, notes=(*measured.notes, *found.notes()))
+    return own.knowing(found.values)
 
 
 def _at_its_angle(measured: Measured, model: Model) -> Measured:
@@ -133,7 +133,7 @@ def _at_its_angle(measured: Measured, model: Model) -> Measured:
     if not noise or not counts_on(model.plant.layout, vector):
         return measured
     problem = Problem(model.plant, cut(measured, noise), noise, STEP)
-    return measured.begun(own_angles(problem, vector))
+    return measured.at_angles(own_angles(problem, vector))
 
 
 def predict(
@@ -216,7 +216,7 @@ def _predicted(
         columns = _at_stamps(columns, sampled.recording, recording)
     notes = measured.notes + start.notes
     if measured.start.is_estimated:
-        notes += (said({measured.run.name: measured.start}),)
+        notes += (angles_note({measured.run.name: measured.start}),)
     return Prediction(
         measured.run.name,
         np.array(recording.time),

@@ -141,21 +141,21 @@ def _one(
         measured.roles.pair,
     )  # fmt: skip
     starts = [first_state(run, model) for run, model in zip(runs, models, strict=True)]
-    begun = [
+    started = [
         _simulated(run, model, start, STEP)
         for run, model, start in zip(runs, models, starts, strict=True)
     ]
     predicted = [
         values if (first := first_sample(run, model).state) == start
         else _simulated(run, model, first, STEP)
-        for run, model, start, values in zip(runs, models, starts, begun, strict=True)
+        for run, model, start, values in zip(runs, models, starts, started, strict=True)
     ]  # fmt: skip
     if measured.unsure:
         runs = [
             _with_lost_inputs(run, model, start, own, noise)
             for run, model, start in zip(runs, models, starts, strict=True)
         ]
-        begun = [
+        started = [
             _simulated(run, model, start, STEP)
             for run, model, start in zip(runs, models, starts, strict=True)
         ]
@@ -163,7 +163,7 @@ def _one(
     loose = any(value > _LOOSE * noise[name] for name, value in moved.items() if name in noise)
     simulated = [
         _from_best_start(run, model, start, values, own, noise) if loose else values
-        for run, model, start, values in zip(runs, models, starts, begun, strict=True)
+        for run, model, start, values in zip(runs, models, starts, started, strict=True)
     ]
     return Replay(
         measured.run.name,

@@ -107,7 +107,7 @@ class Wave:
         turns.pop(self.runs[0])
         return turns
 
-    def begun(self, turns: Mapping[str, float]) -> Wave:
+    def with_turns(self, turns: Mapping[str, float]) -> Wave:
         """Return the wave where runs begin further on than in the scan, by name, rad."""
         gain, start = self._best([turns.get(name, 0.0) for name in self.runs])
         return replace(self, gain=gain, start=start)

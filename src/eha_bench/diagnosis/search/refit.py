@@ -25,7 +25,7 @@ from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic
 from eha_bench.diagnosis.search.periodic import Wave, best_counts, in_parts, scan
-from eha_bench.diagnosis.search.screen import Screen, Screened, begun, unlike
+from eha_bench.diagnosis.search.screen import Screen, Screened, starting_point, unlike
 from eha_bench.diagnosis.search.state import Search, Trial, rival_share
 
 _POOR = 1.02
@@ -63,7 +63,7 @@ def sticks(key: str, value: float) -> bool:
 
 def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
     """Fit a screened candidate roughly, from where the search is."""
-    vector = begun(coarse, item, search.fit)
+    vector = starting_point(coarse, item, search.fit)
     free = free_of(search, vector, [item.start])
     # where a start has moved what is calibrated, the search's Jacobian is not the one there
     own = {item.start.strength_at, *(at for at, _ in item.start.settings)}
@@ -238,7 +238,7 @@ class Near:
             for number, name in enumerate(list(tried)[: most + 2])
             for item in unlike(tried[name])[: _KEEP if number < 3 else 1]
         ]
-        found = side_by_side(self._begun, chosen)
+        found = side_by_side(self._refitted_from, chosen)
         found.sort(key=lambda item: item.fit.cost)
         best = {item.starts[-1].candidate: item for item in reversed(found)}
         return sorted(best.values(), key=lambda item: item.fit.cost)
@@ -257,23 +257,23 @@ class Near:
         hopeful = [item for item in fits if self.fit.cost - item.fit.cost > least][:most]
         return side_by_side(self._trial, hopeful)
 
-    def begun(self, starts: Mapping[str, StartAngle]) -> Near:
+    def at_angles(self, starts: Mapping[str, StartAngle]) -> Near:
         """Return the same where runs begin at other angles, by name; what does not turn fits on."""
         other = copy(self)
-        other.problem, other.coarse = self.problem.begun(starts), self.coarse.begun(starts)
+        other.problem, other.coarse = self.problem.at_angles(starts), self.coarse.at_angles(starts)
         other._turned = {}
         return other
 
     def adopted(self, starts: Mapping[str, StartAngle]) -> Near:
         """Return it where runs begin at other angles, by name, as its search does from now on."""
-        search, other, before = self.search, self.begun(starts), angles_of(self.problem)
+        search, other, before = self.search, self.at_angles(starts), angles_of(self.problem)
         after = angles_of(other.problem)
         turns = {name: after[name] - angle for name, angle in before.items()}
         other._waves = {
-            name: (own, [wave.begun(turns) for wave in waves])
+            name: (own, [wave.with_turns(turns) for wave in waves])
             for name, (own, waves) in self._waves.items()
         }
-        search.problem = search.problem.begun(starts)
+        search.problem = search.problem.at_angles(starts)
         search.near = other
         other._from = (search.problem, search.fit, *search.accepted)
         return other
@@ -337,7 +337,7 @@ class Near:
                 best.setdefault(item.start.candidate, item)
 
         def fitted(item: Screened) -> Nearby:
-            vector = begun(self.problem, item, first.fit)
+            vector = starting_point(self.problem, item, first.fit)
             return self.refitted((*first.starts, item.start), vector, first.fit.columns)
 
         return side_by_side(fitted, list(best.values())[:most])
@@ -356,8 +356,8 @@ class Near:
         )
         return Nearby(starts, fit)
 
-    def _begun(self, item: Screened) -> Nearby:
-        return self.refitted((item.start,), begun(self.problem, item, self.fit))
+    def _refitted_from(self, item: Screened) -> Nearby:
+        return self.refitted((item.start,), starting_point(self.problem, item, self.fit))
 
     def _trial(self, item: Nearby) -> Trial:
         return Trial(item.starts[-1], self.long(item), NOT_COMPARED)

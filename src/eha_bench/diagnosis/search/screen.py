@@ -128,7 +128,7 @@ def unlike(screened: Sequence[Screened]) -> list[Screened]:
     return kept
 
 
-def begun(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
+def starting_point(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
     """Return a vector with a screened candidate on, at a size that makes nothing worse.
 
     A prediction far beyond the strength that was probed holds only where an effect is proportional

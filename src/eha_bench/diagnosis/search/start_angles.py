@@ -41,7 +41,7 @@ _ROUNDS = 2
 Starts = Mapping[str, StartAngle]
 
 
-def begun_apart(search: Search, near: Near, starts: Sequence[Start]) -> Near:
+def with_own_angles(search: Search, near: Near, starts: Sequence[Start]) -> Near:
     """Return the search over short windows with runs that begin where the data ask for.
 
     Where they do, the search's own problem begins there as well.
@@ -56,7 +56,7 @@ def begun_apart(search: Search, near: Near, starts: Sequence[Start]) -> Near:
     more = len(angles_of(near.problem)) - 1
     if not waves or more < 1:
         return near
-    pairs = [(wave, wave.begun(wave.turns())) for wave in waves]
+    pairs = [(wave, wave.with_turns(wave.turns())) for wave in waves]
     pairs = [pair for pair in pairs if _is_an_angle(*pair, near.excess)]
     pairs.sort(key=lambda pair: -pair[1].gain)
     best = max((apart.gain for _, apart in pairs), default=0.0)
@@ -91,9 +91,9 @@ def _fitted(near: Near, wave: Wave, apart: Wave) -> tuple[Starts, Nearby]:
         name: StartAngle(before[name] + turn, 1.0 / wave.count)
         for name, turn in wave.turns().items()
     }
-    here = near.begun(starts)
+    here = near.at_angles(starts)
     found = here.refitted((apart.start,), apart.start.apply(near.fit.vector))
     for _ in range(_ROUNDS):
-        here = near.begun(starts_of(refined(here.problem, found.fit.vector)))
+        here = near.at_angles(starts_of(refined(here.problem, found.fit.vector)))
         found = here.refitted(found.starts, found.fit.vector, found.fit.columns)
     return starts_of(here.problem), found

@@ -28,7 +28,7 @@ from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.refit import Near, is_bent, polish, refit
 from eha_bench.diagnosis.search.screen import Screen, Screened
 from eha_bench.diagnosis.search.settle import rebase, refine, settle
-from eha_bench.diagnosis.search.start_angles import begun_apart
+from eha_bench.diagnosis.search.start_angles import with_own_angles
 from eha_bench.diagnosis.search.state import (
     Accepted,
     Ranked,
@@ -156,7 +156,7 @@ def look(search: Search, *, first: bool) -> list[Trial]:
     if _worth_a_look(search) and reached > floor + max(_MOSTLY * search.excess_left.total, 30.0):
         own = [start for start in starts if start.candidate in turning]
         if own:
-            near = begun_apart(search, near or Near.here(search, coarse), own)
+            near = with_own_angles(search, near or Near.here(search, coarse), own)
             finals += _finished(search, _best_of_each(near.turning(own, _TURNING)), afresh=False)
     best: dict[str, Screened] = {}
     for item in screened:

@@ -273,8 +273,8 @@ def _fields(group: type) -> Iterable[str]:
 
 def _group(function: Callable[..., object], name: str) -> type | None:
     """Return the NamedTuple that an argument is, None where it is a number."""
-    said = function.__annotations__.get(name)
-    kind = function.__globals__.get(said) if isinstance(said, str) else said
+    annotation = function.__annotations__.get(name)
+    kind = function.__globals__.get(annotation) if isinstance(annotation, str) else annotation
     if isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields"):
         return kind
     return None

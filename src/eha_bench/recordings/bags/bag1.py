@@ -82,17 +82,17 @@ class Bag1Source(BagFile):
         if found.stop < size:
             self._damaged = True
             self._notes.append(f"{name} holds {size - found.stop} bytes that are no records")
-        said = self._counts.get(record.position)
-        if said is None:
+        declared = self._counts.get(record.position)
+        if declared is None:
             return
         numbers, counts = np.unique(found.batch.connections, return_counts=True)
         there = dict(zip(numbers.tolist(), counts.tolist(), strict=True))
-        if there != {number: count for number, count in said.items() if count}:
+        if there != {number: count for number, count in declared.items() if count}:
             self._damaged = True
             self._notes.append(
                 f"{name} does not hold what its index counts: {sum(there.values())} messages, not "
-                f"{sum(said.values())}"
-                if sum(there.values()) != sum(said.values())
+                f"{sum(declared.values())}"
+                if sum(there.values()) != sum(declared.values())
                 else f"{name} does not hold what its index counts: its messages are of other topics"
             )
 
@@ -169,10 +169,10 @@ class Bag1Source(BagFile):
             ("chunks", "chunk_count", len(self._chunks)),
             ("connections", "conn_count", len(self._connections)),
         ):
-            said = head.fields.get(field, b"")
-            if len(said) == 4 and u32(said) != there:
+            declared = head.fields.get(field, b"")
+            if len(declared) == 4 and u32(declared) != there:
                 self._damaged = True
-                self._notes.append(f"its header counts {u32(said)} {what}, it holds {there}")
+                self._notes.append(f"its header counts {u32(declared)} {what}, it holds {there}")
 
     def _take(self, record: Record, data: memoryview) -> None:
         if record.op == CHUNK:

@@ -144,8 +144,8 @@ def _check(kind: type[Message], path: FieldPath) -> None:
 
 def is_repeated(field: Any) -> bool:
     """Whether a field is repeated; older versions of the library say it in another way."""
-    told = getattr(field, "is_repeated", None)
-    return bool(field.label == field.LABEL_REPEATED if told is None else told)
+    repeated = getattr(field, "is_repeated", None)
+    return bool(field.label == field.LABEL_REPEATED if repeated is None else repeated)
 
 
 class _Protobuf(Objects):

@@ -88,10 +88,14 @@ class ChunkReader:
             )
         elif chunk.channels is not None and _without_none(chunk.channels) != counts:
             self.unlike += 1
-            said, there = sum(chunk.channels.values()), sum(counts.values())
+            declared, there = sum(chunk.channels.values()), sum(counts.values())
             self.notes.append(
                 f"the chunk at byte {chunk.offset} does not hold what its index says: "
-                + (f"{there} messages, not {said}" if said != there else "they are of other topics")
+                + (
+                    f"{there} messages, not {declared}"
+                    if declared != there
+                    else "they are of other topics"
+                )
             )
         return found
 

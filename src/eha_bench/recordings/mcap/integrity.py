@@ -44,12 +44,12 @@ def summary_problems(file: McapFile) -> Iterator[str]:
             f"its index knows {len(file.chunk_index)} chunks, of which {len(lost)} are not there"
             + (f"; {len(more)} others are" if more else "")
         )
-    for what, said, there in (
+    for what, declared, there in (
         ("attachments", file.attachment_names, [name for name, _ in file.attached()]),
         ("metadata records", file.metadata_names, [record.name for record in file.metadata]),
     ):
-        if said and Counter(said) != Counter(there):
-            yield f"its index names the {what} {shown(said)}, it holds {shown(there) or 'none'}"
+        if declared and Counter(declared) != Counter(there):
+            yield f"its index names the {what} {shown(declared)}, it holds {shown(there) or 'none'}"
 
 
 def data_problems(file: McapFile) -> Iterator[str]:
@@ -72,14 +72,14 @@ def count_problems(
         counted: messages by channel of every chunk that was opened, by its offset.
         stretches: messages by channel outside of chunks; None where they were not looked at.
     """
-    said = file.statistics
-    if said is None or file.tear is not None or file.holes:
+    declared = file.statistics
+    if declared is None or file.tear is not None or file.holes:
         return
     chunks = [part for part in file.parts if isinstance(part, Chunk)]
     for what, number, there in (
-        ("chunks", said.chunk_count, len(chunks)),
-        ("attachments", said.attachment_count, len(file.attachments)),
-        ("metadata records", said.metadata_count, len(file.metadata)),
+        ("chunks", declared.chunk_count, len(chunks)),
+        ("attachments", declared.attachment_count, len(file.attachments)),
+        ("metadata records", declared.metadata_count, len(file.metadata)),
     ):
         if number != there:
             yield f"its statistics tell of {number} {what}, it holds {there}"
@@ -91,10 +91,10 @@ def count_problems(
         if known is None:
             return
         total.update(known)
-    if total.total() != said.message_count:
-        yield f"its statistics count {said.message_count} messages, it holds {total.total()}"
+    if total.total() != declared.message_count:
+        yield f"its statistics count {declared.message_count} messages, it holds {total.total()}"
         return
-    by_channel = said.channel_message_counts
+    by_channel = declared.channel_message_counts
     wrong = [
         number
         for number in sorted({*by_channel, *total})

@@ -95,44 +95,44 @@ class ApartTable(GroupedTable):
         values = self._array(self._ask({"clock of": name}))
         return values if values.dtype.kind in "mM" else values.astype(np.float64)
 
-    def _take(self, said: Mapping[str, Any]) -> None:
+    def _take(self, answer_head: Mapping[str, Any]) -> None:
         """Keep what the other process says that the file holds."""
-        self._format = str(said["format"])
+        self._format = str(answer_head["format"])
         self._metadata = {
             str(name): {str(key): str(value) for key, value in record.items()}
-            for name, record in said["metadata"].items()
+            for name, record in answer_head["metadata"].items()
         }
-        self.own_epoch = said["own_epoch"]
-        self._hear(said)
+        self.own_epoch = answer_head["own_epoch"]
+        self._hear(answer_head)
         self._series = [
             Series(group, name, partial(self._values_of, place), unit, clock)
-            for place, (group, name, unit, clock) in enumerate(said["series"])
+            for place, (group, name, unit, clock) in enumerate(answer_head["series"])
         ]
-        self._clocks = {group: partial(self._stamps_of, group) for group in said["clocks"]}
+        self._clocks = {group: partial(self._stamps_of, group) for group in answer_head["clocks"]}
         self.forget_names()
 
-    def _hear(self, said: Mapping[str, Any]) -> None:
+    def _hear(self, answer_head: Mapping[str, Any]) -> None:
         """Take over what was found while the last question was answered."""
-        self._torn |= bool(said["torn"])
-        self._notes += [note for note in said["notes"] if note not in self._notes]
+        self._torn |= bool(answer_head["torn"])
+        self._notes += [note for note in answer_head["notes"] if note not in self._notes]
 
     def _values_of(self, place: int) -> NDArray[Any]:
         return self._array(self._ask({"values": place}))
 
     def _stamps_of(self, group: str) -> Stamps:
-        said, raw = self._ask({"stamps": group})
-        stamps: Stamps = self._array((said, raw)).astype(np.int64)
-        if said.get("exact"):
+        answer_head, raw = self._ask({"stamps": group})
+        stamps: Stamps = self._array((answer_head, raw)).astype(np.int64)
+        if answer_head.get("exact"):
             seconds = self._array(self._ask({"seconds": group}))
             self.exact_seconds[group or self.path] = seconds.astype(np.float64)
         return stamps
 
     def _array(self, answer: tuple[Mapping[str, Any], bytes]) -> NDArray[Any]:
-        said, raw = answer
-        if "texts" in said:
-            return np.array(said["texts"], dtype=object)
-        values: NDArray[Any] = np.frombuffer(raw, dtype=np.dtype(said["dtype"]))
-        return values.reshape(said["shape"])
+        answer_head, raw = answer
+        if "texts" in answer_head:
+            return np.array(answer_head["texts"], dtype=object)
+        values: NDArray[Any] = np.frombuffer(raw, dtype=np.dtype(answer_head["dtype"]))
+        return values.reshape(answer_head["shape"])
 
     def _ask(self, question: Mapping[str, Any]) -> tuple[Mapping[str, Any], bytes]:
         assert self._process.stdin is not None
@@ -158,19 +158,19 @@ class ApartTable(GroupedTable):
                 raise OverBudget("it takes too long to read", where=Place(file=self.path))
         line = stream.readline(_LONGEST)
         try:
-            said = json.loads(line)
+            answer_head = json.loads(line)
         except ValueError:
             raise self._crashed() from None
-        size = int(said.get("bytes", 0))
+        size = int(answer_head.get("bytes", 0))
         self._allowed.hold(size, "a column")
         raw = stream.read(size) if size else b""
         if len(raw) < size:
             raise self._crashed()
-        if "error" in said:
-            kind = OverBudget if said["over"] else RecordingError
-            place = {key: said["place"][key] for key in ("file", "line", "key", "topic")}
-            raise kind(said["error"], where=Place(**place), hint=said["hint"])
-        return said, raw
+        if "error" in answer_head:
+            kind = OverBudget if answer_head["over"] else RecordingError
+            place = {key: answer_head["place"][key] for key in ("file", "line", "key", "topic")}
+            raise kind(answer_head["error"], where=Place(**place), hint=answer_head["hint"])
+        return answer_head, raw
 
     def _crashed(self) -> RecordingError:
         _end(self._process)
@@ -297,8 +297,8 @@ def _answered(source: GroupedTable, question: Mapping[str, Any]) -> tuple[Mappin
         case {"clock of": str(name)}:
             return _written(source.clock(name))
         case {"stamps": str(group)}:
-            said, raw = _written(source.clocks[group]())
-            return {**said, "exact": group in source.exact_seconds}, raw
+            answer_head, raw = _written(source.clocks[group]())
+            return {**answer_head, "exact": group in source.exact_seconds}, raw
         case {"seconds": str(group)}:
             return _written(source.exact_seconds[group])
         case _:

@@ -52,11 +52,11 @@ class MdfSource(GroupedTable):
             self._start = int(getattr(header, "abs_time", 0) or 0)
             comment = str(getattr(header, "comment", "") or "")
             self._take(self._log)
-        self._said: dict[str, str] = {"comment": comment[:1000]} if comment else {}
+        self._comment: dict[str, str] = {"comment": comment[:1000]} if comment else {}
         own = _OWN.search(html.unescape(comment))
         if own is not None:
             self.own_epoch = self._start
-            self._said = _metadata(own[1])
+            self._comment = _metadata(own[1])
         self._decoded: Any = None
         if not self._series:
             raise RecordingError("it holds no numbers", where=Place(file=self.path))
@@ -68,7 +68,7 @@ class MdfSource(GroupedTable):
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
         """The comment of the file, or what a recording of ours held as metadata."""
-        return {"mdf": self._said} if self._said else {}
+        return {"mdf": self._comment} if self._comment else {}
 
     def in_columns(self, mapping: ChannelMap) -> ChannelMap:
         """Return the map by columns; CAN frames are decoded where it names a DBC.

@@ -46,13 +46,13 @@ class ParquetSource(TableSource):
             found = json.loads(raw)
             epoch = int(found["epoch_ns"])
             units = {str(name): str(unit) for name, unit in found["units"].items()}
-            said = {str(key): str(value) for key, value in found["metadata"].items()}
+            own_metadata = {str(key): str(value) for key, value in found["metadata"].items()}
         except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError):
             self._torn = True
             self._notes.append("the metadata that eha-bench wrote is damaged and ignored")
             return
         self.own_epoch = epoch if abs(epoch) < 2**62 else None
-        self._described = {"units": units, "metadata": said}
+        self._described = {"units": units, "metadata": own_metadata}
         self._notes += [str(note)[:1000] for note in found.get("notes", [])[:100]]
 
     def units(self) -> Mapping[str, str]:
@@ -61,8 +61,8 @@ class ParquetSource(TableSource):
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
         """What a recording of ours held as metadata."""
-        said = self._described.get("metadata")
-        return {"eha_bench": said} if said else {}
+        own_metadata = self._described.get("metadata")
+        return {"eha_bench": own_metadata} if own_metadata else {}
 
     @property
     def format(self) -> str:

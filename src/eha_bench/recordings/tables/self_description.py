@@ -64,10 +64,10 @@ def described(
             "a channels.yaml takes them"
         )
     if channels:
-        said = any(entry.unit for entry in channels.values())
+        declared = any(entry.unit for entry in channels.values())
         notes.append(
             "columns were taken by their names, in SI units"
-            + (" where none is said" if said else "")
+            + (" where none is said" if declared else "")
         )
     return channels, clock, notes
 

@@ -22,7 +22,7 @@ from eha_bench.targets.can.link import Link, NotThere
 from eha_bench.targets.can.pacing import LoopHealth, Pacer
 from eha_bench.targets.can.plan import Plan
 from eha_bench.targets.can.start_checks import StartCheck
-from eha_bench.targets.crash import told
+from eha_bench.targets.crash import error_text
 from eha_bench.targets.target import Ending, Outcome, Stopping
 
 POSITION_UNITS = ("m", "rad")
@@ -110,7 +110,7 @@ class TrialRun:
         except EhaBenchError as error:
             ending, reason = Ending.FAULT, str(error)
         except (Exception, SystemExit) as error:  # a plug-in controller may raise anything
-            ending, reason = Ending.FAULT, told(error)
+            ending, reason = Ending.FAULT, error_text(error)
         finally:
             self.safe = self.make_safe()
         if self.link.state == "fault" and ending is not Ending.COMPLETE:

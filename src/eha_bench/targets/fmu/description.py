@@ -126,16 +126,16 @@ class Description:
             return None
         fixed = self.interface.fixedInternalStepSize
         experiment = self.content.defaultExperiment
-        said = fixed or (experiment.stepSize if experiment is not None else None)
-        if said is None:
+        declared = fixed or (experiment.stepSize if experiment is not None else None)
+        if declared is None:
             return None
         try:
-            step = float(said)
+            step = float(declared)
         except ValueError:
             step = math.nan
         if not 0.0 < step < math.inf:
             raise InputError(
-                f"{self.path} can take one communication step only, and gives it as '{said}' s",
+                f"{self.path} can take one communication step only, and gives it as '{declared}' s",
                 where=self._where,
                 hint="export it with a step above 0, or with one that may vary",
             )

@@ -88,9 +88,9 @@ class Library:
             return getattr(self.fmu, what)(*arguments, **named)
         except Exception as error:  # FMICallException, or a bare one where it gives no instance
             at = f" at {time:.6g} s" if time is not None else ""
-            told = "; ".join(dict.fromkeys(self._messages[-_LONGEST:]))
+            messages = "; ".join(dict.fromkeys(self._messages[-_LONGEST:]))
             raise TargetFault(
-                f"the FMU failed{at}: {error}" + (f" Its message: {told}" if told else "")
+                f"the FMU failed{at}: {error}" + (f" Its message: {messages}" if messages else "")
             ) from error
 
     def start(self, stop: float, values: Mapping[Variable, float]) -> None:

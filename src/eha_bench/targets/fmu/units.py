@@ -39,7 +39,7 @@ def declared_unit(variable: ModelVariable) -> str | None:
 
 
 def conversion(
-    description: ModelDescription, variable: ModelVariable, said: str | None, si_unit: str
+    description: ModelDescription, variable: ModelVariable, written: str | None, si_unit: str
 ) -> tuple[float, float]:
     """Return (factor, offset) with SI value = factor * value + offset.
 
@@ -53,12 +53,12 @@ def conversion(
         UnitError: unknown unit, wrong dimension, or target.yaml contradicts the FMU.
     """
     declared = declared_unit(variable)
-    if said is not None:
-        mine = factor_and_offset(said, si_unit)
+    if written is not None:
+        mine = factor_and_offset(written, si_unit)
         theirs = _declared(description, declared, si_unit) if declared else mine
         if not _same(mine, theirs):
             raise UnitError(
-                f"'{variable.name}' is in {declared} by the FMU, not in {said}",
+                f"'{variable.name}' is in {declared} by the FMU, not in {written}",
                 hint="leave `unit` out, or correct it",
             )
         return mine
