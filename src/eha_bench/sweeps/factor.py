@@ -70,8 +70,8 @@ class Factor(ABC):
     def about(self) -> str:
         """Its name and its levels or ends, for people."""
         if isinstance(self.span, Range):
-            return f"{self.key} {self.told(self.span.low)} ... {self.told(self.span.high)}"
-        return f"{self.key} {', '.join(self.told(level) for level in self.span.levels)}"
+            return f"{self.key} {self.formatted(self.span.low)} ... {self.formatted(self.span.high)}"
+        return f"{self.key} {', '.join(self.formatted(level) for level in self.span.levels)}"
 
     @abstractmethod
     def declared(self, case: Case) -> Value | None:
