@@ -7,7 +7,6 @@ looked at: the gains were tuned for the revised model, and the later result was 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.json_file import read_object
 from eha_bench.core.result import Result
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.plants.model import load_model
@@ -107,15 +107,7 @@ def _sorted(folders: Sequence[Path]) -> _Kinds:
 
 
 def _json(file: Path) -> Mapping[str, Any]:
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot be read as JSON ({error})", where=Place(file=str(file))
-        ) from error
-    if not isinstance(content, dict):
-        raise InputError("holds no mapping", where=Place(file=str(file)))
-    return content
+    return read_object(file, file.name, "give the folder that the command wrote")
 
 
 def _model_notes(diagnosis: Path, tuning: Path) -> list[str]:

@@ -457,3 +457,50 @@ def test_a_typical_mistake_is_told_with_its_place_and_the_way_out(
 
 def test_there_are_at_least_forty() -> None:
     assert len(MISTAKES) >= 40
+
+
+SWEEP = ("sweep", "suite.yaml", "--over", "mine.yaml")
+TUNE = ("tune", "suite.yaml", "--model", "model.yaml", "--vary", "mine.yaml", "--out", "out")
+
+
+@pytest.mark.parametrize(
+    ("text", "command", "place", "way_out"),
+    [
+        ("over:\n  gains: {pressure.k_q: [1, 2]}\n", SWEEP,
+         "mine.yaml:2, key 'over.gains.pressure.k_q'", "did you mean 'pressure.k_p'"),
+        ("over:\n  parameters: {bulk_modulis: [7e8]}\n", SWEEP,
+         "mine.yaml:2, key 'over.parameters.bulk_modulis'", "did you mean 'bulk_modulus'"),
+        ("over:\n  parameters: {bulk_modulus: {from: 7 MPa, to: 9 mm, steps: 3}}\n", SWEEP,
+         "mine.yaml:2, key 'over.parameters.bulk_modulus.to'", "dimension of Pa"),
+        ("over:\n  trials: {stop.duration: [1 s]}\n", SWEEP,
+         "mine.yaml:2, key 'over.trials.stop.duration.0'", "did you mean 'step'"),
+        ("vary:\n  pressure.k_p: {from: 9 A/MPa, to: 3 A/MPa}\n", TUNE,
+         "mine.yaml:2, key 'vary.pressure.k_p.to'", "let 'to' be greater than 'from'"),
+        ("vary:\n  pressure.k_p: 3 A/MPa\n", TUNE,
+         "mine.yaml:2, key 'vary.pressure.k_p'", "give a range {from, to}, or a list"),
+        ("vary: {}\n", TUNE, "mine.yaml:1, key 'vary'", "at least 1"),
+        ("send: ftp://host/x\n", ("validate", "mine.yaml"),
+         "mine.yaml:1, key 'send'", "begins with http:// or https://"),
+        ("send: mail\nwhen: sometimes\n", ("validate", "mine.yaml"),
+         "mine.yaml:2, key 'when'", "known: drifted, always"),
+        ("", ("next", "dataset.yaml", "--out", "next.yaml"),
+         "dataset.yaml", "give the folder that `eha-bench diagnose --out` wrote"),
+        ("", ("run", "suite.yaml", "--target", "target.yaml", "--posterior", "model.yaml"),
+         "model.yaml", "give the file that `diagnose` or `calibrate` wrote"),
+        ("", ("tune", "suite.yaml", "--model", "suite.yaml", "--vary", "mine.yaml", "--out", "out"),
+         "suite.yaml:1", "a model.yaml with 'model:'"),
+        ("", ("compare", "nowhere", "reports"), "nowhere", "give a result folder"),
+        ("", ("serve", "nowhere"), "nowhere", "give a folder of result folders"),
+        ("", ("recover", "logs/example.csv"), "logs/example.csv", "only MCAP files"),
+        ("", ("score", "logs/example.csv", "--suite", "suite.yaml"),
+         "logs/example.csv", "give a channels.yaml"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_other_commands_is_told_with_its_place_and_the_way_out(
+    cli: Cli, project: Path, text: str, command: tuple[str, ...], place: str, way_out: str
+) -> None:
+    (project / "mine.yaml").write_text(text, encoding="utf-8")
+    told = cli(*command, check=2).stderr
+    assert f"eha-bench: {place}: " in told
+    assert way_out in told
+    assert not (project / "out").exists()

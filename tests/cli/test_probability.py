@@ -213,7 +213,7 @@ def test_the_posterior_of_another_model(cli: Cli, files: Path, model: str, told:
 
 def test_no_posterior_at_all(cli: Cli, files: Path) -> None:
     said = cli(*RUN[:-1], "nowhere.json", "--out", "out", check=2)
-    assert "nowhere.json: no such posterior" in said.stderr
+    assert "nowhere.json: no such diagnosis.json" in said.stderr
     content = posterior()
     content["covariance"] = None
     (files / "calibration.json").write_text(json.dumps(content))

@@ -112,7 +112,11 @@ def load_side(path: str | Path) -> Side:
     if path.is_file():
         return Side(str(path), ((Result.read(path), path.parent),))
     if not path.is_dir():
-        raise InputError("no such result", where=Place(file=str(path)))
+        raise InputError(
+            "no such result",
+            where=Place(file=str(path)),
+            hint="give a result folder, a baseline file, or a folder of several results",
+        )
     own = path / RESULT_NAME
     files = [own] if own.is_file() else sorted(path.rglob(RESULT_NAME))
     if not files:

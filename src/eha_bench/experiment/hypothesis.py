@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.json_file import read_object
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Standing
 from eha_bench.plants.model import Model, load_model
@@ -110,15 +110,10 @@ def read_question(path: str | Path) -> Question:
     if file.is_dir():
         file = file / DIAGNOSIS_FILE
     where = Place(file=str(file))
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        hint = "give what `eha-bench diagnose --out` wrote"
-        raise InputError("no such diagnosis", where=where, hint=hint) from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"it cannot be read as JSON ({error})", where=where) from error
-    if not isinstance(content, dict) or "verdict" not in content:
-        raise InputError("this is no diagnosis.json: it has no verdict", where=where)
+    hint = "give the folder that `eha-bench diagnose --out` wrote"
+    content = read_object(file, DIAGNOSIS_FILE, hint)
+    if "verdict" not in content:
+        raise InputError("this is no diagnosis.json: it has no verdict", where=where, hint=hint)
     if not content.get("rivals") or not content.get("covered"):
         raise InputError(
             "it holds no rivals to plan an experiment for",

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.json_file import read_object
 from eha_bench.plants.model import Model, load_model
 from eha_bench.posterior.posterior import Component, Posterior
 
@@ -84,22 +85,13 @@ def _file(path: Path) -> Path:
 
 def _content(file: Path) -> tuple[dict[str, Any], str]:
     where = Place(file=str(file))
-    try:
-        text = file.read_text(encoding="utf-8")
-        content = json.loads(text)
-    except FileNotFoundError as error:
+    hint = "give the file that `diagnose` or `calibrate` wrote"
+    content = read_object(file, "diagnosis.json or calibration.json", hint)
+    if not ("verdict" in content or "covariance" in content):
         raise InputError(
-            "no such posterior", where=where, hint="give what `diagnose` or `calibrate` wrote"
-        ) from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as JSON ({error})", where=where) from error
-    if not isinstance(content, dict) or not ("verdict" in content or "covariance" in content):
-        raise InputError(
-            "is neither a diagnosis.json nor a calibration.json",
-            where=where,
-            hint="give what `diagnose` or `calibrate` wrote",
+            "is neither a diagnosis.json nor a calibration.json", where=where, hint=hint
         )
-    return content, text
+    return content, file.read_text(encoding="utf-8")
 
 
 def _of_diagnosis(

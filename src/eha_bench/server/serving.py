@@ -31,7 +31,11 @@ def serve(folder: Path, *, host: str, port: int, token: str, tell: Callable[[str
         InputError: no such folder, or the address cannot be used.
     """
     if not folder.is_dir():
-        raise InputError("no such folder", where=Place(file=str(folder)))
+        raise InputError(
+            "no such folder",
+            where=Place(file=str(folder)),
+            hint="give a folder of result folders, e.g. reports/SUITE",
+        )
     listening = _bound(host, port)
     try:
         here = is_loopback(listening.getsockname()[0])

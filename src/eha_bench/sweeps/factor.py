@@ -70,7 +70,8 @@ class Factor(ABC):
     def about(self) -> str:
         """Its name and its levels or ends, for people."""
         if isinstance(self.span, Range):
-            return f"{self.key} {self.formatted(self.span.low)} ... {self.formatted(self.span.high)}"
+            low, high = self.formatted(self.span.low), self.formatted(self.span.high)
+            return f"{self.key} {low} ... {high}"
         return f"{self.key} {', '.join(self.formatted(level) for level in self.span.levels)}"
 
     @abstractmethod

@@ -20,7 +20,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from eha_bench.core.located import Located
 from eha_bench.core.yaml_file import NUMBER, Real, StrictModel, file_of, parse, read_text, validate
@@ -29,8 +29,15 @@ from eha_bench.sweeps.span import RangeFile
 MOST_POINTS: Final = 1_000_000
 _BLOCKS: Final = ("gains", "parameters", "trials")
 
+
+def _spanning(value: object) -> object:
+    if not isinstance(value, (list, dict, RangeFile)):
+        raise ValueError(f"'{value}' is one value: give a range {{from, to}}, or a list of values")
+    return value
+
+
 Entries = Annotated[
-    dict[str, list[Real | str] | RangeFile],
+    dict[str, Annotated[list[Real | str] | RangeFile, BeforeValidator(_spanning)]],
     Field(description="by name: a list of values, or {from, to, steps, scale}"),
 ]
 

@@ -30,6 +30,8 @@ def _sendable(text: str) -> str:
     if not text.strip():
         raise ValueError("names neither a webhook nor a command")
     if not is_webhook(text) and not text.startswith("$"):
+        if "://" in text.split(maxsplit=1)[0]:
+            raise ValueError("is no webhook: its address begins with http:// or https://")
         try:
             shlex.split(text)
         except ValueError as error:

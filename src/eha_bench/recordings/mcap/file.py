@@ -176,7 +176,11 @@ def open_mcap(path: Path) -> McapFile:
     """
     buffer = map_file(path)
     if bytes(buffer[:8]) != MAGIC:
-        raise RecordingError("this is not an MCAP file", where=Place(file=str(path)))
+        raise RecordingError(
+            "this is not an MCAP file",
+            where=Place(file=str(path)),
+            hint="only MCAP files can be read as such, and recovered",
+        )
     file = McapFile(path, buffer)
     _scan(file)
     forget(buffer, 0, buffer.size)
