@@ -21,7 +21,7 @@ from benchmarks.truths import (
     second_order,
     trial,
 )
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import butter, cont2discrete, lfilter
 
 from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.core.signal import Edge, Signal, Tone
@@ -91,7 +91,7 @@ class Shape:
 
     def truths(self) -> dict[str, float]:
         """Times in s and extremes as fractions of the step."""
-        grid = np.linspace(0.0, 12.0 * self.slowest, 60_001)
+        grid = np.linspace(0.0, 12.0 * self.slowest, 12_001)
         values = self.response(grid)
 
         def reaches(share: float) -> float:
@@ -182,10 +182,10 @@ def quantised_coarsely(rng: np.random.Generator) -> Made:
     return step(rng, underdamped(rng), lambda n: rng.normal(0.0, sd, n), resolution=resolution)
 
 
-def few_samples(noise: float) -> Draw:
+def few_samples(noise: float, least: float = 2.0, most: float = 3.0) -> Draw:
     def draw(rng: np.random.Generator) -> Made:
         shape = underdamped(rng)
-        rate = rng.uniform(2.0, 3.0) / shape.truths()["rise_time"]
+        rate = rng.uniform(least, most) / shape.truths()["rise_time"]
         hold, before = 120.0 / rate, 40.0 / rate
         return step(
             rng,
@@ -217,6 +217,22 @@ def correlated(colour: float) -> Draw:
     def draw(rng: np.random.Generator) -> Made:
         level = rng.uniform(0.003, 0.02)
         return step(rng, underdamped(rng), lambda n: level * autoregressive(rng, n, colour))
+
+    return draw
+
+
+def filtered(numerator: FloatArray, denominator: FloatArray) -> Draw:
+    """A sensor whose noise has been through a filter."""
+
+    def noise(rng: np.random.Generator, count: int) -> FloatArray:
+        found = np.asarray(lfilter(numerator, denominator, rng.normal(size=count + 300)))[300:]
+        # by the filter's own gain, not by what happened
+        impulse = lfilter(numerator, denominator, np.eye(1, 3000)[0])
+        return np.asarray(found / math.sqrt(float(impulse @ impulse)))
+
+    def draw(rng: np.random.Generator) -> Made:
+        level = rng.uniform(0.003, 0.02)
+        return step(rng, underdamped(rng), lambda n: level * noise(rng, n))
 
     return draw
 
@@ -311,9 +327,9 @@ class Linear:
         return np.asarray(lfilter(np.ravel(b), a, values))
 
     def answer(self, signal: Signal, seconds: float) -> tuple[FloatArray, FloatArray]:
-        """The response to a signal at 1 kHz, simulated twenty times as finely: times, values."""
-        fine = np.arange(round(seconds * 1000.0) * 20) / 20_000.0
-        return fine[::20], self.simulated(signal(fine), 20_000.0)[::20]
+        """The response to a signal at 1 kHz, simulated ten times as finely: times, values."""
+        fine = np.arange(round(seconds * 1000.0) * 10) / 10_000.0
+        return fine[::10], self.simulated(signal(fine), 10_000.0)[::10]
 
     def truths(self) -> dict[str, float]:
         if math.isnan(self.damping):
@@ -390,6 +406,7 @@ CASES = (
     Case("LSB 0.3-3 %", quantised_coarsely, (*TIMES, "steady_state_error"), AT_LEAST),
     Case("2-3 a rise 0.3 %", few_samples(0.003), TIMES, AT_LEAST),
     Case("2-3 a rise, silent", few_samples(0.0), TIMES, AT_LEAST),
+    Case("4-8 a rise", few_samples(0.005, 4.0, 8.0), TIMES),
     Case("silent", silent, (*TIMES, "overshoot", "settling_time", "peak_time"), AT_LEAST),
     Case("first order 1-3 %", flat_start, ("undershoot", "overshoot"), AT_LEAST),
     Case("wrong way", wrong_way, (*TIMES, "undershoot", "overshoot", "settling_time")),
@@ -398,6 +415,8 @@ CASES = (
     Case("AR 0.97, times", correlated(0.97), TIMES, AT_LEAST),
     Case("AR 0.9", correlated(0.9), ("overshoot", "steady_state_error")),
     Case("AR 0.97", correlated(0.97), ("steady_state_error",)),
+    Case("mean of five", filtered(np.ones(5), np.ones(1)), ("overshoot", "steady_state_error")),
+    Case("Butterworth", filtered(*butter(2, 0.2)), ("overshoot", "steady_state_error")),
     Case("10 kHz", at_10_khz, (*TIMES, "settling_time")),
     Case("Student's t, 3", heavy_tails, (*TIMES, "overshoot", "settling_time")),
     Case("0.5 % spikes", with_spikes, (*TIMES, "overshoot", "settling_time")),

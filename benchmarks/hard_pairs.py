@@ -79,6 +79,15 @@ def _unequal(pairs: int) -> Iterator[Line]:
             ]
             what = f"no difference, {n} against {m}, scatter {first:g} : {second:g}, "
             yield _line(f"{what}{metrics} metric{'s' if metrics > 1 else ''}", found)
+    for count in (3, 5):
+        rng = np.random.default_rng(count)
+        found = []
+        for _ in range(max(1, pairs // 2)):
+            scatter = rng.choice([0.25, 4.0], FAMILY)
+            values = rng.normal(size=(2, count, FAMILY))
+            found.append(compare_sides(side_of(scatter * values[0]), side_of(values[1])))
+        what = f"no difference, {count} against {count}, each metric 4 : 1 or 1 : 4"
+        yield _line(f"{what}, {FAMILY} metrics", found)
 
 
 def _dependent(pairs: int) -> Iterator[Line]:

@@ -15,6 +15,7 @@ from eha_bench.comparison.evidence import dependence_of, evidence, exact
 from eha_bench.comparison.permutation import p_greater, p_greater_paired
 from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
+from eha_bench.comparison.scatters import RATIOS, learned_ratios
 from eha_bench.comparison.sequential import sequential, shares, spent
 from eha_bench.comparison.skewness import wider_of_pairs, wider_of_samples
 from eha_bench.comparison.student_mixture import StudentMixture
@@ -156,9 +157,51 @@ def test_what_does_not_scatter_is_as_sure_as_chance_allows() -> None:
 def test_sides_that_scatter_alike_are_not_suspected_of_skewness() -> None:
     rng = np.random.default_rng(3)
     first, second = rng.normal(size=(2, 30))
-    assert wider_of_samples(first, second) == wider_of_pairs(first, second) == 1.0
+    assert wider_of_samples(first, second, 2.0) == wider_of_pairs(first, second) == 1.0
     # Edgeworth: 4 / sqrt(30), and nothing is left of it with many
-    assert wider_of_samples(first, 0.01 * second) == pytest.approx(1.0 + 4.0 / math.sqrt(30.0))
+    assert wider_of_samples(first, second, 4.0) == pytest.approx(1.0 + 4.0 / math.sqrt(30.0))
+
+
+def test_the_ratio_shown_is_that_of_fishers_distribution() -> None:
+    rng = np.random.default_rng(3)
+    first, second = rng.normal(size=30), 4.0 * rng.normal(size=30)
+    found = two_samples(first, second, np.zeros(1))
+    ratio = float(second.std(ddof=1) / first.std(ddof=1))
+    shown = math.sqrt(stats.f.ppf(0.85, 29, 29))
+    assert found.shown_ratio(np.ones(1), share=0.85) == pytest.approx(ratio / shown, rel=0.05)
+    # where all others say that the scatters are alike, they are
+    alike = np.exp(-0.5 * (RATIOS / 0.05) ** 2)
+    assert found.shown_ratio(np.ones(1), scatters=alike, share=0.85) < 1.2
+
+
+def likelihoods(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    found = [
+        two_samples(a, b, np.zeros(1)).of_ratios(np.ones(1))
+        for a, b in zip(first, second, strict=True)
+    ]
+    return np.array(found)
+
+
+@pytest.mark.parametrize("ratio", [0.25, 1.0, 4.0])
+def test_metrics_tell_each_other_how_differently_sides_scatter(ratio: float) -> None:
+    rng = np.random.default_rng(5)
+    first, second = ratio * rng.normal(size=(30, 3)), rng.normal(size=(30, 3))
+    priors = learned_ratios(likelihoods(first, second), list(zip(first, second, strict=True)))
+    about = [float(np.average(RATIOS, weights=prior)) for prior in priors]
+    # a tenth stays flat, about 0
+    assert about == pytest.approx([0.9 * math.log(ratio)] * 30, abs=0.35)
+    assert min(float(prior.min()) for prior in priors) >= 0.1
+    # metrics that are one and the same tell no more than one of them
+    same = np.repeat(first[:1], 30, axis=0), np.repeat(second[:1], 30, axis=0)
+    (prior, *_) = learned_ratios(likelihoods(*same), list(zip(*same, strict=True)))
+    assert prior.max() < 0.5 * priors[0].max()
+
+
+def test_one_metric_alone_learns_nothing() -> None:
+    rng = np.random.default_rng(5)
+    first, second = rng.normal(size=(2, 1, 3))
+    (prior,) = learned_ratios(likelihoods(first, second), list(zip(first, second, strict=True)))
+    assert (prior == 1.0).all()
 
 
 def test_counts_scatter_even_where_they_do_not() -> None:

@@ -41,3 +41,11 @@ def test_truths_are_right_without_noise(coverage):
                 )
                 assert found.value == pytest.approx(truth, rel=3e-3), (name, found)
     assert silent.level == 0.0
+
+
+@pytest.mark.slow
+def test_few_samples_a_rise_cost_width_and_not_coverage(coverage):
+    cases = {case.name: case for case in coverage.CASES}
+    (line,) = coverage.cover_case(cases["4-8 a rise"], 250, 5)[2:]
+    assert line.metric == "delay_time"
+    assert line.coverage >= 0.90, line

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,10 +20,12 @@ from eha_bench.comparison.evidence import (
     dependence_of,
     evidence,
     exact,
+    ratios_of,
 )
 from eha_bench.comparison.exactly import known_exactly
 from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
+from eha_bench.comparison.scatters import learned_ratios
 from eha_bench.comparison.sequential import sequential, spent
 from eha_bench.comparison.side import Run, Side
 from eha_bench.comparison.verdict import Verdict
@@ -240,8 +242,10 @@ def _margin(item: Compared, known: Sequence[Score]) -> tuple[float, str]:
 
 def _judged(pairs: Sequence[_Pair], looks: Sequence[float]) -> list[Compared]:
     priors = {} if looks else _dependence(pairs)
+    scatters = {} if looks else _scatters(pairs, priors)
     found = [
-        _evidence(pair, len(pairs), looks, priors.get(place)) for place, pair in enumerate(pairs)
+        _evidence(pair, len(pairs), looks, priors.get(place), scatters.get(place))
+        for place, pair in enumerate(pairs)
     ]
     both = list(zip(pairs, found, strict=True))
     nothing = math.nan
@@ -282,8 +286,30 @@ def _dependence(pairs: Sequence[_Pair]) -> dict[int, FloatArray]:
     return dict(zip(seen, priors, strict=True))
 
 
+def _scatters(
+    pairs: Sequence[_Pair], dependence: Mapping[int, FloatArray]
+) -> dict[int, FloatArray]:
+    """Return, by place, the prior of how differently the sides scatter, where it is learned."""
+    seen = {
+        place: likelihood
+        for place, pair in enumerate(pairs)
+        if not pair.exactly
+        and (likelihood := ratios_of(pair.baseline, pair.candidate, dependence.get(place)))
+        is not None
+    }
+    if not seen:
+        return {}
+    sides = [(pairs[place].baseline.values, pairs[place].candidate.values) for place in seen]
+    priors = learned_ratios(np.array(list(seen.values())), sides)
+    return dict(zip(seen, priors, strict=True))
+
+
 def _evidence(
-    pair: _Pair, family: int, looks: Sequence[float], dependence: FloatArray | None
+    pair: _Pair,
+    family: int,
+    looks: Sequence[float],
+    dependence: FloatArray | None,
+    scatters: FloatArray | None,
 ) -> Evidence | None:
     if not len(pair.baseline) or not len(pair.candidate):
         return None
@@ -292,7 +318,14 @@ def _evidence(
         return exact(*samples, margin, pair.exactly)
     if looks:
         return sequential(*samples, margin, family=family, counted=pair.counted, looks=looks)
-    return evidence(*samples, margin, family=family, counted=pair.counted, dependence=dependence)
+    return evidence(
+        *samples,
+        margin,
+        family=family,
+        counted=pair.counted,
+        dependence=dependence,
+        scatters=scatters,
+    )
 
 
 def _combined(p_values: float, p_missing: float) -> float:

@@ -1,7 +1,7 @@
 """How far two samples differ, with an interval and what speaks for and against a difference.
 
 Repeats are compared by what is believed of the difference of their means, whatever the ratio of
-their scatters (`two_samples`) and, from enough repeats on, however alike neighbours are
+their scatters (`two_samples`, `scatters`) and, from enough repeats on, however alike neighbours are
 (`dependence`). Where the numbers of repeats and metrics let a permutation test reach the level that
 many metrics ask for, it has to agree: the larger p-value counts. Which tests are made depends on
 the numbers of repeats and metrics alone, never on the values.
@@ -18,7 +18,7 @@ import numpy as np
 from eha_bench.comparison import permutation
 from eha_bench.comparison.dependence import COEFFICIENTS, FEWEST
 from eha_bench.comparison.sample import Sample
-from eha_bench.comparison.skewness import wider_of_pairs, wider_of_samples
+from eha_bench.comparison.skewness import SEEN, wider_of_pairs, wider_of_samples
 from eha_bench.comparison.student_mixture import StudentMixture
 from eha_bench.comparison.two_samples import two_samples, widest_ratio
 from eha_bench.core.arrays import FloatArray
@@ -73,6 +73,22 @@ def dependence_of(baseline: Sample, candidate: Sample) -> FloatArray | None:
     return two_samples(baseline.values, candidate.values, COEFFICIENTS).of_coefficients
 
 
+def ratios_of(
+    baseline: Sample, candidate: Sample, dependence: FloatArray | None
+) -> FloatArray | None:
+    """Return the likelihood of each ratio of scatters, (r,); None where it is not to be learned.
+
+    Args:
+        baseline, candidate: in the order of their runs.
+        dependence: as for `evidence`.
+    """
+    if len(baseline) != len(candidate) or _constant(baseline) or _constant(candidate):
+        return None
+    prior = dependence if dependence is not None else np.ones(1)
+    found = two_samples(baseline.values, candidate.values, COEFFICIENTS[: prior.size])
+    return found.of_ratios(prior)
+
+
 def _shows_dependence(baseline: Sample, candidate: Sample) -> bool:
     enough = len(baseline) + len(candidate) - 2 >= FEWEST
     return enough and not (_constant(baseline) and _constant(candidate))
@@ -91,6 +107,7 @@ def evidence(
     paired: bool = False,
     counted: bool = False,
     dependence: FloatArray | None = None,
+    scatters: FloatArray | None = None,
 ) -> Evidence:
     """Compare two samples of at least one value each.
 
@@ -101,6 +118,7 @@ def evidence(
         paired: whether repeat i of both sides was run next to each other.
         counted: whether the values are counts, which scatter even where they happen to be equal.
         dependence: (c,) prior of the correlation of neighbouring repeats; independent if None.
+        scatters: (r,) prior of the ratio of scatters; flat if None.
     """
     n, m = len(baseline), len(candidate)
     difference = candidate.mean - baseline.mean
@@ -118,7 +136,7 @@ def evidence(
         return _paired(baseline.values, candidate.values, margin, family, floor)
     if _constant(baseline) and _constant(candidate):
         return _constants(baseline, candidate, margin, floor, counted=counted)
-    return _repeated(baseline, candidate, margin, family, floor, dependence)
+    return _repeated(baseline, candidate, margin, family, floor, dependence, scatters)
 
 
 def exact(baseline: Sample, candidate: Sample, margin: float, method: str) -> Evidence:
@@ -157,6 +175,7 @@ def _repeated(
     family: int,
     floor: float,
     dependence: FloatArray | None,
+    scatters: FloatArray | None,
 ) -> Evidence:
     n, m = len(baseline), len(candidate)
     first, second = baseline.values, candidate.values
@@ -167,8 +186,9 @@ def _repeated(
     wider, note = 1.0, "one run on one side"
     if min(n, m) > 1:
         method, note = "Student's t, any ratio of scatters", ""
-        wider = wider_of_samples(first, second)
-    believed = found.difference(prior, wider=wider)
+        shown = found.shown_ratio(prior, scatters=scatters, share=SEEN)
+        wider = wider_of_samples(first, second, shown)
+    believed = found.difference(prior, scatters=scatters, wider=wider)
     tests = _believed(believed)
     if min(n, m) > 1 and 2.0 * permutation.smallest_p(n, m) <= ALPHA / family:
         method = f"permutation and {method}"

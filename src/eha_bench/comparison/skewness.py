@@ -19,7 +19,9 @@ from eha_bench.core.arrays import FloatArray
 _FURTHEST = 1.25
 _BY_NUMBER = 4.0
 _UNSEEN = 0.9
-_SEEN = 0.85
+SEEN = 0.85
+"""How probable it has to be that scatters are apart by so much as is reckoned with."""
+
 _ALIKE, _APART = 2.0, 4.0
 
 
@@ -31,14 +33,14 @@ def wider_of_pairs(baseline: FloatArray, candidate: FloatArray) -> float:
     return _wider(unseen * _ratio(baseline, candidate), baseline.size)
 
 
-def wider_of_samples(baseline: FloatArray, candidate: FloatArray) -> float:
-    """Return what the error of a difference of means is multiplied by, (n,), (m,), n, m > 1."""
+def wider_of_samples(baseline: FloatArray, candidate: FloatArray, shown: float) -> float:
+    """Return what the error of a difference of means is multiplied by, (n,), (m,), n, m > 1.
+
+    `shown` is how far apart the scatters are shown to be, at least 1: any ratio is thought of in
+    the comparison itself.
+    """
     spread, other = (float(side.std(ddof=1)) for side in (baseline, candidate))
-    sizes = baseline.size, candidate.size
-    more, fewer = sizes if spread > other else sizes[::-1]
-    # as large as the ratio is shown to be: any ratio is thought of in the comparison itself
-    shown = math.sqrt(float(stats.f.ppf(_SEEN, more - 1, fewer - 1)))
-    return _wider(_ratio(baseline, candidate) / shown, more)
+    return _wider(shown, baseline.size if spread > other else candidate.size)
 
 
 def _ratio(first: FloatArray, second: FloatArray) -> float:

@@ -1,10 +1,11 @@
 """The difference of two means, whatever the ratio of their scatters and however alike neighbours.
 
 Behrens' and Fisher's problem with a prior: the ratio of the scatters is as likely anywhere up to a
-widest one (flat in its logarithm), e.g. between 1 : 12 and 12 : 1. Given the ratio and the
-correlation of neighbouring repeats the difference has Student's distribution, so that both are
-averaged out on a grid (Jeffreys 1940; Box and Tiao 1973, section 2.5). Welch's t supposes that the
-ratio seen is the true one, which three repeats do not tell.
+widest one (flat in its logarithm), e.g. between 1 : 12 and 12 : 1, unless other metrics have told
+more of it (`scatters`). Given the ratio and the correlation of neighbouring repeats the difference
+has Student's distribution, so that both are averaged out on a grid (Jeffreys 1940; Box and Tiao
+1973, section 2.5). Welch's t supposes that the ratio seen is the true one, which three repeats do
+not tell.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Final
 
 import numpy as np
 
+from eha_bench.comparison.scatters import RATIOS
 from eha_bench.comparison.student_mixture import StudentMixture
 from eha_bench.core.arrays import FloatArray
 
@@ -38,11 +40,13 @@ class TwoSamples:
     """Two samples under every correlation of neighbours and every ratio of scatters.
 
     Attributes:
+        ratios: (r,) logarithms of the first side's scatter over the second's.
         likelihood: (c, r), in any scale.
         centres, errors: (c, r) of the difference of means, SI.
         degrees: of freedom.
     """
 
+    ratios: FloatArray
     likelihood: FloatArray
     centres: FloatArray
     errors: FloatArray
@@ -54,20 +58,47 @@ class TwoSamples:
         total: FloatArray = self.likelihood.sum(axis=1)
         return total
 
+    def of_ratios(self, prior: FloatArray) -> FloatArray:
+        """Return the likelihood of each of `RATIOS`, (k,), in any scale; `prior` as below."""
+        return np.asarray(np.interp(RATIOS, self.ratios, prior @ self.likelihood, 0.0, 0.0))
+
     def chances(self, prior: FloatArray) -> FloatArray:
         """Return the posterior of the correlation of neighbours, (c,)."""
         weights = prior * self.of_coefficients
         posterior: FloatArray = weights / weights.sum()
         return posterior
 
-    def difference(self, prior: FloatArray, *, wider: float = 1.0) -> StudentMixture:
+    def shown_ratio(
+        self, prior: FloatArray, *, scatters: FloatArray | None = None, share: float
+    ) -> float:
+        """Return the ratio of scatters, either way, that a share of the posterior lies beyond.
+
+        Args:
+            prior, scatters: as for `difference`.
+            share: of the posterior.
+        """
+        weights = prior @ self.likelihood
+        if scatters is not None:
+            weights = weights * np.interp(self.ratios, RATIOS, scatters)
+        either = np.abs(self.ratios)
+        order = np.argsort(either)
+        below = np.cumsum(weights[order])
+        place = int(np.searchsorted(below, (1.0 - share) * below[-1]))
+        return math.exp(float(either[order][place]))
+
+    def difference(
+        self, prior: FloatArray, *, scatters: FloatArray | None = None, wider: float = 1.0
+    ) -> StudentMixture:
         """Return what is believed of the difference.
 
         Args:
             prior: (c,) of the correlation of neighbours.
+            scatters: (k,) prior of each of `RATIOS`; flat if None.
             wider: what errors are multiplied by.
         """
         weights = prior[:, None] * self.likelihood
+        if scatters is not None:
+            weights = weights * np.interp(self.ratios, RATIOS, scatters)
         kept = weights > 1e-15 * weights.max()
         chosen = weights[kept]
         return StudentMixture(
@@ -102,7 +133,7 @@ def two_samples(
     variance = total / degrees * (squares * one.share[:, None] + other.share[:, None])
     centres = np.broadcast_to((other.mean - one.mean)[:, None], total.shape)
     errors = np.sqrt(variance + max(floor, np.finfo(float).tiny) ** 2)
-    return TwoSamples(np.exp(logarithm - logarithm.max()), centres, errors, degrees)
+    return TwoSamples(ratios, np.exp(logarithm - logarithm.max()), centres, errors, degrees)
 
 
 @dataclass(frozen=True)

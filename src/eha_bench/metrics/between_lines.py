@@ -9,22 +9,26 @@ Processing 24, 2010, doi:10.1016/j.ymssp.2009.08.009):
 
     Z(k) = (b_0 + b_1 x) / (1 + a x),    x = (k - P) / P.
 
-b_0 is what it adds to the fundamental. It is taken off where it is more than noise.
+b_0 is what it adds to the fundamental. Whether the lines show one, beyond what earlier periods say
+of it (`ringing`), is not decided, but averaged over: both answers count by Akaike's weights, and
+how far they are apart counts as uncertainty (S. T. Buckland, K. P. Burnham, N. H. Augustin,
+Biometrics 53, 1997, doi:10.2307/2533961).
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtri
 
 from eha_bench.core.arrays import ComplexArray, FloatArray, IndexArray
+from eha_bench.metrics.ringing import Ringing
 
 _LINES = 12  # nearest to the fundamental
 _FEWEST = 5  # lines that a transient can be told by
-_SURE = 0.95  # of the test whether there is a transient
-_CHOSEN = 1.06  # what variances are larger by, as the same lines decide whether there is one
+_PARAMETERS = 6.0  # real ones of a transient
 _SLOPES = np.linspace(0.0, 2.5, 11)  # noise may fall with frequency to these powers
 _SLOPE_COSTS = 3.0  # degrees of freedom
 _NEAR = 2.5  # times the fundamental: noise beyond follows another power of frequency
@@ -49,7 +53,12 @@ class BetweenLines:
 
 
 def between_lines(
-    time: FloatArray, residual: FloatArray, frequency: float, periods: int, highest: int
+    time: FloatArray,
+    residual: FloatArray,
+    frequency: float,
+    periods: int,
+    highest: int,
+    expected: Sequence[Ringing] = (),
 ) -> list[BetweenLines]:
     """Return what lies under the fundamental of each of k channels.
 
@@ -59,24 +68,41 @@ def between_lines(
         frequency: Hz, of the fundamental.
         periods: of it in the record.
         highest: harmonic that was taken off.
+        expected: of the first channels, what earlier periods say of a transient.
     """
+    before = [*expected, *[Ringing()] * (residual.shape[1] - len(expected))]
     lines = _free(time.size, periods, highest)
     if lines.size == 0:
-        return [BetweenLines(0j, 0.0, 0.0, 0.0)] * residual.shape[1]
+        return [BetweenLines(one.phasor, one.sd**2, 0.0, 0.0) for one in before]
     spectra = _phasors(time, residual, frequency / periods, lines)
-    return [_under(lines / periods, spectra[:, k]) for k in range(residual.shape[1])]
+    return [_under(lines / periods, spectra[:, k], one) for k, one in enumerate(before)]
 
 
-def _under(ratio: FloatArray, spectrum: ComplexArray) -> BetweenLines:
+def _under(ratio: FloatArray, spectrum: ComplexArray, before: Ringing) -> BetweenLines:
     """Return what lies under the fundamental, by lines at (m,) shares of its frequency."""
-    if ratio.size >= _FEWEST:
-        found = _transient(ratio - 1.0, spectrum)
-        if found is not None:
-            return found
     near = np.argsort(np.abs(ratio - 1.0), kind="stable")
     near = near[: max(int(np.count_nonzero(ratio <= _NEAR)), _FEWEST - 1)]
     freedom = max(2.0 * near.size - _SLOPE_COSTS, 1.0)
-    return BetweenLines(0j, 0.0, _CHOSEN * _noise(ratio[near], spectrum[near]), freedom)
+    variance = _noise(ratio[near], spectrum[near])
+    none = BetweenLines(before.phasor, before.sd**2, variance, freedom)
+    fitted = _transient(ratio - 1.0, spectrum) if ratio.size >= _FEWEST else None
+    return none if fitted is None else _averaged(none, *fitted)
+
+
+def _averaged(none: BetweenLines, one: BetweenLines, likelier: float) -> BetweenLines:
+    """Return both answers by their weights, `likelier` being twice the logarithm of likelihoods."""
+    odds = math.exp(0.5 * min(likelier - 2.0 * _PARAMETERS, 1e3))
+    share = odds / (1.0 + odds)
+    transient = share * one.transient + (1.0 - share) * none.transient
+    variance = share * one.variance + (1.0 - share) * none.variance
+    # of each part; the squares of what the two are apart, half to each
+    apart = 0.5 * share * (1.0 - share) * abs(one.transient - none.transient) ** 2
+    return BetweenLines(
+        transient,
+        share * one.transient_variance + (1.0 - share) * none.transient_variance + apart,
+        variance,
+        share * one.freedom + (1.0 - share) * none.freedom,
+    )
 
 
 def _free(samples: int, periods: int, highest: int) -> IndexArray:
@@ -104,8 +130,8 @@ def _phasors(time: FloatArray, values: FloatArray, width: float, lines: IndexArr
     return found * (2.0 / time.size)
 
 
-def _transient(x: FloatArray, spectrum: ComplexArray) -> BetweenLines | None:
-    """Return the transient of one pole, or None where it is no more than noise."""
+def _transient(x: FloatArray, spectrum: ComplexArray) -> tuple[BetweenLines, float] | None:
+    """Return the transient of one pole, and by how much it is likelier than none; None for none."""
     count = x.size
     weights = np.ones(count)
     for _ in range(3):  # Sanathanan and Koerner: weights of the denominator found before
@@ -119,13 +145,14 @@ def _transient(x: FloatArray, spectrum: ComplexArray) -> BetweenLines | None:
     jacobian = np.column_stack([1.0 / denominator, x / denominator, -x * smooth / denominator])
     free = count - 3
     left = float(np.sum(np.abs(spectrum - smooth) ** 2))
-    taken = float(np.sum(np.abs(spectrum) ** 2)) - left
-    if not taken / 3.0 > float(fdtri(6, 2 * free, _SURE)) * left / free:
+    whole = float(np.sum(np.abs(spectrum) ** 2))
+    if not 0.0 < left < whole:
         return None
     inverse = np.linalg.pinv(jacobian.conj().T @ jacobian)
-    variance = _CHOSEN * 0.5 * left / free
+    variance = 0.5 * left / free
     share = float(inverse[0, 0].real)
-    return BetweenLines(complex(b0), variance * share, variance, 2.0 * free)
+    found = BetweenLines(complex(b0), variance * share, variance, 2.0 * free)
+    return found, 2.0 * count * math.log(whole / left)
 
 
 def _noise(ratio: FloatArray, spectrum: ComplexArray) -> float:

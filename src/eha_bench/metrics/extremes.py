@@ -77,7 +77,7 @@ def _extreme(step: StepResponse, side: float, level: float) -> Extreme:
     # no polynomial follows the kink at the edge, nor a jump that is not resolved
     after = slice(first, None)
     height = side * float(track.values[index]) - level
-    found = peak(step.time[after], values[after], index - first, step.noise, step.transit, height)
+    found = peak(step.time[after], values[after], index - first, step.noise, step.passage, height)
     independent = max((values.size - first) / (2 * track.half + 1), _FEWEST_PLACES)
     sd = max(track.sd, math.sqrt(found.variance))
     return Extreme(found, sd * math.sqrt(2.0 * math.log(independent)))

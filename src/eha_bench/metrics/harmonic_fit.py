@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.metrics.between_lines import BetweenLines, between_lines
+from eha_bench.metrics.ringing import Ringing
 
 HARMONICS = 10
 """Highest harmonic that is fitted, and counts as distortion."""
@@ -27,11 +29,16 @@ class HarmonicFit:
 
 
 def harmonic_fits(
-    time: FloatArray, values: FloatArray, frequency: float, periods: int
+    time: FloatArray,
+    values: FloatArray,
+    frequency: float,
+    periods: int,
+    expected: Sequence[Ringing] = (),
 ) -> list[HarmonicFit]:
     """Fit offset, fundamental and harmonics at once; the noise comes from between the lines.
 
-    `time` (n,) s over whole periods, `values` (n, k): k channels.
+    `time` (n,) s over whole periods, `values` (n, k): k channels, `expected` of the first ones what
+    earlier periods say of a transient.
     """
     period = (time[-1] - time[0]) / (time.size - 1)
     highest = max(1, min(HARMONICS, math.ceil(0.5 / (frequency * period)) - 1))
@@ -48,7 +55,7 @@ def harmonic_fits(
             power *= turn
             residual[part] -= power.real[:, None] * solution[h]
             residual[part] -= power.imag[:, None] * solution[highest + h]
-    under = between_lines(time, residual, frequency, periods, highest)
+    under = between_lines(time, residual, frequency, periods, highest, expected)
     return [_fitted(solution[:, k], residual[:, k], highest, own) for k, own in enumerate(under)]
 
 

@@ -38,7 +38,7 @@ class Peak:
 
 
 def peak(
-    time: FloatArray, values: FloatArray, index: int, noise: Noise, transit: int, height: float
+    time: FloatArray, values: FloatArray, index: int, noise: Noise, transit: float, height: float
 ) -> Peak:
     """Return the maximum of a local polynomial around sample `index` of (n,) samples.
 
@@ -75,7 +75,7 @@ def peak(
     return Peak(value, place, variance, earliest, latest)
 
 
-def _half(noise: Noise, transit: int, height: float) -> int:
+def _half(noise: Noise, transit: float, height: float) -> int:
     """Return the window in which a cubic misses less of a peak than its noise.
 
     By the sizes of noise and peak and by the response's speed, as for crossings: around the

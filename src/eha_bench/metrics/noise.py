@@ -25,6 +25,8 @@ _LEFT = 0.3  # least share of the noise's variance that a fitted line is taken t
 _SLOW = 0.3  # coefficient of an autoregression below which its bias is no matter
 _KNOWN = 2.5
 _SLOWEST = 0.99
+_BAND = 0.03  # cycles a sample: power at low frequency is looked at up to here ...
+_FEWEST_LINES = 4  # ... and on as many lines at least
 _PENALTY = 4.0  # per coefficient: Akaike's 2 would find correlation in a third of all white noise
 
 
@@ -64,11 +66,15 @@ class Noise:
         freedom: degrees of freedom of the estimate (0: unknown, intervals are NaN).
         slow: the same for what a mean over a long window has of it: noise at low frequency, of
             which a record holds less than of all of it.
+        low: power at low frequency over what the autocovariance says of it.
+        band: up to which frequency `low` was seen, cycles a sample.
     """
 
     autocovariance: FloatArray
     freedom: float
     slow: float = math.nan
+    low: float = 1.0
+    band: float = 0.0
 
     def __post_init__(self) -> None:
         """Take the slow part for as well known as the whole where nobody said."""
@@ -117,7 +123,8 @@ class Noise:
         lags = np.arange(1, min(self.autocovariance.size, count))
         pairs = 2.0 * float(np.sum((count - lags) * self.autocovariance[1 : lags.size + 1]))
         white = count * float(self.autocovariance[0])
-        return max(white + pairs, 1e-3 * white) / (count * count)
+        seen = min(count * self.band, 1.0)
+        return float(self.low**seen) * max(white + pairs, 1e-3 * white) / (count * count)
 
     def quantile(self) -> float:
         """Return Student's two-sided 95 % quantile for the degrees of freedom (NaN if unknown)."""
@@ -157,17 +164,55 @@ def estimate(segments: Sequence[FloatArray]) -> Noise:
     if coefficients.size == 0:
         return Noise(np.array([variance]), freedom)
     length = count / len(residuals)
-    correlation = _correlation(_unbiased(coefficients, length))
+    model = _unbiased(coefficients, length)
+    correlation = _correlation(model)
     # what correlation costs: as many independent samples as have the same squared spread
     squares = 1.0 + 2.0 * float(np.sum(correlation[1:] ** 2))
     # a line fitted to correlated noise takes more of its variance away than two samples' worth
-    mean = max(1.0 + 2.0 * float(np.sum(correlation[1:])), 1.0)
+    at_zero = 1.0 + 2.0 * float(np.sum(correlation[1:]))
+    mean = max(at_zero, 1.0)
     variance *= 1.0 / max(1.0 - 2.0 * mean / length, _LEFT) * freedom / count
     # the noise at frequency 0, sd^2 / (1 - a)^2 of an autoregression of first order, is known as
     # well as a is: var(a) = (1 - a^2) / n, so var(log) = 4 (1 + a) / ((1 - a) n) = 2 / freedom,
     # which a's own error in it makes a little less
     slow = min(freedom, max(count / (_KNOWN * mean), 1.0))
-    return Noise(variance * correlation, max(freedom / squares, 2.0), slow)
+    low, band, lines = _low(residuals, model, variance * at_zero)
+    if lines:
+        slow = min(slow, 2.0 * lines)
+    return Noise(variance * correlation, max(freedom / squares, 2.0), slow, low, band)
+
+
+def _low(
+    residuals: Sequence[FloatArray], coefficients: FloatArray, at_zero: float
+) -> tuple[float, float, int]:
+    """Return power at low frequency over the model's, the band it was seen in, and its lines.
+
+    A sensor's filter leaves noise that no short autoregression follows down to frequency 0. What is
+    there is taken from the periodogram of the model's residuals (prewhitening: D. W. K. Andrews,
+    J. C. Monahan, Econometrica 60, 1992, doi:10.2307/2951574): as if the residuals were white
+    there, or as if the noise itself were; which of them holds is not known, and the larger counts.
+    A line that was fitted before has taken 3 / (pi j)^2 of line j away.
+    """
+    if not at_zero > 0.0:
+        return 1.0, 0.0, 0
+    whitening = np.concatenate([[1.0], -coefficients])
+    power, lines, band = np.zeros(2), 0, 0.0
+    for residual in residuals:
+        white = np.convolve(residual, whitening, "valid")
+        count = max(round(_BAND * white.size), _FEWEST_LINES)
+        if white.size < 4 * count:
+            continue
+        orders = np.arange(1, count + 1)
+        spectrum = np.abs(np.fft.rfft(white)[1 : count + 1]) ** 2 / white.size
+        spectrum /= 1.0 - 3.0 / (math.pi * orders) ** 2
+        turns = np.exp(-2j * math.pi / white.size * np.outer(orders, np.arange(whitening.size)))
+        gains = np.abs(turns @ whitening) ** 2
+        power += np.sum(spectrum) / np.sum(whitening) ** 2, np.sum(spectrum / gains)
+        lines += count
+        band = max(band, count / white.size)
+    if lines == 0:
+        return 1.0, 0.0, 0
+    return float(power.max()) / lines / at_zero, band, lines
 
 
 def _unbiased(coefficients: FloatArray, length: float) -> FloatArray:

@@ -43,6 +43,7 @@ _FEW_SLOW = 15.0  # degrees of freedom of slow noise below which more of the hol
 _ALIKE = 4.0  # ... and believed where its variance is no more than so many times as large
 _AWAY = 0.05  # of the step: a response that stays closer to its end has settled
 
+_NARROWEST = 2.0  # samples on either side of a place that a cubic is put through
 _FEW_A_RISE = 5.0  # below which the reader is told
 
 
@@ -183,6 +184,11 @@ class StepResponse:
         )
 
     @property
+    def passage(self) -> float:
+        """Samples from 25 to 75 %, a fraction of one counted: half of those from 10 to 90 %."""
+        return max(min(float(self.transit), 0.5 * self.samples_a_rise), 1.0)
+
+    @property
     def _window(self) -> int:
         """Samples on either side of a place in which a cubic misses less than its noise.
 
@@ -191,8 +197,8 @@ class StepResponse:
         75 %, misses about 0.004 (h / T)^4 of the step (second order, T = 0.9 / omega_n), and its
         noise is 1.1 sd / sqrt(h); the former may be a thirtieth of the latter.
         """
-        half = (8.0 * self.noise.sd * self.transit**4) ** (1.0 / 4.5)
-        return int(min(max(half, 3.0), max(0.75 * self.transit, 3.0)))
+        half = (8.0 * self.noise.sd * self.passage**4) ** (1.0 / 4.5)
+        return int(min(max(half, _NARROWEST), max(0.75 * self.passage, _NARROWEST)))
 
 
 class NotSettled(NotScored):

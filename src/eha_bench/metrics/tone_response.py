@@ -17,6 +17,7 @@ from eha_bench.metrics.coverage import between, type_a, type_b
 from eha_bench.metrics.harmonic_fit import harmonic_fits
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
+from eha_bench.metrics.ringing import Ringing, ringing
 from eha_bench.metrics.samples import samples
 from eha_bench.metrics.sine_fit import fit4
 from eha_bench.metrics.step_response import magnitude, require_finite
@@ -148,7 +149,9 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     data = values / scale
     block = 1 + (periods - TRANSIENT_PERIODS) // _BLOCKS
     blocks = (periods - TRANSIENT_PERIODS) // block
-    phasors = _block_phasors(line.time, data, stop, blocks, frequency / block, block)
+    every = periods if block == 1 else blocks
+    whole_time = _block_phasors(line.time, data, stop, every, frequency / block, block)
+    phasors = whole_time[:blocks]
     settled_blocks = _settled(phasors)
     if settled_blocks * block < 2:
         raise NotScored(f"not settled: the {label} response changes from period to period")
@@ -157,7 +160,8 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     time = line.time[window] - stop
     command_scale = magnitude(line.reference[window]) or 1.0
     both = np.column_stack([data[window], line.reference[window] / command_scale])
-    response, command = harmonic_fits(time, both, frequency, settled)
+    before = ringing(whole_time[::-1], settled) if block == 1 else Ringing()
+    response, command = harmonic_fits(time, both, frequency, settled, [before])
     _require_stationary(phasors[:settled_blocks], response.variance, label)
     if not abs(command.phasors[0]) > 10.0 * math.sqrt(command.fundamental_variance) + 1e-9:
         raise NotScored(f"the reference holds no sine of {label}")

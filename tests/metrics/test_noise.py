@@ -1,0 +1,47 @@
+"""The mean of noise of many kinds is known as well as its estimate says."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+from scipy.stats import t as students
+
+from eha_bench.metrics.noise import Noise, estimate
+
+WINDOW, HOLD, LEAD = 120, 300, 300
+
+
+def filtered(numerator, denominator):
+    def draw(rng):
+        white = rng.normal(size=HOLD + LEAD)
+        return np.asarray(lfilter(numerator, denominator, white))[LEAD:]
+
+    return draw
+
+
+KINDS = {
+    "white": filtered([1.0], [1.0]),
+    "first order": filtered([1.0], [1.0, -0.5]),
+    "alternating": filtered([1.0], [1.0, 0.7]),
+    "mean of three": filtered(np.ones(3), [1.0]),
+    "mean of five": filtered(np.ones(5), [1.0]),
+    "Butterworth at a twentieth": filtered(*butter(2, 0.1)),
+    "Butterworth at a seventh": filtered(*butter(2, 0.3)),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_intervals_of_a_mean_hold_it(kind):
+    rng = np.random.default_rng(7)
+    held = []
+    for _ in range(400):
+        values = KINDS[kind](rng)
+        noise = estimate([values])
+        reach = students.ppf(0.975, noise.slow) * np.sqrt(noise.variance_of_mean(WINDOW))
+        held.append(abs(float(values[-WINDOW:].mean())) <= reach)
+    assert 0.915 <= np.mean(held) <= 0.985  # 95 %, three standard errors of 400
+
+
+def test_power_at_low_frequency_counts_for_long_means_only():
+    noise = Noise(np.array([1.0]), 100.0, low=4.0, band=0.02)
+    assert noise.variance_of_mean(1) == pytest.approx(1.0, rel=0.03)
+    assert noise.variance_of_mean(100) == pytest.approx(4.0 / 100.0)
