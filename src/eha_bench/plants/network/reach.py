@@ -17,8 +17,9 @@ def determined_nodes(
     """Return names of the nodes and elements whose motion or pressure inputs determine.
 
     A command moves its motor's shaft, a shaft moves the oil of its pumps, a valve that of its
-    ports, and oil moves the rod; never the other way, so that what nothing drives is not taken to
-    rest.
+    ports, oil finds its way through gaps and orifices, and moves the rod; never the other way, so
+    that what nothing drives is not taken to rest. Oil that a pump or a valve moves in a way that
+    nothing says is not known, whatever else joins it.
 
     Args:
         system: the network. states: channel -> place in `Y`. inputs: channels that are given.
@@ -76,6 +77,18 @@ def _undriven(system: System, found: set[str]) -> None:
             found.add(item.name)
 
 
+def _is_fed_unknown(system: System, node: str, found: set[str]) -> bool:
+    """Whether a pump or a valve moves a node's oil, and nothing says how."""
+    for part in system.parts.values():
+        kind, ports = part.element.kind.id, part.element.ports
+        if kind == "pump" and node in (ports["from"], ports["to"]):
+            if system.leader_of(ports["on"]).name not in found:
+                return True
+        elif kind == "spool_valve" and node in ports.values() and part.name not in found:
+            return True
+    return False
+
+
 def _spread(system: System, found: set[str], imposed: set[str]) -> None:
     for part in system.parts.values():
         kind, ports = part.element.kind.id, part.element.ports
@@ -98,13 +111,7 @@ def _spread(system: System, found: set[str], imposed: set[str]) -> None:
             ends = [node for port, node in ports.items() if port != "pilot"]
             # oil that has a way from where something is known
             if any(node in found for node in ends):
-                chambers = {
-                    other.element.ports[side]
-                    for other in system.parts.values()
-                    if other.element.kind.id == "cylinder"
-                    for side in ("a", "b")
-                }
-                found |= {node for node in ends if node not in chambers}
+                found |= {node for node in ends if not _is_fed_unknown(system, node, found)}
     for node, chain in system.leaders.items():
         if chain[-1] in found:
             found.add(node)
