@@ -368,3 +368,12 @@ def bound(effects: Sequence[Effect], spots: Spots) -> tuple[BoundEffect, ...]:
         if role is not None:
             found.append(BoundEffect(effect, role, tuple(spots[role])))
     return tuple(found)
+
+
+def group_of(function: Callable[..., object], name: str) -> type | None:
+    """Return the NamedTuple that an argument of an effect's function is; None for a number."""
+    annotation = function.__annotations__.get(name)
+    kind = function.__globals__.get(annotation) if isinstance(annotation, str) else annotation
+    if isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields"):
+        return kind
+    return None

@@ -12,14 +12,23 @@ import inspect
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, Final, get_type_hints
+from typing import Any, Final
 
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.linkage import Linkage
 from eha_bench.plants.channel_roles import ChannelRoles
-from eha_bench.plants.effect import ANYTHING, BoundEffect, Effect, Equation, Hook, Spot, bound
+from eha_bench.plants.effect import (
+    ANYTHING,
+    BoundEffect,
+    Effect,
+    Equation,
+    Hook,
+    Spot,
+    bound,
+    group_of,
+)
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.plant import Drive, Plant
 from eha_bench.plants.static_plant import StaticPlant
@@ -385,11 +394,7 @@ def _usual_reading(unit: str) -> float:
 def _wanted(function: Callable[..., object]) -> tuple[tuple[str, type | None], ...]:
     """Return a function's arguments, each with the tuple of names that it stands for, or None."""
     plain = getattr(function, "py_func", function)
-    hints = get_type_hints(plain)
-    return tuple(
-        (name, hints[name] if hasattr(hints.get(name), "_fields") else None)
-        for name in inspect.signature(plain).parameters
-    )
+    return tuple((name, group_of(plain, name)) for name in inspect.signature(plain).parameters)
 
 
 def _called(function: Callable[..., Any], scope: Mapping[str, Any]) -> Any:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from eha_bench.core.errors import PluginError
-from eha_bench.plants.effect import AT, EVERYWHERE, BoundEffect, Hook, Spot
+from eha_bench.plants.effect import AT, EVERYWHERE, BoundEffect, Hook, Spot, group_of
 from eha_bench.plants.layout import Layout
 
 _VALUE = "value"
@@ -241,7 +241,7 @@ class Hooks:
         Raises:
             PluginError: there is nothing of that name.
         """
-        group = _group(function, name)
+        group = group_of(function, name)
         if group is not None:
             alias = f"_g_{group.__module__.replace('.', '_')}_{group.__name__}"
             self._groups[alias] = group
@@ -269,12 +269,3 @@ class Hooks:
 
 def _fields(group: type) -> Iterable[str]:
     return group.__annotations__
-
-
-def _group(function: Callable[..., object], name: str) -> type | None:
-    """Return the NamedTuple that an argument is, None where it is a number."""
-    annotation = function.__annotations__.get(name)
-    kind = function.__globals__.get(annotation) if isinstance(annotation, str) else annotation
-    if isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields"):
-        return kind
-    return None
