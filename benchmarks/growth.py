@@ -147,6 +147,39 @@ def trials(folder: Path, ticks: int) -> Iterator[Work]:
     yield Work("score a recording", "ticks", ticks, lambda: eb.score(recording, trial))
 
 
+WRITTEN_OUT = """\
+  - id: step-{number}
+    duration: 1 s
+    signal:
+      kind: step
+      final: {final:.3f} MPa
+    accept:
+      response_time: <= 41 ms
+      overshoot: <= 20 %
+"""
+MATRIX = """\
+  - id: step
+    matrix: {{level: [{levels}], length: [{lengths}]}}
+    duration: ${{length}}
+    signal: {{kind: step, final: "${{level}}"}}
+    accept: {{response_time: <= 41 ms, overshoot: <= 20 %}}
+"""
+
+
+def suites(folder: Path, count: int) -> Iterator[Work]:
+    """Yield the loading of suites: so many trials written out, and twice as many by matrix."""
+    head = "name: many\ndefaults: {mode: pressure, setup: {piston: locked}}\ntrials:\n"
+    written = folder / "written.yaml"
+    trials = (WRITTEN_OUT.format(number=k, final=5 + k / 1000) for k in range(count))
+    written.write_text(head + "".join(trials))
+    yield Work("load a suite", "trials", count, lambda: load_suite(written))
+    folded = folder / "matrix.yaml"
+    levels = ", ".join(f"{5 + k / 1000:.3f} MPa" for k in range(count // 5))
+    lengths = ", ".join(f"{1 + k / 10:.1f} s" for k in range(10))
+    folded.write_text(head + MATRIX.format(levels=levels, lengths=lengths))
+    yield Work("load a suite, by matrix", "trials", 2 * count, lambda: load_suite(folded))
+
+
 def sweeps(_: Path, sets: int) -> Iterator[Work]:
     """Yield a sweep of so many parameter sets over the same half second."""
     plant = get_plant("eha_knee")
@@ -202,6 +235,7 @@ def run(ticks: int, times: tuple[int, ...], rounds: int, only: list[str]) -> Ite
     smallest = {
         "files": (files, ticks),
         "trials": (trials, ticks // 10),
+        "suites": (suites, 50),
         "sweeps": (sweeps, 8),
         "nights": (nights, 3),
         "diagnoses": (diagnoses, ticks),
@@ -221,7 +255,7 @@ def run(ticks: int, times: tuple[int, ...], rounds: int, only: list[str]) -> Ite
             yield Growth(name, done[0].unit, sizes, seconds, megabytes)
 
 
-GROUPS = ("files", "trials", "sweeps", "nights", "diagnoses")
+GROUPS = ("files", "trials", "suites", "sweeps", "nights", "diagnoses")
 
 
 def table(growths: list[Growth]) -> str:

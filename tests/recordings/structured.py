@@ -223,8 +223,11 @@ def bag(content: bytes, choice: random.Random) -> bytes:
                 records.insert(choice.randrange(len(records)), (dict(fields), data))
             case 2 if fields.get(b"op") == b"\x05":
                 kind = fields.get(b"compression", b"none")
-                raw = {b"bz2": bz2.decompress, b"lz4": lz4.frame.decompress}.get(kind, bytes)(data)
-                inner = _bag_records(raw)
+                try:
+                    unpack = {b"bz2": bz2.decompress, b"lz4": lz4.frame.decompress}
+                    inner = _bag_records(unpack.get(kind, bytes)(data))
+                except (ValueError, OSError, RuntimeError, EOFError, struct.error):
+                    continue  # an earlier alteration has spoilt it
                 if inner:
                     where = choice.randrange(len(inner))
                     inner[where] = _altered_bag_record(*inner[where], choice)

@@ -6,7 +6,6 @@ with it must be told with the line that the user has to change.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
@@ -24,11 +23,15 @@ class Located:
 
     Attributes:
         value: the content.
-        places: keys that lead to a value -> where it was written; () is the content itself.
+        written: keys that lead to a value -> where it was written; of all that this is a part of.
+        inside: keys that lead to this part.
+        here: where this part stands, if `written` does not say it.
     """
 
     value: Any
-    places: Mapping[Keys, Place] = field(default_factory=dict)
+    written: Mapping[Keys, Place] = field(default_factory=dict)
+    inside: Keys = ()
+    here: Place | None = None
 
     @staticmethod
     def of(content: Any, file: str) -> Located:
@@ -36,32 +39,44 @@ class Located:
         places: dict[Keys, Place] = {(): Place(file=file, line=1)}
         return Located(_walk(content, file, (), places), places)
 
+    @property
+    def places(self) -> Mapping[Keys, Place]:
+        """Keys that lead from here to a value -> where it was written; () is the content itself."""
+        if not self.inside:
+            return self.written
+        size = len(self.inside)
+        found = {path[size:]: at for path, at in self.written.items() if path[:size] == self.inside}
+        found.setdefault((), self.place())
+        return found
+
     def place(self, keys: Sequence[Key] = ()) -> Place:
         """Return where `keys` were written; what is not there is placed at what should hold it."""
-        known: Keys = ()
+        known = self.inside
         value = self.value
         absent = ""
+        found = self.written.get(known) or self.here or Place()
         for key in keys:
-            if (*known, key) in self.places:
+            deeper = self.written.get((*known, key))
+            if deeper is not None:
                 known = (*known, key)
                 value = _item(value, key)
                 absent = ""
+                found = deeper
             elif isinstance(value, dict):  # otherwise it names an alternative of a union
                 absent = str(key)
-        found = self.places.get(known, Place())
         if not absent or "[" in absent:
             return found
-        return replace(found, key=f"{found.key}.{absent}" if found.key else absent)
+        key = f"{found.key}.{absent}" if found.key else absent
+        return Place(found.file, found.line, key, found.topic, found.time)
 
     def at(self, *keys: Key) -> Located:
         """Return the part that `keys` lead to; None in place of what is not there."""
         value = self.value
         for key in keys:
             value = _item(value, key)
-        size = len(keys)
-        places = {path[size:]: at for path, at in self.places.items() if path[:size] == keys}
-        places.setdefault((), self.place(keys))
-        return Located(value, places)
+        inside = (*self.inside, *keys)
+        here = None if inside in self.written else self.place(keys)
+        return Located(value, self.written, inside, here)
 
     def each(self) -> list[Located]:
         """Return the items of a list; all places are gone through once, however many there are."""
@@ -86,9 +101,11 @@ class Located:
 
     def named(self, old: str, new: str) -> Located:
         """Return the same content with another name in messages: `trials.0` -> `trials.step`."""
-        pattern = re.compile(rf"^{re.escape(old)}(?=\.|$)")
+        within, size = f"{old}.", len(old)
         places = {
-            path: replace(at, key=pattern.sub(lambda _: new, at.key))
+            path: Place(at.file, at.line, new + at.key[size:], at.topic, at.time)
+            if at.key == old or at.key.startswith(within)
+            else at
             for path, at in self.places.items()
         }
         return Located(self.value, places)
@@ -119,16 +136,20 @@ class Located:
             places |= {(key, *path): at for path, at in merged.places.items()}
         return Located(value, places)
 
-    def mapped(self, change: Callable[[Any, Place], Any]) -> Located:
-        """Return the content with every scalar replaced by change(scalar, place)."""
-        return Located(self._mapped(self.value, (), change), self.places)
+    def mapped(self, change: Callable[[str, Place], Any], mark: str) -> Located:
+        """Return the content with every text that holds `mark` replaced by change(text, place)."""
+        return replace(self, value=self._mapped(self.value, (), change, mark))
 
-    def _mapped(self, value: Any, keys: Keys, change: Callable[[Any, Place], Any]) -> Any:
+    def _mapped(
+        self, value: Any, keys: Keys, change: Callable[[str, Place], Any], mark: str
+    ) -> Any:
         if isinstance(value, dict):
-            return {key: self._mapped(item, (*keys, key), change) for key, item in value.items()}
+            return {k: self._mapped(item, (*keys, k), change, mark) for k, item in value.items()}
         if isinstance(value, list):
-            return [self._mapped(item, (*keys, i), change) for i, item in enumerate(value)]
-        return change(value, self.place(keys))
+            return [self._mapped(item, (*keys, i), change, mark) for i, item in enumerate(value)]
+        if isinstance(value, str) and mark in value:
+            return change(value, self.place(keys))
+        return value
 
     def mapping(self, what: str) -> Located:
         """Return itself, an empty mapping in place of nothing.
@@ -137,7 +158,7 @@ class Located:
             InputError: it is something else than a mapping; `what` says what it should hold.
         """
         if self.value is None:
-            return Located({}, self.places)
+            return replace(self, value={})
         if not isinstance(self.value, dict):
             raise self.error(f"expected {what}", hint="write it as 'key: value' lines")
         return self
@@ -148,12 +169,15 @@ class Located:
 
 
 def _walk(content: Any, file: str, keys: Keys, places: dict[Keys, Place]) -> Any:
+    if not isinstance(content, (dict, list)):
+        return plain(content)
     position = getattr(content, "lc", None)
-    line = places[keys].line
+    here = places[keys]
+    line, before = here.line, f"{here.key}." if here.key else ""
 
     def enter(key: Key, item: Any, found: int) -> Any:
         path = (*keys, key)
-        places[path] = Place(file=file, line=found, key=".".join(map(str, path)))
+        places[path] = Place(file, found, f"{before}{key}")
         return _walk(item, file, path, places)
 
     if isinstance(content, dict):
@@ -161,12 +185,10 @@ def _walk(content: Any, file: str, keys: Keys, places: dict[Keys, Place]) -> Any
             str(key): enter(str(key), item, _line(position, "key", key, line))
             for key, item in content.items()
         }
-    if isinstance(content, list):
-        return [
-            enter(index, item, _line(position, "item", index, line))
-            for index, item in enumerate(content)
-        ]
-    return plain(content)
+    return [
+        enter(index, item, _line(position, "item", index, line))
+        for index, item in enumerate(content)
+    ]
 
 
 def _item(value: Any, key: Key) -> Any:

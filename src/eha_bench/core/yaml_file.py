@@ -13,6 +13,7 @@ from typing import Annotated, Any, TypeAlias, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
+from eha_bench.core import fast_yaml
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.shipped import by_name, find
@@ -113,7 +114,7 @@ def read_text(path: Path) -> str:
 
 
 def load(path: Path) -> Any:
-    """Return the content of a YAML file as ruamel's line-carrying maps and sequences.
+    """Return the content of a YAML file as maps and sequences that know their lines.
 
     Raises:
         InputError: the file is missing, empty, not UTF-8, or not YAML.
@@ -141,23 +142,35 @@ def parse(text: str, name: str) -> Any:
     peeked = _PEEKED.pop(name, None)
     if peeked is not None and peeked[0] == text:
         return peeked[1]
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
-
     try:
-        content = YAML(typ="rt").load(StringIO(text))
-    except MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 0
-        problem = " ".join(str(error.problem or error.context or "syntax error").split())
-        raise InputError(f"not valid YAML: {problem}", where=Place(file=name, line=line)) from error
-    except (YAMLError, ValueError, RecursionError) as error:
-        first = str(error).strip().splitlines()[0] if str(error).strip() else "syntax error"
-        raise InputError(f"not valid YAML: {first}", where=Place(file=name)) from error
+        content = fast_yaml.parse(text, DEEPEST)
+    except fast_yaml.Unread:
+        content = _parse_any(text, name)
     if content is None:
         raise InputError("the file is empty", where=Place(file=name))
     if _size(content, name, 0, {}) > MOST_VALUES:
         raise InputError("there are too many values, by aliases of aliases", where=Place(file=name))
     return content
+
+
+def _parse_any(text: str, name: str) -> Any:
+    """Return what any YAML 1.2 text holds.
+
+    Raises:
+        InputError: it is not YAML.
+    """
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError
+
+    try:
+        return YAML(typ="rt").load(StringIO(text))
+    except MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 0
+        problem = " ".join(str(error.problem or error.context or "syntax error").split())
+        raise InputError(f"not valid YAML: {problem}", where=Place(file=name, line=line)) from error
+    except Exception as error:  # its parser trips over some texts instead of refusing them
+        first = str(error).strip().splitlines()[0] if str(error).strip() else "syntax error"
+        raise InputError(f"not valid YAML: {first}", where=Place(file=name)) from error
 
 
 def _size(content: Any, name: str, depth: int, known: dict[int, int]) -> int:
@@ -221,8 +234,13 @@ def named_file(folder: Path, name: str, where: Place) -> Path:
     return path
 
 
+_PLAIN = frozenset({bool, int, float, type(None)})
+
+
 def plain(content: Any) -> Any:
     """Return the content as plain dicts, lists, str, int, float, bool, None."""
+    if type(content) in _PLAIN or (type(content) is str and content.isascii()):
+        return content
     if isinstance(content, dict):
         return {str(key): plain(value) for key, value in content.items()}
     if isinstance(content, list):

@@ -20,6 +20,7 @@ from eha_bench.core.near_miss import suggest
 from eha_bench.core.own_metric import OwnMetric
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode, Setup, Trial, mode_named
+from eha_bench.core.uncollected import uncollected
 from eha_bench.core.units import base_unit, parse, unit_in
 from eha_bench.core.yaml_file import StrictModel, file_of, read_text, validate
 from eha_bench.core.yaml_file import parse as parse_yaml
@@ -65,6 +66,11 @@ def parse_suite(text: str, path: Path) -> Suite:
     Raises:
         InputError: as `load_suite`.
     """
+    with uncollected():
+        return _parsed(text, path)
+
+
+def _parsed(text: str, path: Path) -> Suite:
     content = Located.of(parse_yaml(text, str(path)), str(path))
     # a metric of one's own is checked where it is read, mistake by mistake
     whole = content.without("metrics").value if isinstance(content.value, dict) else content.value

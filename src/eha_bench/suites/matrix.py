@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -50,7 +50,7 @@ def expand(trial: Located) -> Iterator[tuple[object, Located]]:
     pattern = body.value.get("id")
     for combination in product(*parameters):
         values = {name: value for case in combination for name, value in case.values.items()}
-        expanded = body.mapped(partial(replaced, values=values))
+        expanded = body.mapped(partial(replaced, values=values), "${")
         yield _identifier(pattern, combination, body.place(("id",))), expanded
 
 
@@ -70,7 +70,7 @@ def _cases(name: str, values: Located) -> list[Case]:
             f"'{name}' is not a name for a parameter", hint="use letters, digits and '_'"
         )
     if isinstance(values.value, list):
-        entries = [(item, Located({}, values.at(i).places)) for i, item in enumerate(values.value)]
+        entries = [(item, replace(values.at(i), value={})) for i, item in enumerate(values.value)]
     elif isinstance(values.value, dict):
         entries = [(key, further.mapping("further parameters")) for key, further in values.items()]
     else:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from eha_bench.core.errors import UnitError
 from eha_bench.core.limit import Bounds
@@ -48,6 +49,7 @@ class Words:
     relative: bool
 
 
+@lru_cache(4096)
 def split_words(text: str) -> Words:
     """Return a limit's text without the words after its bounds.
 
@@ -68,6 +70,7 @@ def split_words(text: str) -> Words:
     return Words(text.strip(), confident, relative)
 
 
+@lru_cache(4096)
 def parse_bounds(text: str, unit: str) -> Bounds:
     """Return the bounds that `text` means for a value in the SI unit `unit`.
 

@@ -175,7 +175,8 @@ def _acceptance(
             f"{text} of baseline ({value:.4g} {unit}".rstrip() + ")",
         )
     else:
-        plain = form if form.limit is None else form.model_copy(update={"limit": words.bounds})
+        same = form.limit is None or form.limit == words.bounds
+        plain = form if same else form.model_copy(update={"limit": words.bounds})
         bounds, text = _bounds(plain, unit, entry)
     confident = words.confident or form.confidence is not None
     text += " with 95 % confidence" if confident else ""
