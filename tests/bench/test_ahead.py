@@ -2,7 +2,10 @@
 
 import json
 import pickle
+import time
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +14,9 @@ import eha_bench
 from eha_bench.bench.ahead import Ahead, Coming
 from eha_bench.core.errors import InputError
 from eha_bench.core.trial import Trial
-from eha_bench.core.workers import Here
+from eha_bench.core.interruption import Interruption
+from eha_bench.core.workers import Here, Workers
+from eha_bench.core.workers import Outcome as Done
 from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
@@ -97,3 +102,33 @@ def test_pairs_on_processes_are_those_of_one(suite: Path, tmp_path: Path) -> Non
         assert done.comparison is not None
         found.append((done.run.pairs, json.loads(done.comparison.to_json())["metrics"]))
     assert found[0] == found[1]
+
+
+class Frozen(Workers):
+    """Workers that never answer."""
+
+    @property
+    def count(self) -> int:
+        return 1
+
+    def _each(
+        self, function: Callable[[Any], Any], numbered: Sequence[tuple[int, Any]]
+    ) -> Generator[Done[Any], None, None]:
+        while True:
+            time.sleep(0.01)
+        yield Done(0)
+
+
+def test_a_stop_is_not_held_up_by_workers_that_never_answer(
+    suite: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eha_bench.bench.ahead._GRACE", 0.2)
+    target = open_target("simulator")
+    trial = load_suite(suite).trials[0]
+    # a time limit has come: nobody has pressed Ctrl-C at all
+    with (
+        Interruption(),
+        Ahead(target, Coming([(target, trial, 0)], Frozen())) as ahead,
+        pytest.raises(KeyboardInterrupt),
+    ):
+        ahead.run(trial, 0, lambda: True)

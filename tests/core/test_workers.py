@@ -116,6 +116,24 @@ def test_a_cluster_may_lose_all_workers_and_what_was_sent_to_them(cluster: Clust
     assert found == [x * x for x in ITEMS]
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_that_is_lost_costs_what_is_not_done_and_nothing_hangs(
+    cluster: Cluster,
+) -> None:
+    found = []
+    for outcome in workers_from(cluster.name).ordered(slow_square, ITEMS):
+        found.append(outcome)
+        if len(found) == 3:
+            cluster.processes[0].kill()
+    assert len(found) == len(ITEMS)
+    assert [outcome.get()[0] for outcome in found[:3]] == [x * x for x in ITEMS[:3]]
+    lost = found[-1].error
+    assert lost is not None
+    assert lost.exit_status == 3
+    assert "the workers are lost" in str(lost)
+
+
 @pytest.fixture
 def in_ray() -> Iterator[Workers]:
     """Two workers of a Ray cluster on this machine, which takes some seconds to start."""

@@ -367,7 +367,7 @@ def csv(content: bytes, choice: random.Random) -> bytes:
             case 0:
                 rows.insert(row, list(rows[row]))
             case 1:
-                rows[row] = rows[row] * choice.choice((0, 2, 300))
+                rows[row] = rows[row] * (choice.choice((0, 2, 300)) if len(rows[row]) < 1000 else 1)
             case 2:
                 column = choice.randrange(8)
                 fill = choice.choice(cells)

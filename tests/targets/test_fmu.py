@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 
 import eha_bench
 from eha_bench.core.errors import InputError
+from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target
+from eha_bench.targets.target import Ending
 
 pytest.importorskip("fmpy")
 from fmus import build_line, rewritten
@@ -116,7 +119,7 @@ def test_a_first_value_reaches_the_fmu_in_its_unit(folder: Path, version: int) -
     [
         ("fails_at: 0.02", "at 0.02 s"),
         ("broken_from: 0.02", "pressure_difference ('p') as nan"),
-        ("crashes_at: 0.02", "crashed the process that it ran in at 0.02 s (SIGABRT)"),
+        ("crashes_at: 0.02", "crashed the process that it ran in at 0.02 s (SIGSEGV)"),
         ("raises_at: 0.02", "RuntimeError('the pump has seized')"),
     ],
 )
@@ -219,14 +222,25 @@ def test_an_fmu_of_a_fixed_step_is_held_to_it(version: int, tmp_path: Path) -> N
     assert eha_bench.run(tmp_path / "suite.yaml", out=tmp_path / "out").status.value == "passed"
 
 
-def test_an_fmu_that_does_not_come_back_is_a_fault(
-    folder: Path, version: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("eha_bench.targets.fmu.process.SILENCE", 5.0)
-    target = written(folder, version, "gain: 2.0", "gain: 2.0\n  hangs_at: 0.01")
+def test_an_fmu_that_does_not_come_back_is_a_fault(folder: Path, version: int) -> None:
+    hangs = "answers_within: 5 s\nparameters:\n  hangs_at: 0.01\n"
+    target = written(folder, version, "parameters:\n", hangs)
     result = eha_bench.run(folder / "suite.yaml", target, folder / "hangs")
     assert result.status.value == "fault"
     assert "the FMU does not answer at 0.01 s: waited 5 s" in result.trials[0].reason
+
+
+def test_ctrl_c_does_not_wait_for_an_fmu_that_does_not_come_back(
+    folder: Path, version: int
+) -> None:
+    target = open_target(written(folder, version, "gain: 2.0", "gain: 2.0\n  hangs_at: 0.01"))
+    trial = load_suite(folder / "suite.yaml").trials[0]
+    asked = iter([*([False] * 10), *([True] * 1000)])
+    begun = time.monotonic()
+    outcome = target.run(trial, 0, lambda: next(asked))
+    assert time.monotonic() - begun < 30.0  # it would sleep for 60 s
+    assert outcome.ending is Ending.INTERRUPTED
+    assert len(outcome.recording) >= 9
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from types import TracebackType
@@ -14,6 +16,11 @@ from eha_bench.core.workers import HERE, Workers
 from eha_bench.core.workers import Outcome as Done
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
+
+_GLANCE = 0.2
+"""How often it is looked whether a stop was asked for, s."""
+_GRACE = 3.0
+"""Time for an outcome after a stop was asked for, s."""
 
 Job = tuple[Target, Trial, int]
 
@@ -44,16 +51,18 @@ class Coming:
         asked = (trial.id, trial.seed, repeat)
         return own is target and (first.id, first.seed, number) == asked
 
-    def take(self) -> Outcome:
+    def take(self, stopping: Stopping) -> Outcome:
         """Return the outcome of the next job, which may be there already.
 
         Raises:
             WorkError: it could not be run anywhere.
+            KeyboardInterrupt: a stop was asked for, and no worker answered.
         """
         if self._outcomes is None:
             self._outcomes = self._workers.ordered(_run, list(self._jobs))
         self._jobs.pop(0)
-        return next(self._outcomes).get()
+        with _hurried(stopping):
+            return next(self._outcomes).get()
 
     def close(self) -> None:
         """Drop what is still running."""
@@ -88,7 +97,7 @@ class Ahead(Target):
             WorkError: it could not be run anywhere.
         """
         if self._coming.starts_with(self._target, trial, repeat):
-            return self._coming.take()
+            return self._coming.take(stopping)
         return self._target.run(trial, repeat, stopping)
 
     def __enter__(self) -> Self:
@@ -104,6 +113,31 @@ class Ahead(Target):
     ) -> None:
         """Leave the target."""
         self._target.__exit__(kind, error, trace)
+
+
+@contextmanager
+def _hurried(stopping: Stopping) -> Iterator[None]:
+    """Interrupt a wait that goes on although a stop was asked for: the worker may be gone.
+
+    It is the second Ctrl-C, which somebody at the terminal would send.
+    """
+    over = threading.Event()
+
+    def watch() -> None:
+        while not over.wait(_GLANCE):
+            if stopping() and not over.wait(_GRACE):
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals reach the main thread only
+        return
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watcher.join()
 
 
 @contextmanager

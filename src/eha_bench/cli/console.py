@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sys
@@ -21,6 +22,15 @@ _NEAR = 20
 
 _MOST = 5
 """Mistakes of one input that are told before the rest is counted."""
+
+_NO_ROOM = "; make room, or name a folder on another disk"
+_WAYS_OUT = {
+    errno.ENOSPC: _NO_ROOM,
+    errno.EDQUOT: _NO_ROOM,
+    errno.EFBIG: _NO_ROOM,
+    errno.EROFS: "; name a folder that can be written to",
+}
+"""What to do about an error of the disk, by its number."""
 
 
 def say(text: str) -> None:
@@ -78,7 +88,8 @@ def errors_as_sentences() -> Iterator[None]:
         raise SystemExit(2) from error
     except OSError as error:
         name = f"{error.filename}: " if error.filename else ""
-        say(f"eha-bench: {name}{error.strerror or error}")
+        way_out = _WAYS_OUT.get(error.errno or 0, "")
+        say(f"eha-bench: {name}{error.strerror or error}{way_out}")
         raise SystemExit(2) from error
     except Exception as error:
         _leave_with_a_bug(error)

@@ -38,6 +38,7 @@ def init(
 
     Files that are there already are left alone.
     """
+    from eha_bench.core.atomic_file import replacing
     from eha_bench.core.errors import InputError, PluginError
     from eha_bench.core.near_miss import suggest
     from eha_bench.core.output_folder import writable
@@ -55,7 +56,8 @@ def init(
             say(f"left alone: {target}")
             continue
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(source.read_bytes())
+        with replacing(target) as part:
+            part.write_bytes(source.read_bytes())
         typer.echo(str(target))
     move = "" if folder == Path() else f"cd {folder} && "
     say(f"\nnext: {move}eha-bench run suite.yaml --target target.yaml")

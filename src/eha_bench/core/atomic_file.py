@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 from collections.abc import Iterator
@@ -9,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eha_bench.core.errors import InputError, Place
+
+_WHILE_WRITING = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
 
 @contextmanager
@@ -34,9 +37,10 @@ def replacing(target: Path, *, durable: bool = False) -> Iterator[Path]:
         if durable and os.name == "posix":  # elsewhere folders cannot be opened
             _to_disk(target.parent)
     except OSError as error:
-        if str(error.filename) != str(part):
+        unnamed = error.filename is None and error.errno in _WHILE_WRITING
+        if str(error.filename) != str(part) and not unnamed:
             raise
-        # nobody knows the file beside by its name
+        # nobody knows the file beside by its name, and a write knows no name
         raise OSError(error.errno, error.strerror, str(target)) from error
     finally:
         part.unlink(missing_ok=True)

@@ -14,7 +14,7 @@ import threading
 import traceback
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
@@ -93,7 +93,11 @@ class Workers(ABC):
         while waiting:
             # one at a time once a worker has died twice: then it is known which item did it
             alone = lost >= TRIES - 1
-            chosen = list(waiting)[: 2 * self.count if alone else None]
+            try:
+                chosen = list(waiting)[: 2 * self.count if alone else None]
+            except EhaBenchError as error:
+                yield from _nobody_left(waiting, error)
+                return
             for group in [[index] for index in chosen] if alone else [chosen]:
                 try:
                     with closing(self._each(function, [(n, waiting[n]) for n in group])) as each:
@@ -101,6 +105,9 @@ class Workers(ABC):
                             del waiting[outcome.index]
                             yield outcome
                 except Exception as error:
+                    if lost and isinstance(error, EhaBenchError):
+                        yield from _nobody_left(waiting, error)
+                        return
                     if not _is_lost_worker(error):
                         raise
                     lost += 1
@@ -157,6 +164,13 @@ _LOST = {
 
 def _is_lost_worker(error: Exception) -> bool:
     return any(kind.__name__ in _LOST for kind in type(error).__mro__)
+
+
+def _nobody_left(waiting: Iterable[int], error: EhaBenchError) -> Iterator[Outcome[Any]]:
+    """Yield what becomes of items that nobody can do any more."""
+    told = f"the workers are lost, and cannot be reached again: {error.what}"
+    for index in waiting:
+        yield Outcome(index, error=WorkError(told, status=3))
 
 
 @dataclass(frozen=True)

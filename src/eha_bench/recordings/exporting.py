@@ -12,7 +12,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, RecordingError
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.recording import Recording
-from eha_bench.recordings.tables.library import reading_with
+from eha_bench.recordings.tables.library import writing_with
 from eha_bench.recordings.tables.mdf import OWN
 from eha_bench.recordings.tables.parquet import DESCRIPTION
 
@@ -40,9 +40,14 @@ def export(path: str | Path, recording: Recording) -> Path:
             f"'{target.name}' does not say a format to export to",
             hint=f"end it in {', '.join(_SUFFIXES)} ({suggest(suffix or 'csv', _SUFFIXES)})",
         )
-    write = {".csv": _csv, ".parquet": _parquet, ".mf4": _mdf}[suffix]
     with writing_to(target, RecordingError), replacing(target) as part:
-        write(part, recording)
+        if suffix == ".csv":
+            _csv(part, recording)
+        elif suffix == ".parquet":
+            _parquet(part, recording)
+        else:
+            with writing_with("asammdf", "mdf", str(target)):
+                _mdf(part, recording)
     return target
 
 
@@ -86,25 +91,26 @@ def _parquet(path: Path, recording: Recording) -> None:
 
 
 def _mdf(path: Path, recording: Recording) -> None:
-    with reading_with("asammdf", "mdf", str(path)):
-        from asammdf import MDF, Signal
+    from asammdf import MDF, Signal
 
-        log = MDF(version="4.10")
-        log.header.abs_time = recording.epoch_ns
-        log.header.comment = f"{OWN}: {json.dumps(dict(recording.metadata), ensure_ascii=False)}"
-        log.append(
-            [
-                Signal(values, recording.time, name=name, unit=recording.unit(name) or "1")
-                for name, values in recording.values.items()
-            ],
-            acq_source=None,
-            comment="recording",
-            common_timebase=True,
-        )
-        written = path.with_suffix(".mf4")  # the library puts its own suffix behind any other
+    log = MDF(version="4.10")
+    log.header.abs_time = recording.epoch_ns
+    log.header.comment = f"{OWN}: {json.dumps(dict(recording.metadata), ensure_ascii=False)}"
+    log.append(
+        [
+            Signal(values, recording.time, name=name, unit=recording.unit(name) or "1")
+            for name, values in recording.values.items()
+        ],
+        acq_source=None,
+        comment="recording",
+        common_timebase=True,
+    )
+    written = path.with_suffix(".mf4")  # the library puts its own suffix behind any other
+    try:
+        log.save(written, overwrite=True, compression=2)
+        written.replace(path)
+    finally:
         try:
-            log.save(written, overwrite=True, compression=2)
-            written.replace(path)
-        finally:
             log.close()
+        finally:
             written.unlink(missing_ok=True)

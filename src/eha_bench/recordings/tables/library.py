@@ -27,30 +27,68 @@ def reading_with(library: str, extra: str, path: str) -> Iterator[None]:
         RecordingError: the library is not installed, or cannot read the file.
         OverBudget: it takes longer than the file may take.
     """
-    chatty = logging.getLogger(library.lower())
-    level = chatty.level
-    chatty.setLevel(logging.CRITICAL)
     try:
-        with _in_time(), redirect_stdout(io.StringIO()), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with _quiet(library), _in_time():
             yield
     except (EhaBenchError, MemoryError):
         raise
     except ImportError as error:
-        raise RecordingError(
-            f"reading this kind of file needs {library} ({error})",
-            where=Place(file=path),
-            hint=f"install it with: pip install 'eha-bench[{extra}]'",
-        ) from error
+        raise _missing(library, extra, path, error) from error
     except Exception as error:  # a library meets what its authors never thought of
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise RecordingError(
-            f"the file is damaged, or {library} does not read its kind ({reason})",
+            f"the file is damaged, or {library} does not read its kind ({_reason(error)})",
             where=Place(file=path),
             hint="record or export it again",
         ) from error
+
+
+@contextmanager
+def writing_with(library: str, extra: str, path: str) -> Iterator[None]:
+    """Run a library that writes a file of ours; an OSError is that of the disk.
+
+    Raises:
+        RecordingError: the library is not installed, or cannot write what it is given.
+        OSError: the file cannot be written.
+    """
+    try:
+        with _quiet(library):
+            yield
+    except (EhaBenchError, MemoryError, OSError):
+        raise
+    except ImportError as error:
+        raise _missing(library, extra, path, error) from error
+    except Exception as error:  # as above
+        raise RecordingError(
+            f"{library} cannot write it ({_reason(error)})",
+            where=Place(file=path),
+            hint="export it to .parquet",
+        ) from error
+
+
+@contextmanager
+def _quiet(library: str) -> Iterator[None]:
+    """Keep what a library logs, prints and warns of to itself."""
+    chatty = logging.getLogger(library.lower())
+    level = chatty.level
+    chatty.setLevel(logging.CRITICAL)
+    try:
+        with redirect_stdout(io.StringIO()), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
     finally:
         chatty.setLevel(level)
+
+
+def _missing(library: str, extra: str, path: str, error: ImportError) -> RecordingError:
+    return RecordingError(
+        f"this kind of file needs {library} ({error})",
+        where=Place(file=path),
+        hint=f"install it with: pip install 'eha-bench[{extra}]'",
+    )
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
 @contextmanager

@@ -8,9 +8,10 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from eha_bench.core.errors import TargetFault
@@ -18,19 +19,36 @@ from eha_bench.targets.fmu.description import Binary, Variable
 
 _PATIENCE = 5.0
 """Time for a process to leave by itself, s."""
-SILENCE = 600.0
-"""Time for an FMU to answer, s: large models take minutes to start, and none a night for a step."""
+_GLANCE = 0.2
+"""How often it is looked whether a stop was asked for, s."""
+_GRACE = 1.0
+"""Time for an answer after a stop was asked for, s."""
 
 
 class Process:
     """What `instance.Library` offers, run elsewhere; a crash there is a fault here."""
 
-    def __init__(self, binary: Binary, folder: Path) -> None:
+    def __init__(
+        self,
+        binary: Binary,
+        folder: Path,
+        answers_within: float,
+        stopping: Callable[[], bool],
+    ) -> None:
         """Start the process and load the FMU there.
+
+        Args:
+            binary: what to load.
+            folder: where the FMU was unpacked.
+            answers_within: time for each answer, s; after that the process is ended.
+            stopping: whether a stop was asked for, which ends a process that does not answer.
 
         Raises:
             TargetFault: the binary cannot be loaded, or crashes.
+            KeyboardInterrupt: a stop was asked for, and it did not answer.
         """
+        self._patience = answers_within
+        self.stopping: Callable[[], bool] = stopping
         ours, theirs = socket.socketpair()
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
         self._process = subprocess.Popen(
@@ -43,7 +61,7 @@ class Process:
         self._connection: Connection[Any, Any] = Connection(ours.detach())
         try:
             self._ask("load", binary, folder)
-        except TargetFault:
+        except (TargetFault, KeyboardInterrupt):
             self.close()
             raise
 
@@ -92,16 +110,28 @@ class Process:
     def _ask(self, name: str, *arguments: Any, time: float | None = None) -> Any:
         try:
             self._connection.send((name, arguments))
-            if not self._connection.poll(SILENCE):
-                self._process.kill()
-                at = f" at {time:.6g} s" if time is not None else ""
-                raise TargetFault(f"the FMU does not answer{at}: waited {SILENCE:g} s")
+            self._await(time)
             fault, value = self._connection.recv()
         except (EOFError, OSError) as error:
             raise TargetFault(self._crash(time)) from error
         if fault is not None:
             raise TargetFault(fault)
         return value
+
+    def _await(self, time: float | None) -> None:
+        """Wait for an answer, but not for ever, and hardly any longer once a stop is asked for."""
+        until = monotonic() + self._patience
+        leaving = False
+        while not self._connection.poll(min(_GLANCE, max(until - monotonic(), 0.0))):
+            if not leaving and self.stopping():
+                leaving, until = True, min(until, monotonic() + _GRACE)
+            if monotonic() < until:
+                continue
+            self._process.kill()
+            if leaving:
+                raise KeyboardInterrupt
+            at = f" at {time:.6g} s" if time is not None else ""
+            raise TargetFault(f"the FMU does not answer{at}: waited {self._patience:g} s")
 
     def _crash(self, time: float | None) -> str:
         at = f" at {time:.6g} s" if time is not None else ""

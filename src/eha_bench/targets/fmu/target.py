@@ -331,21 +331,28 @@ class FmuTarget(Target):
             self._commanded,
         )  # fmt: skip
         try:
-            library = self._loaded()
+            library = self._loaded(stopping)
         except TargetFault as fault:
-            return _no_recording(fault)
+            return _no_recording(Ending.FAULT, str(fault))
+        except KeyboardInterrupt:
+            return _no_recording(Ending.INTERRUPTED, "interrupted")
         try:
             return loop.run(self._session(library, trial, clock), stopping)
         except TargetFault as fault:  # it came to no first reading
-            return _no_recording(fault)
+            return _no_recording(Ending.FAULT, str(fault))
+        except KeyboardInterrupt:
+            return _no_recording(Ending.INTERRUPTED, "interrupted")
         finally:
             library.stop()
 
-    def _loaded(self) -> Process:
+    def _loaded(self, stopping: Stopping) -> Process:
         """Return the FMU's process; a new one where the last one crashed."""
         if self._process is None or not self._process.alive:
-            self._process = Process(self._description.binary, self._folder)
+            self._process = Process(
+                self._description.binary, self._folder, self._file.answers_within, stopping
+            )
             weakref.finalize(self, self._process.close)
+        self._process.stopping = stopping
         return self._process
 
     @cached_property
@@ -370,8 +377,8 @@ class FmuTarget(Target):
         return min((step for step in steps if step is not None), default=math.inf)
 
 
-def _no_recording(fault: TargetFault) -> Outcome:
-    return Outcome(Recording(np.empty(0), {}), Ending.FAULT, str(fault))
+def _no_recording(ending: Ending, reason: str) -> Outcome:
+    return Outcome(Recording(np.empty(0), {}), ending, reason)
 
 
 def _derived(channels: tuple[str, ...]) -> tuple[str, ...]:

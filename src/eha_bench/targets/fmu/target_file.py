@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.targets.sensors import Sensor
+
+SILENCE: Final = 600.0
+"""Time for an FMU to answer, s: large models take minutes to start."""
 
 
 class VariableFile(StrictModel):
@@ -68,6 +71,11 @@ class FmuFile(StrictModel):
         Unit("s"),
         Field(gt=0, description="largest communication step; a tick by default"),
     ] = None
+    answers_within: Annotated[
+        float,
+        Unit("s"),
+        Field(gt=0, description="how long it may take to start or to step; ten minutes by default"),
+    ] = SILENCE
     model: Annotated[
         str,
         Field(description="model.yaml with what is known of the plant: geometry, current limit"),

@@ -9,12 +9,17 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
+import time
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 from eha_bench.core.errors import TargetFault
 from eha_bench.targets.fmu.instance import Library
+
+_GLANCE = 1.0
+"""How often it is looked whether anybody is still there, s."""
 
 
 def serve(connection: Connection[Any, Any]) -> None:
@@ -36,9 +41,17 @@ def serve(connection: Connection[Any, Any]) -> None:
             connection.send((str(fault), None))
 
 
+def _leave_with(parent: int) -> None:
+    """End this process once the one that started it is gone: an FMU may never return."""
+    while os.getppid() == parent:
+        time.sleep(_GLANCE)
+    os._exit(1)
+
+
 def main() -> None:
     """Serve on the socket whose number is the argument."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started us stops us, safely
+    threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()
     os.dup2(2, 1)  # what an FMU prints is for people
     connection: Connection[Any, Any] = Connection(int(sys.argv[1]))
     serve(connection)

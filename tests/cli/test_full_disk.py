@@ -1,0 +1,93 @@
+"""A disk without room and a folder that cannot be written: a sentence, whole files, nothing beside."""
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from .conftest import Cli
+
+
+NAMES = ("run", "score", "compare", "csv", "parquet", "mf4", "recover", "init")
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a suite, two results of it, and a recording."""
+    import eha_bench as eb
+
+    from .conftest import SUITE
+
+    folder = tmp_path_factory.mktemp("ran")
+    (folder / "tiny.yaml").write_text(SUITE, encoding="utf-8")
+    for side in ("a", "b"):
+        eb.run(folder / "tiny.yaml", out=folder / side)
+    shutil.copy(folder / "a" / "recordings" / "hold-0.mcap", folder / "log.mcap")
+    return folder
+
+
+def command(name: str, ran: Path, out: Path) -> list[str]:
+    """Return a command that writes into a folder."""
+    log = str(ran / "log.mcap")
+    return {
+        "run": ["run", str(ran / "tiny.yaml"), "--out", str(out / "run")],
+        "score": ["score", log, "--out", str(out / "score")],
+        "compare": ["compare", str(ran / "a"), str(ran / "b"), "--out", str(out / "compare")],
+        "csv": ["export", log, str(out / "log.csv")],
+        "parquet": ["export", log, str(out / "log.parquet")],
+        "mf4": ["export", log, str(out / "log.mf4")],
+        "recover": ["recover", log, str(out / "again.mcap")],
+        "init": ["init", str(out / "project")],
+    }[name]
+
+
+def with_room_for(size: int) -> Callable[[], None]:
+    """Let no file of the process grow beyond so many bytes, as on a disk that is full."""
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_full_disk_is_a_sentence_and_leaves_no_half_file(
+    ran: Path, tmp_path: Path, name: str
+) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "eha_bench", *command(name, ran, tmp_path)],
+        capture_output=True, text=True, timeout=120, check=False, preexec_fn=with_room_for(1000),
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == (3 if name == "run" else 2), done.stderr
+    assert "Traceback" not in done.stderr
+    told = [line for line in done.stderr.splitlines() if line.startswith("eha-bench: ")]
+    assert len(told) == 1, done.stderr
+    assert "File too large" in told[0]
+    assert "room" in told[0]  # the way out
+    if name != "run":
+        assert str(tmp_path) in told[0]
+    left = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert not [path for path in left if path.name.endswith(".part")]
+    for path in left:
+        if path.suffix == ".json":
+            json.loads(path.read_text())
+        assert path.stat().st_size > 0 or path.suffix == ".lock", path
+    assert not [path for path in left if path.suffix in {".csv", ".parquet", ".mf4", ".mcap"}]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_folder_that_cannot_be_written_is_a_sentence(
+    cli: Cli, ran: Path, tmp_path: Path, name: str
+) -> None:
+    folder = tmp_path / "read-only"
+    folder.mkdir()
+    folder.chmod(0o555)
+    if os.access(folder, os.W_OK):  # as the superuser: there nobody makes files
+        folder = Path("/proc/self/net")
+    done = cli(*command(name, ran, folder), check=2)
+    (told,) = [line for line in done.stderr.splitlines() if line.startswith("eha-bench: ")]
+    assert str(folder) in told
+    assert not list(tmp_path.rglob("*.part"))
