@@ -13,8 +13,8 @@ import pytest
 import eha_bench
 from eha_bench.bench.ahead import Ahead, Coming
 from eha_bench.core.errors import InputError
-from eha_bench.core.trial import Trial
 from eha_bench.core.interruption import Interruption
+from eha_bench.core.trial import Trial
 from eha_bench.core.workers import Here, Workers
 from eha_bench.core.workers import Outcome as Done
 from eha_bench.suites import load_suite

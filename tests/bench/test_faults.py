@@ -196,7 +196,7 @@ def test_a_crash_of_a_controller_keeps_what_was_recorded(
 
 def test_a_controller_that_cannot_begin_is_a_fault(suite: Path, tmp_path: Path) -> None:
     eha_bench.run(suite, controlled(tmp_path, init="1 / 0"), tmp_path / "out")
-    assert_all_say_fault(tmp_path / "out", "asked whether it can run 'first': ZeroDivisionError")
+    assert_all_say_fault(tmp_path / "out", "cannot run 'first': ZeroDivisionError")
 
 
 def test_a_crash_in_another_process_is_the_same_fault(suite: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A disk without room and a folder that cannot be written: a sentence, whole files, nothing beside."""
+"""A disk without room, a folder that cannot be written: a sentence, whole files, none half."""
 
 import json
 import os
@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from .conftest import Cli
-
 
 NAMES = ("run", "score", "compare", "csv", "parquet", "mf4", "recover", "init")
 

@@ -235,7 +235,7 @@ def test_ctrl_c_does_not_wait_for_an_fmu_that_does_not_come_back(
 ) -> None:
     target = open_target(written(folder, version, "gain: 2.0", "gain: 2.0\n  hangs_at: 0.01"))
     trial = load_suite(folder / "suite.yaml").trials[0]
-    asked = iter([*([False] * 10), *([True] * 1000)])
+    asked = iter([*([False] * 40), *([True] * 1000)])  # ten ticks, then looks while it hangs
     begun = time.monotonic()
     outcome = target.run(trial, 0, lambda: next(asked))
     assert time.monotonic() - begun < 30.0  # it would sleep for 60 s
