@@ -12,6 +12,10 @@ from eha_bench.bench.interleaved import Interleaved, Plan, run_interleaved
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.store import Shelf
+from eha_bench.causes.follow import Progress as StageProgress
+from eha_bench.causes.follow import causes_behind
+from eha_bench.causes.follow import silent as no_stages
+from eha_bench.causes.settings import load_cause_settings
 from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Comparison
 from eha_bench.comparison.sequential import shares
@@ -91,7 +95,9 @@ def history(
     out: str | Path | None = None,
     *,
     rebuild: bool = False,
+    diagnose: str | Path | None = None,
     workers: str | int | None = None,
+    progress: StageProgress = no_stages,
 ) -> History:
     """Follow every metric over many results; write a static site, history.json, .md and an index.
 
@@ -99,15 +105,21 @@ def history(
         folder: every result.json below it is a run.
         out: folder of the site; `<folder>/history` if None.
         rebuild: make the index anew from the results that are there.
+        diagnose: nightly.yaml whose `diagnose` says which causes are followed; estimates of the
+            nights are kept in `<site>/causes`.
         workers: number of processes, dask://host:port or ray://host:port, that judge the metrics.
+        progress: told the stage of the causes' estimation and the part of it done.
 
     Raises:
-        InputError: there is no result, or the site cannot be written.
+        InputError: there is no result, nightly.yaml is wrong, or the site cannot be written.
     """
     watched = Path(folder)
     site = Path(out) if out is not None else watched / "history"
+    settings = load_cause_settings(Path(diagnose)) if diagnose is not None else None
     index = update(site / "index.sqlite", watched, rebuild=rebuild)
     found = history_of(index, str(folder), workers_from(workers))
+    if settings is not None:
+        found = replace(found, causes=causes_behind(found, watched, site, settings, progress))
     found.write(site / "history.json")
     write_text(site / "history.md", history_markdown(found))
     write_site(site, found, watched)

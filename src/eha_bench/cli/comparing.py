@@ -153,7 +153,18 @@ def history(
     ] = False,
     config: Annotated[
         Path | None,
-        typer.Option("--config", help="nightly.yaml: where the summary is sent, and when."),
+        typer.Option(
+            "--config",
+            help="nightly.yaml: where the summary is sent, and when; which causes are followed.",
+        ),
+    ] = None,
+    diagnose: Annotated[
+        Path | None,
+        typer.Option(
+            "--diagnose",
+            help="nightly.yaml: estimate every night the causes that it follows under 'diagnose': "
+            "which wears, since when, how fast, how many nights are left to a limit.",
+        ),
     ] = None,
     workers: Annotated[
         str,
@@ -164,19 +175,32 @@ def history(
     ] = "",
 ) -> None:
     """Follow every metric over many results: changes, control limits, drift; a static site."""
+    from eha_bench.cli.experiment import stages
     from eha_bench.comparing import history as follow
     from eha_bench.core.errors import InputError
+    from eha_bench.report.causes_text import untold_sentence, wear_sentence
     from eha_bench.report.sending import send_on
     from eha_bench.report.trend_site import event_sentence, headline
     from eha_bench.trends.nightly_file import load_nightly
 
     nightly = load_nightly(config) if config is not None else None
-    found = follow(folder, out, rebuild=rebuild, workers=workers)
+    followed = diagnose
+    if followed is None and nightly is not None and nightly.diagnose is not None:
+        followed = config
+    with TerminalProgress() as bar:
+        found = follow(
+            folder, out, rebuild=rebuild, diagnose=followed, workers=workers, progress=stages(bar)
+        )
     for problem in found.problems:
         say(f"note: left out: {problem}")
     for event in found.events:
         if event.now:
             say(event_sentence(event))
+    if found.causes is not None:
+        for night in untold_sentence(found.causes)[:1]:
+            say(f"note: told of no cause: {night}")
+        for wear in found.causes.wear:
+            say(wear_sentence(wear))
     say(headline(found))
     if nightly is not None:
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from eha_bench.report.causes_text import wear_sentence
 from eha_bench.report.markdown import as_text
 from eha_bench.report.trend_site import event_sentence, headline
 from eha_bench.trends.history import History
@@ -18,6 +19,8 @@ def history_markdown(history: History) -> str:
         f"## {_SIGNS[history.status]} {as_text(history.folder)}: {history.status}",
         as_text(headline(history)),
     ]
+    if history.causes is not None and history.causes.wear:
+        parts.append("\n".join(f"- {as_text(wear_sentence(wear))}" for wear in history.causes.wear))
     now = [event for event in history.events if event.now]
     if now:
         lines = [f"- {as_text(event_sentence(event))}" for event in now[:_MOST]]

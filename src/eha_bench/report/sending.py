@@ -10,6 +10,7 @@ import urllib.request
 from typing import Any, Final
 
 from eha_bench.core.errors import InputError
+from eha_bench.report.causes_text import wear_sentence
 from eha_bench.report.history_markdown import history_markdown
 from eha_bench.report.trend_site import event_sentence, headline
 from eha_bench.trends.history import History
@@ -25,6 +26,8 @@ def send_on(history: History, nightly: Nightly) -> str:
     Raises:
         InputError: it could not be sent; says why.
     """
+    if nightly.send is None:
+        return ""
     if nightly.when is When.DRIFTED and history.status != "drifted":
         return ""
     destination = nightly.destination()
@@ -47,6 +50,10 @@ def _content(history: History) -> dict[str, Any]:
         "folder": history.folder,
         "status": history.status,
         "headline": headline(history),
+        "causes": [
+            wear_sentence(wear)
+            for wear in (history.causes.wear if history.causes is not None else ())
+        ],
         "events": [event_sentence(event) for event in history.events if event.now],
         "drifted": [
             {"trial": trend.trial, "metric": trend.metric, "state": trend.state.value}

@@ -67,7 +67,7 @@ def trend_svg(trend: Trend, names: Sequence[str], links: Sequence[str], *, title
             f'<rect x="{left:.1f}" y="{top:.1f}" width="{WIDTH - _RIGHT - left:.1f}" '
             f'height="{max(bottom - top, 1.0):.1f}" fill="var(--good)" fill-opacity="0.12"/>'
         )
-    parts.append(_axes(low, high, y, names, x))
+    parts.append(axes(low, high, y, names, x))
     for change in trend.course.changes:
         at = x(change.start - 0.5)
         word = "step" if change.kind is Kind.STEP else "drift"
@@ -156,7 +156,8 @@ def _corners(line: FloatArray, steps: Sequence[int]) -> list[tuple[float, float]
     return points
 
 
-def _axes(low: float, high: float, y: object, names: Sequence[str], x: object) -> str:
+def axes(low: float, high: float, y: object, names: Sequence[str], x: object) -> str:
+    """Return grid and ticks: values on the left, the nights' names below."""
     assert callable(y)
     assert callable(x)
     parts = []

@@ -14,6 +14,8 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
+from eha_bench.report.causes_section import causes_view
+from eha_bench.report.causes_text import causes_line
 from eha_bench.report.engineering import (
     channel_name,
     decimals_for,
@@ -147,6 +149,7 @@ def write_site(out: Path, history: History, folder: Path, *, seen_at: Path | Non
         "word": word,
         "headline": headline(history),
         "events": events,
+        "causes": causes_view(history.causes),
         "units": UNITS_NAME if history.kin else "",
         "heat": [(view, heat_row(trend, shown)) for view, trend in both[:MOST_METRICS]],
         "heat_ends": [names[night.id][:_DATE] for night in (shown[0], shown[-1])],
@@ -176,6 +179,7 @@ def headline(history: History) -> str:
         f"too few runs to judge {_share(too_few, total)} {needed}" if too_few else "",
         f"the newest run has no value of {_share(missed, total)}" if missed else "",
         "no run has a value of any" if not total else "",
+        causes_line(history),
     ]
     return f"{runs}: {'; '.join(part for part in parts if part)}."
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import shutil
 import tempfile
@@ -9,7 +10,7 @@ import threading
 import time
 import weakref
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -21,6 +22,7 @@ from eha_bench.report.trend_site import write_site
 from eha_bench.server.runs_on import Seen, look
 from eha_bench.trends.history import History, history_of
 from eha_bench.trends.index import update
+from eha_bench.trends.wear import Causes, causes_from
 
 SITE: Final = "history"
 """The folder that the site of a history has, below the one that is watched."""
@@ -124,6 +126,7 @@ class Watch:
             file.unlink(missing_ok=True)
             index = update(file, self._folder)
         history = history_of(index, self._folder.resolve().name)
+        history = replace(history, causes=_left_behind(self._folder, history))
         self._made += 1
         site = self._own / f"site-{self._made}"
         site.mkdir()
@@ -131,3 +134,16 @@ class Watch:
         write_text(site / "history.md", history_markdown(history))
         write_site(site, history, self._folder, seen_at=self._folder / SITE)
         return history, site
+
+
+def _left_behind(folder: Path, history: History) -> Causes | None:
+    """Return the causes that `eha-bench history --diagnose` left; None where it left none.
+
+    Estimating them takes seconds a night: serving only shows what was found.
+    """
+    try:
+        data = json.loads((folder / SITE / "history.json").read_text(encoding="utf-8"))
+        found = data["causes"]
+        return None if found is None else causes_from(found, history.nights)
+    except (OSError, ValueError, KeyError, TypeError, IndexError):
+        return None

@@ -26,6 +26,7 @@ from eha_bench.trends.specimens import Kin, kin_of
 from eha_bench.trends.swing import Swing
 from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import State, Trend, judge
+from eha_bench.trends.wear import Causes
 
 SCHEMA_VERSION: Final = 1
 DEFAULT_SHARE: Final = 0.005
@@ -47,12 +48,14 @@ class History:
         nights: all runs, in order.
         trends: of every metric of every trial, suite and target.
         problems: results that could not be read, a sentence each.
+        causes: what is behind the newest nights; None where nobody asked.
     """
 
     folder: str
     nights: tuple[Night, ...]
     trends: tuple[Trend, ...]
     problems: tuple[str, ...] = ()
+    causes: Causes | None = None
 
     @property
     def drifted(self) -> tuple[Trend, ...]:
@@ -76,15 +79,18 @@ class History:
     @property
     def status(self) -> str:
         """`drifted`, `steady`, or `undecided` where nothing can be said of any metric."""
-        if self.drifted:
+        if self.drifted or (self.causes is not None and self.causes.alarms):
             return "drifted"
         known = self.of(State.STEADY) or self.of(State.ONE_NIGHT_OUT)
         return "steady" if known else "undecided"
 
     def exit_status(self, *, only_worse: bool = False) -> int:
-        """1 where the newest run drifted (`only_worse`: not for the better), else 0."""
+        """1 where the newest run drifted (`only_worse`: not for the better), else 0.
+
+        A cause that has come far enough towards a limit counts as well.
+        """
         found = [trend for trend in self.drifted if not only_worse or trend.worse is not False]
-        return int(bool(found))
+        return int(bool(found or (self.causes is not None and self.causes.alarms)))
 
     def __repr__(self) -> str:
         """What it is in one line: how many runs and metrics, and what drifted."""
@@ -115,6 +121,7 @@ class History:
             "nights": [_night(night) for night in self.nights],
             "events": [_event(event) for event in self.events],
             "units": [_kin(kin) for kin in self.kin],
+            "causes": None if self.causes is None else self.causes.to_dict(),
             "trends": [_trend(trend, places) for trend in self.trends],
         }
         return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,8 +1,11 @@
-"""`nightly.yaml`: where the summary of a history is sent, and when.
+"""`nightly.yaml`: what follows a night.
 
 send: https://chat.example.org/hooks/knee-rig     # a webhook, or a command:
 # send: mail -s "knee rig {status}" team@example.org
 when: drifted                                     # or always
+diagnose:                                         # which cause is behind what drifts
+  model: model.yaml
+  suite: suite.yaml
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from eha_bench.core import yaml_file
 from eha_bench.core.errors import InputError
@@ -39,28 +42,75 @@ def _sendable(text: str) -> str:
     return text
 
 
+class Diagnose(BaseModel):
+    """What of the machine is followed from night to night."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    model: str = Field(
+        min_length=1,
+        description="model.yaml of the machine; what it has under `calibrate` is estimated every "
+        "night",
+    )
+    suite: str = Field(
+        default="", description="suite.yaml whose acceptance limits a cause is followed to"
+    )
+    target: str = Field(
+        default="",
+        description="target.yaml of the simulator whose controllers the suite is simulated with; "
+        "the suite's own, if left out",
+    )
+    inputs: list[str] = Field(
+        default=["current_command"],
+        min_length=1,
+        description="measured signals that drive the model",
+    )
+    channels: str = Field(default="", description="channels.yaml of recordings made elsewhere")
+    trials: list[str] = Field(
+        default=[], description="trials whose recordings are used; all, if left out"
+    )
+    follow: list[str] = Field(
+        default=[],
+        description="effects and parameters that may wear, beside those under `calibrate`; every "
+        "effect that the plant has a place for, if left out",
+    )
+    healthy_nights: int = Field(
+        default=8, ge=8, le=1000, description="first nights, on which nothing wears yet"
+    )
+
+
 class Nightly(BaseModel):
     """What follows a night."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    send: Annotated[str, AfterValidator(_sendable)] = Field(
+    send: Annotated[str, AfterValidator(_sendable)] | None = Field(
+        default=None,
         description="A webhook (http:// or https://, gets JSON with the summary as 'text'), or a "
         "command (gets the summary in Markdown on its standard input; {status} and {headline} in "
-        "its words are replaced). $NAME is taken from the environment, for what is secret."
+        "its words are replaced). $NAME is taken from the environment, for what is secret.",
     )
     when: When = Field(
         default=When.DRIFTED, description="Send after nights that drifted, or always."
     )
+    diagnose: Diagnose | None = Field(
+        default=None, description="Which cause is behind what drifts, and how long it lasts."
+    )
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> Nightly:
+        if self.send is None and self.diagnose is None:
+            raise ValueError("neither 'send' nor 'diagnose' is there: nothing follows a night")
+        return self
 
     def destination(self) -> str:
-        """Return where to send to, `$NAME` taken from the environment.
+        """Return where to send to, `$NAME` taken from the environment; "" for nowhere.
 
         Raises:
             InputError: the environment does not have it, or has no webhook and no command there.
         """
-        if not self.send.startswith("$"):
-            return self.send
+        if self.send is None or not self.send.startswith("$"):
+            return self.send or ""
         name = self.send[1:].strip("{}")
         found = os.environ.get(name, "")
         try:

@@ -9,9 +9,11 @@ from eha_bench.core.file_kind import FileKind
 
 
 def _check(path: Path) -> object:
+    from eha_bench.causes.settings import load_cause_settings
     from eha_bench.trends.nightly_file import load_nightly
 
-    return load_nightly(path)
+    nightly = load_nightly(path)
+    return nightly if nightly.diagnose is None else load_cause_settings(path)
 
 
 def _schema() -> dict[str, Any]:
@@ -21,5 +23,6 @@ def _schema() -> dict[str, Any]:
 
 
 KIND = FileKind(
-    "nightly", frozenset({"send"}), 5, _check, _schema, use="eha-bench history DIR --config FILE"
-)
+    "nightly", frozenset({"send", "diagnose"}), 5, _check, _schema,
+    use="eha-bench history DIR --config FILE",
+)  # fmt: skip

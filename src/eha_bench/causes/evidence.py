@@ -1,0 +1,351 @@
+"""What one night's recordings say of every cause: the likelihood's slope and curvature.
+
+The model's parameters are calibrated on the night, from where they were the night before; an effect
+that stands out is fitted with them. About that point the log-likelihood is a parabola in what may
+have changed,
+
+    l(d) = l(0) + g' d - d' A d / 2,      A = J' J,   g = J' r,
+
+with r the whitened residual and J minus its derivative by the causes, both under the loss of the
+fits (`diagnosis.fit`). What a run alone has (an unmeasured load, a log's lateness) is profiled out.
+Put back to the machine as it was watched first, A and g are all that later questions need: a cause
+alone, several together, nights added up (an extended information filter: Bar-Shalom, Li,
+Kirubarajan, Estimation with Applications to Tracking and Navigation, Wiley 2001, section 7.2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eha_bench.causes.cause import Cause
+from eha_bench.core.errors import EhaBenchError
+from eha_bench.core.finite import finite_or_none
+from eha_bench.diagnosis.data.dataset import Dataset, Run
+from eha_bench.diagnosis.fit.baseline import COARSE, gather
+from eha_bench.diagnosis.fit.least_squares import free_parameters, jacobian, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
+
+FloatArray = NDArray[np.float64]
+
+_SHOWS: Final = 30.0
+"""Least change of the residual by a cause's difference, in standard deviations of the noise."""
+_LARGEST: Final = 10.0
+"""Most that a difference is widened by until it shows."""
+_BLIND: Final = 1.0
+"""Below this change, by the widest difference, a night says nothing of a cause."""
+_STANDS_OUT: Final = 100.0
+"""Gain (chi square) beyond the parameters' from which an effect is fitted with them."""
+_ROUNDS: Final = 4
+_MOVED: Final = 1.3
+"""Cost over the reference's from which the machine is not where it was the night before."""
+_TRIED: Final = 4
+"""Causes whose minimum alone is tried then."""
+_SHARES: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+"""Of the way that a cause's slope asks for: far off, slopes are good for the direction only."""
+_SPOILT: Final = 10.0
+"""Cost of a night over the reference's, after its fit, from which nothing of it is believed."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a night says.
+
+    Attributes:
+        names: of the causes. slope: (p,) g at the reference. curvature: (p, p) A; both in steps of
+            the causes, zero where the night is blind to one.
+        point: key -> value where the parabola touches, SI: where the next night begins.
+        cost: there. size: number of residuals.
+        oil_temperature: K, NaN where nobody logged it.
+        failed: why there is none, "" where there is.
+    """
+
+    names: tuple[str, ...]
+    slope: FloatArray
+    curvature: FloatArray
+    point: Mapping[str, float]
+    cost: float
+    size: int
+    oil_temperature: float = math.nan
+    failed: str = ""
+
+    @staticmethod
+    def none(names: Sequence[str], why: str, oil: float = math.nan) -> Evidence:
+        """Return the evidence of a night that has none, and why."""
+        count = len(names)
+        empty = np.zeros(count), np.zeros((count, count))
+        return Evidence(tuple(names), *empty, {}, math.nan, 0, oil, why)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as it stands in JSON."""
+        return {
+            "causes": list(self.names),
+            "slope": self.slope.tolist(),
+            "curvature": self.curvature.tolist(),
+            "point": dict(self.point),
+            "cost": finite_or_none(self.cost),
+            "size": self.size,
+            "oil_temperature": finite_or_none(self.oil_temperature),
+            "failed": self.failed,
+        }
+
+    @staticmethod
+    def from_dict(data: Mapping[str, Any]) -> Evidence:
+        """Return what `to_dict` gave."""
+        count = len(data["causes"])
+        oil, cost = data["oil_temperature"], data["cost"]
+        return Evidence(
+            tuple(map(str, data["causes"])),
+            np.array(data["slope"], dtype=np.float64).reshape(count),
+            np.array(data["curvature"], dtype=np.float64).reshape(count, count),
+            {str(key): float(value) for key, value in data["point"].items()},
+            math.nan if cost is None else float(cost),
+            int(data["size"]),
+            math.nan if oil is None else float(oil),
+            str(data["failed"]),
+        )
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The machine as it was when it was watched first.
+
+    Attributes:
+        vector: (layout.size,) SI, calibrated on the first nights.
+        noise: channel -> standard deviation, SI. soft: scale of the loss.
+        level: cost over number of residuals.
+    """
+
+    vector: FloatArray
+    noise: Mapping[str, float]
+    soft: float
+    level: float
+
+
+def evidence_of(
+    dataset: Dataset,
+    reference: Reference,
+    causes: Sequence[Cause],
+    before: Mapping[str, float] | None = None,
+) -> Evidence:
+    """Return what the training runs of a dataset, one night's, say of the causes.
+
+    Args:
+        dataset: a night's runs and the model. reference: what changes are counted from.
+        causes: what is followed.
+        before: the night before's `Evidence.point`.
+    """
+    names = tuple(cause.name for cause in causes)
+    oil = _oil_temperature(dataset.training)
+    try:
+        _, windows, noise, _ = gather(dataset)
+    except EhaBenchError as error:
+        return Evidence.none(names, str(error), oil)
+    known = {name: reference.noise.get(name, level) for name, level in noise.items()}
+    problem = Problem(dataset.model.plant, windows, known, COARSE)
+    problem.soft = reference.soft
+    found = _Night(problem, reference, causes, before or {}).evidence(oil)
+    level = found.cost / max(1, found.size)
+    if math.isfinite(level) and level <= _SPOILT * max(1.0, reference.level):
+        return found
+    why = (
+        "its calibration does not converge: the model stays "
+        f"{math.sqrt(level):.3g} standard deviations of the noise away"
+    )
+    return Evidence.none(names, why, oil)
+
+
+def _oil_temperature(runs: Sequence[Run]) -> float:
+    """Return the mean logged oil temperature of runs, K; NaN where nobody logged it."""
+    found = []
+    for run in runs:
+        try:
+            logged = run.read().values.get("oil_temperature")
+        except EhaBenchError:
+            continue
+        if logged is not None and np.isfinite(logged).any():
+            found.append(float(np.nanmean(logged)))
+    return float(np.mean(found)) if found else math.nan
+
+
+class _Night:
+    """One night's residuals, calibrated from the night before."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        reference: Reference,
+        causes: Sequence[Cause],
+        before: Mapping[str, float],
+    ) -> None:
+        self._problem, self._causes = problem, tuple(causes)
+        self._index = problem.places.index
+        self._reference = problem.places.lengthened(reference.vector)
+        self._own_keys = [item.key for item in problem.places.behind]
+        self._parameters = [k for k, cause in enumerate(causes) if cause.is_calibrated]
+        self._level = max(1.0, reference.level)
+        self._extra: int | None = None
+        vector = self._reference.copy()
+        for k in self._parameters:
+            cause = self._causes[k]
+            if cause.key in before:
+                vector = cause.applied(vector, before[cause.key])
+        # the night before may have been a strange one
+        starts = [vector, self._reference]
+        costs = []
+        for start in starts:
+            self._begin_at(start)
+            costs.append(self._cost)
+        self._vector = starts[int(np.argmin(costs))].copy()
+
+    def evidence(self, oil: float) -> Evidence:
+        """Return what the night says."""
+        columns: list[FloatArray] = [np.zeros(0)] * len(self._causes)
+        self._calibrate(self._begun())
+        for k, cause in enumerate(self._causes):
+            columns[k] = self._slope(cause)
+        further = self._outstanding(columns) if self._extra is None else None
+        if further is not None:
+            self._calibrate(self._causes[further])
+            place = self._causes[further].place
+            for k, other in enumerate(self._causes):
+                if other.place != place or k == further:
+                    columns[k] = self._slope(other)
+        extra = self._extra
+        matrix = np.column_stack([self._profiled(column) for column in columns])
+        curvature = matrix.T @ matrix
+        slope = -matrix.T @ self._profiled(self._soft)
+        moved = np.array([
+            (self._vector[cause.place] - self._reference[cause.place]) / cause.step
+            if cause.is_calibrated or k == extra
+            else 0.0
+            for k, cause in enumerate(self._causes)
+        ])  # fmt: skip
+        keys = [self._causes[k].key for k in self._parameters]
+        point = {key: float(self._vector[self._index[key]]) for key in keys}
+        if extra is not None:
+            point[self._causes[extra].name] = float(self._vector[self._causes[extra].place])
+        return Evidence(
+            tuple(cause.name for cause in self._causes), slope + curvature @ moved, curvature,
+            point, self._cost, self._residual.size, oil,
+        )  # fmt: skip
+
+    def _begun(self) -> Cause | None:
+        """Move to where the cause that explains most alone has its minimum, if much moved.
+
+        Far off, all parameters together find a minimum of their own, which says nothing. Returns
+        the cause where it is an effect.
+        """
+        self._begin_at(self._vector)
+        if self._cost <= _MOVED * self._level * self._residual.size:
+            return None
+        columns = [self._slope(cause) for cause in self._causes]
+        squares = np.array([float(column @ column) for column in columns])
+        slopes = np.array([-float(column @ self._soft) for column in columns])
+        known = squares > 0.0
+        gains = np.where(known, slopes**2 / np.where(known, squares, 1.0), 0.0)
+        best, start = self._cost, self._vector
+        which: Cause | None = None
+        for k in np.argsort(-gains)[:_TRIED]:
+            if gains[k] <= 0.0:
+                continue
+            cause, move = self._causes[k], float(slopes[k] / squares[k])
+            vector, cost = self._alone(cause, move * cause.step)
+            if cost < best:
+                best, start, which = cost, vector, cause
+        self._vector = start
+        if which is None or which.is_calibrated:
+            return None
+        self._begin = float(start[which.place])
+        return which
+
+    def _begin_at(self, vector: FloatArray) -> None:
+        self._problem.prepare(vector)
+        self._residual = self._problem.residual(vector)
+        self._soft, self._weight = soften(self._residual, self._problem.soft)
+        self._cost = float(self._soft @ self._soft)
+        self._own: FloatArray | None = None
+
+    def _alone(self, cause: Cause, move: float) -> tuple[FloatArray, float]:
+        """Return the minimum along one cause, and its cost."""
+        here = float(self._vector[cause.place])
+        tried = [cause.applied(self._vector, here + share * move) for share in _SHARES]
+        costs = [cost_of(self._problem, vector) for vector in tried]
+        vector = tried[int(np.argmin(costs))]
+        free = free_parameters(self._problem.places, [cause.key], vector)
+        fit = levenberg_marquardt(self._problem, vector, free, iterations=_ROUNDS)
+        return fit.vector, fit.cost
+
+    def _calibrate(self, extra: Cause | None) -> None:
+        """Fit the parameters (and one effect) from where they are; say so of what it left."""
+        problem = self._problem
+        keys = [self._causes[k].key for k in self._parameters]
+        if extra is not None:
+            self._vector = extra.applied(self._vector, self._begin)
+            keys.append(extra.key)
+            self._extra = self._causes.index(extra)
+        problem.prepare(self._vector)
+        free = free_parameters(problem.places, [*keys, *self._own_keys], self._vector)
+        fit = levenberg_marquardt(problem, self._vector, free, iterations=_ROUNDS, refresh=1)
+        self._vector = fit.vector
+        self._residual = fit.residual
+        self._soft, self._weight = soften(fit.residual, problem.soft)
+        self._cost = fit.cost
+        own = free_parameters(problem.places, self._own_keys, self._vector)
+        # what runs have of their own is profiled out: only what is not theirs counts
+        self._own = None
+        if own:
+            beside = jacobian(problem, self._vector, own, self._residual)
+            self._own = np.linalg.qr(beside * self._weight[:, None])[0]
+
+    def _profiled(self, column: FloatArray) -> FloatArray:
+        if self._own is None:
+            return column
+        return np.asarray(column - self._own @ (self._own.T @ column))
+
+    def _outstanding(self, columns: Sequence[FloatArray]) -> int | None:
+        """Return the effect that explains most of what the parameters leave, if that is much."""
+        base = np.column_stack([*(columns[k] for k in self._parameters), np.zeros_like(self._soft)])
+        if self._own is not None:
+            base = np.column_stack([base, self._own])
+        left, sizes, _ = np.linalg.svd(base, full_matrices=False)
+        left = left[:, sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)]
+        rest = self._soft - left @ (left.T @ self._soft)
+        best, which = _STANDS_OUT, None
+        for k, cause in enumerate(self._causes):
+            if cause.is_calibrated:
+                continue
+            column = columns[k] - left @ (left.T @ columns[k])
+            square = float(column @ column)
+            if square < _BLIND**2 or square < 1e-8 * float(columns[k] @ columns[k]):
+                continue
+            move = -float(column @ rest) / square
+            value = float(self._reference[cause.place]) + move * cause.step
+            gain = move * move * square
+            if gain > best and cause.low <= value <= cause.high:
+                best, which = gain, k
+                self._begin = value
+        return which
+
+    def _slope(self, cause: Cause) -> FloatArray:
+        """Return the softened residual's derivative by steps of a cause, zero where it is blind."""
+        share = 1.0
+        here = float(self._vector[cause.place])
+        while True:
+            if here + share * cause.step > cause.high:
+                share = -share
+            value = here + share * cause.step
+            moved = self._problem.residual(cause.applied(self._vector, value)) - self._residual
+            size = float(np.linalg.norm(moved))
+            enough = _SHOWS * self._problem.soft
+            if size >= enough or abs(share) >= _LARGEST:
+                break
+            share *= min(_LARGEST / abs(share), max(2.0, enough / max(size, 1e-12)))
+        if size < _BLIND or not math.isfinite(size):
+            return np.zeros_like(moved)
+        return moved * self._weight / share

@@ -1,0 +1,95 @@
+"""The section of a history's page about what is behind the nights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from markupsafe import Markup
+
+from eha_bench.report.cause_plot import cause_svg
+from eha_bench.report.causes_text import unit_of_cause, untold_sentence, wear_sentence
+from eha_bench.report.engineering import number
+from eha_bench.trends.wear import Causes, CauseTrend
+
+_DRAWN: Final = 4
+_MOST_UNTOLD: Final = 20
+
+
+@dataclass(frozen=True)
+class CauseView:
+    """A cause as a row of a table shows it."""
+
+    name: str
+    healthy: str
+    newest: str
+    interval: str
+    unit: str
+    nights: int
+    state: str
+    look: str
+    sign: str
+
+
+@dataclass(frozen=True)
+class CausesView:
+    """What is said, drawn and listed.
+
+    Attributes:
+        wear: (look, sign, word, sentence) of each cause that moves.
+        plots: of the causes that moved most. rows: of all. untold, notes: sentences.
+        chances: (nights, probability) that the first limit is still kept, in words.
+    """
+
+    wear: tuple[tuple[str, str, str, str], ...]
+    plots: tuple[Markup, ...]
+    rows: tuple[CauseView, ...]
+    chances: tuple[tuple[int, str], ...]
+    untold: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def causes_view(causes: Causes | None) -> CausesView | None:
+    """Return the section; None where nobody asked for the causes."""
+    if causes is None:
+        return None
+    said = {item.trend.name: item for item in causes.wear}
+    wear = tuple(
+        ("failed", "✕", "wears", wear_sentence(item)) if item.alarm
+        else ("warned", "↗", "moves", wear_sentence(item))
+        for item in causes.wear
+    )  # fmt: skip
+    shown = [trend for trend in causes.trends if trend.name in said or trend.state == "moves"]
+    shown = (shown or list(causes.trends))[:_DRAWN]
+    plots = tuple(
+        cause_svg(trend, said.get(trend.name), number=place) for place, trend in enumerate(shown)
+    )
+    chances = causes.wear[0].chances if causes.wear else ()
+    return CausesView(
+        wear,
+        plots,
+        tuple(_row(trend, alarmed=trend.name in said) for trend in causes.trends),
+        tuple((ahead, f"{100.0 * chance:.0f}\N{NO-BREAK SPACE}%") for ahead, chance in chances),
+        untold_sentence(causes)[:_MOST_UNTOLD],
+        causes.notes,
+    )
+
+
+def _row(trend: CauseTrend, *, alarmed: bool) -> CauseView:
+    unit = unit_of_cause(trend)
+    newest, half = float(trend.values[-1]), 1.96 * float(trend.deviations[-1])
+    moves = trend.state == "moves"
+    look, sign = ("passed", "✓") if trend.state == "steady" else ("undecided", "?")
+    if moves:
+        look, sign = ("failed", "↗") if alarmed else ("undecided", "↗")
+    return CauseView(
+        trend.name,
+        number(unit.shown(trend.healthy)),
+        number(unit.shown(newest)),
+        f"± {number(unit.difference(half))}",
+        unit.symbol,
+        len(trend.nights),
+        "moves" if alarmed else "moves with it" if moves else trend.state,
+        look,
+        sign,
+    )
