@@ -132,7 +132,7 @@ def test_an_interval_holds_as_often_as_it_says() -> None:
         value, deviation = found.changes[12:, 3], found.deviations[12:, 3]
         held += int(np.sum(np.abs(value - true) <= 1.96 * deviation))
         total += true.size
-    assert 0.85 <= held / total <= 0.99
+    assert 0.90 <= held / total <= 0.99
 
 
 def test_evidence_comes_back_from_json() -> None:

@@ -128,13 +128,14 @@ class _Varying:
         # estimated covariance is off by more than that covariance says (Hartlap, Simon, Schneider,
         # A&A 464 (2007) 399, doi:10.1051/0004-6361:20066170)
         covariance = covariance * (1.0 + (q + 1.0) / degrees) * (1.0 + _OF_MEDIAN / len(nights))
-        slope = np.median(
-            [
-                item.slope - item.curvature[:, parameters] @ (line * offset)
-                for item, offset in zip(nights, away, strict=True)
-            ],
-            axis=0,
-        )
+        # what the parameters do not explain of a night scatters little: its middle is taken apart
+        beside = [
+            item.slope - item.curvature[:, parameters] @ estimate
+            for item, estimate in zip(nights, own, strict=True)
+        ]
+        usual = np.median(own - np.outer(away, line), axis=0)
+        columns = np.median([item.curvature[:, parameters] for item in nights], axis=0)
+        slope = np.median(beside, axis=0) + columns @ usual
         doubt = 1.0 + _OF_MEDIAN / len(nights)
         return _Varying(parameters, slope, line, line_covariance, middle, covariance, doubt, oil)
 
