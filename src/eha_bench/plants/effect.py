@@ -52,6 +52,8 @@ class Action:
             with time or state.
         same_as: parameter of the place that says the same: where that is not 0, the effect would
             only repeat it.
+        alike: two parameters of the place that are declared the same where the effect can be what
+            is missing.
         charges: the effect's parameter that is the pressure of the oil at rest, "" for none.
     """
 
@@ -64,6 +66,7 @@ class Action:
     start: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     adjusts: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     same_as: str = ""
+    alike: tuple[str, str] | None = None
     charges: str = ""
 
 
@@ -352,6 +355,12 @@ class BoundEffect:
         """Return the plant's own parameter that says the same, "" where there is none."""
         spot = self.spots_at(values or {})[0]
         return spot.parameters.get(self.action.same_as, "") if self.action.same_as else ""
+
+    def alike(self, values: Mapping[str, object] | None = None) -> tuple[str, ...]:
+        """Return the plant's own parameters that have to be declared the same, () for none."""
+        spot = self.spots_at(values or {})[0]
+        names = self.action.alike or ()
+        return tuple(spot.parameters[name] for name in names if name in spot.parameters)
 
     def _chosen(self, name: str, values: Mapping[str, object]) -> str:
         """Return the word of a choice, given as word or place, or its default."""

@@ -20,6 +20,10 @@ LEARNED = "learned"
 """Id of the effect that holds a learned curve; it is never a named cause."""
 
 
+_SAME = 0.01
+"""Relative difference of two parameters that are declared the same."""
+
+
 @dataclass(frozen=True)
 class Start:
     """One point from which a candidate's search begins.
@@ -121,7 +125,7 @@ def all_starts(
         if effect.id in declared or effect.id == LEARNED:
             continue
         starts = effect_starts(layout, effect)
-        found += [start for start in starts if not _repeats(layout, effect, start, vector)]
+        found += [start for start in starts if _can_be_missing(layout, effect, start, vector)]
     for parameter in layout.parameters:
         if not parameter.assumed or parameter.name in calibrated or parameter.size > 1:
             continue
@@ -146,9 +150,14 @@ def all_starts(
     return found
 
 
-def _repeats(layout: Layout, effect: BoundEffect, start: Start, vector: FloatArray) -> bool:
-    """Return whether a start only repeats what a parameter of the plant already says."""
+def _can_be_missing(
+    layout: Layout, effect: BoundEffect, start: Start, vector: FloatArray
+) -> bool:
+    """Return whether a model without it lacks something: nothing in it says the same already."""
     settings = dict(start.settings)
     values = {p.name: settings[layout.index[f"{effect.id}.{p.name}"]] for p in effect.parameters}
     twin = effect.repeats(values)
-    return bool(twin) and vector[layout.index[twin]] != 0.0
+    if twin and vector[layout.index[twin]] != 0.0:
+        return False
+    alike = [float(vector[layout.index[name]]) for name in effect.alike(values)]
+    return len(alike) < 2 or abs(alike[0] - alike[1]) <= _SAME * abs(alike[0])

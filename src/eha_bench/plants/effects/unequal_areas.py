@@ -34,7 +34,11 @@ EFFECT = Effect(
         Parameter("area_difference", "", 0.05, -0.95, 0.95, "delta"),
         choice("chamber", ("kept", "scaled"), "whether the volume of chamber B goes along"),
     ),
-    actions={"cylinder": Action(adjusts={"area_b": smaller, "volume_b": smaller_volume})},
+    actions={
+        "cylinder": Action(
+            adjusts={"area_b": smaller, "volume_b": smaller_volume}, alike=("area_a", "area_b")
+        )
+    },
     source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="move the rod by known strokes and compare the oil that both chambers take",
     starts=(

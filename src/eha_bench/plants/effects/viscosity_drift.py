@@ -40,7 +40,7 @@ EFFECT = Effect(
     id="viscosity_drift",
     summary="Viscous friction falls with time as the oil warms.",
     parameters=(
-        Parameter("rate", "1/s", 0.05, -1.0, 1.0, "r"),
+        Parameter("rate", "1/s", 0.05, 0.0, 1.0, "r"),
         choice("part", ("all", "shaft", "rod", "oil"), "what falls; oil: leakage as well"),
     ),
     actions={
