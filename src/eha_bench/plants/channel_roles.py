@@ -25,6 +25,8 @@ class ChannelRoles:
         on_top: inputs that are added to another: where a log has none, nothing was added.
         acting: channel of what acts in a drive -> the input that asks for it.
         limited: channels that stand still where their drive is at its limit.
+        bent: positions beyond an elastic joint that nothing reads: how far it is bent in the midst
+            of a motion is not known.
         locked: channels and states that stand still while the piston is locked.
         added_up: inputs whose noise a balance adds up. added_up_by_rod: those of a free rod's.
         volumes: nodes whose pressure is a state. units: SI unit of every channel.
@@ -40,6 +42,7 @@ class ChannelRoles:
     on_top: tuple[str, ...] = ()
     acting: Mapping[str, str] = field(default_factory=dict)
     limited: tuple[str, ...] = ()
+    bent: tuple[str, ...] = ()
     locked: tuple[str, ...] = ()
     added_up: tuple[str, ...] = ()
     added_up_by_rod: tuple[str, ...] = ()

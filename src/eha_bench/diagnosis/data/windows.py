@@ -75,7 +75,8 @@ def cut(
     starts = [0]
     shaken = _is_shaken(measured)
     bounded = measured.run.locked or measured.run.bypass_open or _follows(measured)
-    whole = bounded and not shaken
+    # what an elastic joint holds in the midst of a motion is only known from the run's start on
+    whole = (bounded or bool(measured.roles.bent)) and not shaken
     allowed = None if whole else _allowed(measured, noise)
     forced = set(measured.breaks)
     for k in range(1, n):

@@ -73,6 +73,14 @@ def roles_of_channels(plant: NetworkPlant) -> ChannelRoles:
         if item.node.kind is NodeKind.ROTATION
         and not any(out.state == item.position for out in system.outputs)
     }
+    shown = {of for of, _ in plant.network.channels.values()}
+    bent = [
+        positions[item.name]
+        for part in system.parts.values()
+        if part.element.kind.id == "load_cell" and part.name not in shown
+        for node in part.element.ports.values()
+        if not any(out.state == (item := system.leader_of(node)).position for out in system.outputs)
+    ]
     return ChannelRoles(
         rates=tuple(rates.values()),
         rate_of={positions[name]: rates[name] for name in positions},
@@ -84,6 +92,7 @@ def roles_of_channels(plant: NetworkPlant) -> ChannelRoles:
         on_top=tuple(on_top),
         acting=acting,
         limited=(*acting, *looped),
+        bent=tuple(bent),
         locked=tuple(locked),
         added_up=(*acting, *rates.values(), *pressures, *reservoirs, "pressure_difference"),
         added_up_by_rod=tuple(forces),
