@@ -103,7 +103,7 @@ def test_what_went_far_is_told():
     notes = moved_notes(model, moved, {"leakage": 0.0})
     assert "factor of 0.0004" in notes[0]
     assert "leakage is at its bound" in notes[1]
-    assert "beyond the 1e-05" in notes[2]
+    assert "more than the 1e-05" in notes[2]
 
 
 class Rough:

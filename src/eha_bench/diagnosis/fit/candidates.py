@@ -150,9 +150,7 @@ def all_starts(
     return found
 
 
-def _can_be_missing(
-    layout: Layout, effect: BoundEffect, start: Start, vector: FloatArray
-) -> bool:
+def _can_be_missing(layout: Layout, effect: BoundEffect, start: Start, vector: FloatArray) -> bool:
     """Return whether a model without it lacks something: nothing in it says the same already."""
     settings = dict(start.settings)
     values = {p.name: settings[layout.index[f"{effect.id}.{p.name}"]] for p in effect.parameters}
