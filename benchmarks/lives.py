@@ -313,7 +313,7 @@ def lived(life: Life, nights: int, folder: Path, watch: CauseSettings, suite: Su
         if not record(life, folder / "nights", night, suite):
             continue
         recorded.append(night)
-        if len(recorded) < 9:
+        if len(recorded) < 9 or (life.kind is not None and night < life.start):
             continue
         index = update(site / "index.sqlite", folder / "nights")
         history = History(str(folder), index.nights, history_of(index, str(folder)).trends)

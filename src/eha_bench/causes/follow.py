@@ -151,6 +151,7 @@ class _Followed:
         ])  # fmt: skip
         self._steps = np.array([cause.step for cause in settings.causes])
         self._times = _night_numbers(self._nights)
+        self._missed: tuple[str, ...] = ()
 
     def causes(self, group: tuple[str, str], untold: tuple[tuple[Night, str], ...]) -> Causes:
         """Return trends, and what wears."""
@@ -231,6 +232,8 @@ class _Followed:
         )  # fmt: skip
         moved = Number(now - level, now - level - _NORMAL * error, now - level + _NORMAL * error)
         limits = self._limits(healthy)
+        if limits is not None:
+            self._missed = limits.missed
         towards = math.copysign(max(cause.step, abs(moved.value)), moved.value)
         crossing = limits.first(cause, towards) if limits is not None and limits.some else None
         ahead = None
@@ -295,6 +298,11 @@ class _Followed:
             notes.append(f"these runs say nothing of {', '.join(blind)}")
         if self._settings.case is None:
             notes.append("no suite is named under 'diagnose': no limit is followed to")
+        if self._missed:
+            limits = "; ".join(self._missed)
+            notes.append(
+                f"missed or not scored on the healthy machine, so followed to by none: {limits}"
+            )
         return tuple(notes)
 
 

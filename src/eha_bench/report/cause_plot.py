@@ -10,16 +10,14 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from eha_bench.report.causes_text import unit_of_cause
-from eha_bench.report.engineering import metric_name
+from eha_bench.report.engineering import DisplayUnit, metric_name
 from eha_bench.report.run_report import moment
-from eha_bench.report.trend_plot import axes
+from eha_bench.report.trend_plot import HEIGHT, WIDTH, axes
 from eha_bench.trends.wear import CauseTrend, Wear
 
 FloatArray = NDArray[np.float64]
 
-WIDTH: Final = 920
-HEIGHT: Final = 300
-_LEFT, _RIGHT, _TOP, _BOTTOM = 62, 12, 22, 34
+_LEFT, _RIGHT, _TOP, _BOTTOM = 62, 12, 22, 34  # as in a trend of a metric
 _HALF_WIDTH: Final = 1.959963984540054
 
 
@@ -30,7 +28,7 @@ def cause_svg(trend: CauseTrend, wear: Wear | None, *, number: int) -> Markup:
         trend: of at least one night. wear: what is said of it, None where it does not move.
         number: of the plot on its page, which makes its title's id unique.
     """
-    unit = unit_of_cause(trend)
+    unit = scaled_unit(trend)
     values = unit.factor * trend.values + unit.offset
     half = abs(unit.factor) * _HALF_WIDTH * trend.deviations
     line = unit.factor * trend.line + unit.offset
@@ -83,6 +81,17 @@ def cause_svg(trend: CauseTrend, wear: Wear | None, *, number: int) -> Markup:
         )
     parts.append("</svg>")
     return Markup("".join(parts))
+
+
+def scaled_unit(trend: CauseTrend) -> DisplayUnit:
+    """Return the unit of a plot's axis: with a power of ten where numbers are tiny or huge."""
+    unit = unit_of_cause(trend)
+    shown = unit.factor * np.append(trend.values, trend.healthy) + unit.offset
+    largest = float(np.abs(shown).max())
+    if not 0.0 < largest < math.inf or 1e-2 <= largest < 1e5 or unit.offset:
+        return unit
+    power = 3 * math.floor(math.log10(largest) / 3.0)
+    return DisplayUnit(f"1e{power} {unit.symbol}".strip(), unit.factor * 10.0**-power)
 
 
 def _range(

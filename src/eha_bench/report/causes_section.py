@@ -7,12 +7,13 @@ from typing import Final
 
 from markupsafe import Markup
 
-from eha_bench.report.cause_plot import cause_svg
+from eha_bench.report.cause_plot import cause_svg, scaled_unit
 from eha_bench.report.causes_text import unit_of_cause, untold_sentence, wear_sentence
 from eha_bench.report.engineering import number
 from eha_bench.trends.wear import Causes, CauseTrend
 
 _DRAWN: Final = 4
+_MOST_OTHERS: Final = 60
 _MOST_UNTOLD: Final = 20
 
 
@@ -37,12 +38,14 @@ class CausesView:
 
     Attributes:
         wear: (look, sign, word, sentence) of each cause that moves.
-        plots: of the causes that moved most. rows: of all. untold, notes: sentences.
+        plots: (title, plot) of the cause that moves and of its rivals. others: of the rest. rows:
+            of all. untold, notes: sentences.
         chances: (nights, probability) that the first limit is still kept, in words.
     """
 
     wear: tuple[tuple[str, str, str, str], ...]
-    plots: tuple[Markup, ...]
+    plots: tuple[tuple[str, Markup], ...]
+    others: tuple[tuple[str, Markup], ...]
     rows: tuple[CauseView, ...]
     chances: tuple[tuple[int, str], ...]
     untold: tuple[str, ...]
@@ -59,20 +62,26 @@ def causes_view(causes: Causes | None) -> CausesView | None:
         else ("warned", "↗", "moves", wear_sentence(item))
         for item in causes.wear
     )  # fmt: skip
-    shown = [trend for trend in causes.trends if trend.name in said or trend.state == "moves"]
-    shown = (shown or list(causes.trends))[:_DRAWN]
-    plots = tuple(
-        cause_svg(trend, said.get(trend.name), number=place) for place, trend in enumerate(shown)
-    )
+    named = {*said, *(rival for item in causes.wear for rival in item.rivals)}
+    drawn = [
+        (trend.name, (_title(trend), cause_svg(trend, said.get(trend.name), number=place)))
+        for place, trend in enumerate(causes.trends)
+    ]
     chances = causes.wear[0].chances if causes.wear else ()
     return CausesView(
         wear,
-        plots,
+        tuple(plot for name, plot in drawn if name in named)[:_DRAWN],
+        tuple(plot for name, plot in drawn if name not in named)[:_MOST_OTHERS],
         tuple(_row(trend, alarmed=trend.name in said) for trend in causes.trends),
         tuple((ahead, f"{100.0 * chance:.0f}\N{NO-BREAK SPACE}%") for ahead, chance in chances),
         untold_sentence(causes)[:_MOST_UNTOLD],
         causes.notes,
     )
+
+
+def _title(trend: CauseTrend) -> str:
+    symbol = scaled_unit(trend).symbol
+    return f"{trend.name}, in {symbol}" if symbol else trend.name
 
 
 def _row(trend: CauseTrend, *, alarmed: bool) -> CauseView:
