@@ -105,14 +105,20 @@ class Shape:
         here, there = abs(values[last] - 1.0), abs(values[last + 1] - 1.0)
         settled = grid[last] + (here - 0.02) / (here - there) * (grid[1] - grid[0])
         top = int(np.argmax(values))
+        height, at = float(values[top]), float(grid[top])
+        if 0 < top < grid.size - 1:  # the parabola through the highest of the grid
+            before, after = values[top - 1] - height, values[top + 1] - height
+            away = 0.5 * (before - after) / (before + after)
+            at += float(away) * float(grid[1])
+            height -= 0.25 * float((before - after) * away)
         return {
             "rise_time": reaches(0.9) - reaches(0.1),
             "response_time": reaches(0.95),
             "delay_time": reaches(0.5),
             "settling_time": float(settled),
-            "overshoot": max(float(values[top]) - 1.0, 0.0) if top < grid.size - 2 else 0.0,
+            "overshoot": max(height - 1.0, 0.0) if top < grid.size - 2 else 0.0,
             "undershoot": max(-float(values.min()), 0.0),
-            "peak_time": float(grid[top]),
+            "peak_time": at,
         }
 
 

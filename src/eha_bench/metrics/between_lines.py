@@ -30,7 +30,8 @@ _LINES = 12  # nearest to the fundamental
 _FEWEST = 5  # lines that a transient can be told by
 _PARAMETERS = 6.0  # real ones of a transient
 _SLOPES = np.linspace(0.0, 2.5, 11)  # noise may fall with frequency to these powers
-_SLOPE_COSTS = 3.0  # degrees of freedom
+_SLOPE_COSTS = 6.0  # degrees of freedom, by simulation
+_CHOSEN = 1.04  # what variances are larger by, as the same lines tell the power and what is likely
 _NEAR = 2.5  # times the fundamental: noise beyond follows another power of frequency
 _PART = 16384  # samples at a time, for the processor's cache
 
@@ -83,7 +84,7 @@ def _under(ratio: FloatArray, spectrum: ComplexArray, before: Ringing) -> Betwee
     near = np.argsort(np.abs(ratio - 1.0), kind="stable")
     near = near[: max(int(np.count_nonzero(ratio <= _NEAR)), _FEWEST - 1)]
     freedom = max(2.0 * near.size - _SLOPE_COSTS, 1.0)
-    variance = _noise(ratio[near], spectrum[near])
+    variance = _CHOSEN * _noise(ratio[near], spectrum[near])
     none = BetweenLines(before.phasor, before.sd**2, variance, freedom)
     fitted = _transient(ratio - 1.0, spectrum) if ratio.size >= _FEWEST else None
     return none if fitted is None else _averaged(none, *fitted)
@@ -149,7 +150,7 @@ def _transient(x: FloatArray, spectrum: ComplexArray) -> tuple[BetweenLines, flo
     if not 0.0 < left < whole:
         return None
     inverse = np.linalg.pinv(jacobian.conj().T @ jacobian)
-    variance = 0.5 * left / free
+    variance = _CHOSEN * 0.5 * left / free
     share = float(inverse[0, 0].real)
     found = BetweenLines(complex(b0), variance * share, variance, 2.0 * free)
     return found, 2.0 * count * math.log(whole / left)

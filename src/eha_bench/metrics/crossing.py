@@ -64,7 +64,8 @@ class Crossing:
         if self.around is None or not math.isfinite(reach):
             return low, high
         local, target = self.around, self.around.value(self.time)
-        spread, others = noise.spread(local.operator), level.variance
+        spread = noise.spread(local.operator)
+        others = level.variance + (self.slope * self.between) ** 2 / 3.0
 
         def near(times: FloatArray) -> BoolArray:
             own = _PLACED * spread.variances(local.powers(times))

@@ -23,6 +23,7 @@ _FEWEST = 4  # distinct values below which a resolution is a guess
 _SEEN = 4096  # samples that are looked at
 _WHOLE = 0.01  # what a difference may be away from a multiple of the resolution
 _TERMS = 12
+_NOTHING = 1e-12  # of the variance of rounding
 _DITHERED = 3  # distinct readings of a level
 
 
@@ -58,6 +59,8 @@ def rounding_sd(resolution: float, sd: float) -> float:
     ratio = 2.0 * math.pi * sd / resolution
     left = float(np.sum(np.exp(-((orders * ratio) ** 2)) / orders**2))
     whole = float(np.sum(1.0 / orders**2))
+    if left < _NOTHING * whole:
+        return 0.0
     return resolution / math.sqrt(12.0) * math.sqrt(left / whole)
 
 

@@ -159,7 +159,7 @@ def _refined(step: StepResponse, edge: float, guess: Crossing, index: int) -> Cr
         return between_samples(
             step.time, step.rise, edge, index, step.noise, step.origin, step.samples_a_rise
         )
-    widest = max(step.transit, 3)
+    widest = max(round(step.passage), 3)
     return refined(step.time[first:], step.rise[first:], edge, guess, step.noise, widest)
 
 

@@ -43,6 +43,7 @@ _FEW_SLOW = 15.0  # degrees of freedom of slow noise below which more of the hol
 _ALIKE = 4.0  # ... and believed where its variance is no more than so many times as large
 _AWAY = 0.05  # of the step: a response that stays closer to its end has settled
 
+_MISSED = 0.004  # of the step: what a cubic misses over as long as 25 to 75 % take, either way
 _NARROWEST = 2.0  # samples on either side of a place that a cubic is put through
 _FEW_A_RISE = 5.0  # below which the reader is told
 
@@ -161,7 +162,7 @@ class StepResponse:
         if self.exact or not self.noise.known or not self.resolved:
             return self.between_samples(share, index)
         after = slice(self.origin, None)  # the edge may leave a kink, no polynomial follows one
-        return refined(
+        found = refined(
             self.time[after],
             self.rise[after],
             share,
@@ -169,6 +170,9 @@ class StepResponse:
             self.noise,
             self._window,
         )
+        period = float(self.time[-1] - self.time[0]) / (self.time.size - 1)
+        missed = _MISSED * (0.5 * found.span / period / self.passage) ** 4
+        return replace(found, between=missed / max(abs(found.slope), 1e-300))
 
     def between_samples(self, share: float, index: int) -> Crossing:
         """Return the crossing of a share of the step between samples index - 1 and index."""
@@ -195,7 +199,8 @@ class StepResponse:
         By the noise's size and the response's speed alone, so that the choice does not depend on
         the noise that it is to be judged by: a cubic over h samples, where there are T from 25 to
         75 %, misses about 0.004 (h / T)^4 of the step (second order, T = 0.9 / omega_n), and its
-        noise is 1.1 sd / sqrt(h); the former may be a thirtieth of the latter.
+        noise is 1.1 sd / sqrt(h); the former may be a thirtieth of the latter. Where samples are
+        few it cannot be less, and counts as interpolation.
         """
         half = (8.0 * self.noise.sd * self.passage**4) ** (1.0 / 4.5)
         return int(min(max(half, _NARROWEST), max(0.75 * self.passage, _NARROWEST)))
