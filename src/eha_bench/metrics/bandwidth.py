@@ -29,7 +29,8 @@ from eha_bench.metrics.low_frequency import low_frequency_gain
 from eha_bench.metrics.metric import Metric, NotScored, spec_of
 
 _HALF_POWER = math.log(math.sqrt(0.5))  # -3 dB is half the power
-_BEYOND = 3.0  # standard deviations: a largest gain at the end of the band that is no resonance
+_BEYOND = 1.0  # standard deviations from which on a largest gain at the end may be a resonance
+_END = 2  # points that are the end: the last alone may be low by what rings on after a sweep
 
 
 class BandMetric(Metric):
@@ -116,7 +117,7 @@ class ResonancePeak(BandMetric):
             log = math.log(float(response.gain[index]))
             own = type_a("noise", sd**2, response.points[index].freedom)
             spread = math.hypot(sd, level_budget.standard)
-            if index == response.frequency.size - 1 and log - level > _BEYOND * spread:
+            if index >= response.frequency.size - _END and log - level > _BEYOND * spread:
                 raise NotScored(
                     f"the largest gain is at {response.frequency[index]:.4g} Hz, the end of what "
                     "can be relied upon: a resonance may lie beyond, or it is none"
