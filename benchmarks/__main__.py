@@ -33,6 +33,7 @@ FULL: dict[str, list[str]] = {
     "tuned_rigs": ["--cases", "4"],
     "blind": ["--cases", "40"],
     "next_experiment": ["--cases", "4"],
+    "lives": ["--lives", "7", "--healthy", "2"],
     "rig_safety": ["--faults", "--kills", "30", "--signals", "5", "--disk", "--minutes", "10"],
     "rig_agreement": [],
 }
@@ -51,6 +52,7 @@ QUICK: dict[str, list[str]] = {
     "tuned_rigs": ["--quick"],
     "blind": ["--cases", "1"],
     "next_experiment": ["--quick"],
+    "lives": ["--lives", "0", "--healthy", "1", "--nights", "12"],
     "rig_safety": ["--kills", "1", "--disk"],
     "rig_agreement": ["--rounds", "1", "--control", "host"],
 }

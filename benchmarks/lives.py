@@ -21,6 +21,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+from benchmarks.table import Row, write_rows
 from fixtures.rig import kernel
 from fixtures.rig.commands import Run
 from fixtures.rig.parameters import CALIBRATED, DECLARED
@@ -38,7 +39,7 @@ from eha_bench.suites import Suite, load_suite
 from eha_bench.targets.target import Ending, Identity, Outcome, Stopping, Target, never
 from eha_bench.trends.history import History, history_of
 from eha_bench.trends.index import Index, update
-from eha_bench.trends.wear import MATTERS, Wear
+from eha_bench.trends.wear import MATTERS
 
 SUITE = """\
 name: nightly
@@ -348,7 +349,7 @@ def main() -> int:
     parser.add_argument("--healthy", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--nights", type=int, default=60)
-    parser.add_argument("--json", type=Path, help="write what was said of every life")
+    parser.add_argument("--json", type=Path, help="write the figures as rows of JSON")
     parser.add_argument("--keep", type=Path, help="folder for the nights (default: a passing one)")
     chosen = parser.parse_args()
     outcomes: list[LifeSeen] = []
@@ -369,31 +370,47 @@ def main() -> int:
             folder = top / f"life{seed}"
             outcomes.append(lived(life, chosen.nights, folder, watch, suite))
             print(outcomes[-1], flush=True)
-            if chosen.json:
-                chosen.json.write_text(json.dumps([asdict(item) for item in outcomes]))
-    print_sums(outcomes)
-    return 0
+            if chosen.keep:
+                said = json.dumps([asdict(item) for item in outcomes])
+                (chosen.keep / "lives.json").write_text(said, encoding="utf-8")
+    rows = rows_from(outcomes)
+    for row in rows:
+        print(row)
+    write_rows(chosen.json, rows)
+    return int(any(row.verdict == "missed" for row in rows))
 
 
-def print_sums(outcomes: Sequence[LifeSeen]) -> None:
-    """Print what the issue asks for."""
+def rows_from(outcomes: Sequence[LifeSeen]) -> list[Row]:
+    """Return the figures that the lives come to."""
     worn = [item for item in outcomes if item.kind != "none"]
     looks = sum(item.looks for item in outcomes if item.kind == "none")
-    false = sum(item.false_alarms for item in outcomes)
-    print(f"false alarms: {false}, in {looks} nights of healthy machines and before any wear")
-    if not worn:
-        return
-    print(f"right cause: {sum(item.right for item in worn)} of {len(worn)}")
-    soon = sum(0 <= item.found <= item.due + 5 for item in worn)
-    print(f"found within 5 nights of a tenth of the margin: {soon} of {len(worn)}")
-    held = [item.left[1] <= item.truth_left <= item.left[2] for item in worn
-            if math.isfinite(item.truth_left)]  # fmt: skip
-    every = [low <= truth <= high for item in worn for truth, _, low, high in item.forecasts]
-    print(f"interval of nights left holds: {sum(held)} of {len(held)} first ones, "
-          f"{sum(every)} of {len(every)} of all")  # fmt: skip
+    false = sum(item.false_alarms for item in outcomes if item.kind == "none")
+    rows = []
+    if looks:  # fewer nights than a thousand cannot bear the target out
+        target = 1.0 if looks >= 1000 else math.nan
+        share = 1000.0 * false / looks
+        note = f"{false} in {looks}"
+        rows.append(Row("alarms in 1,000 healthy nights", share, "", "<", target, note))
+    if worn:
+        right = sum(item.right for item in worn)
+        soon = sum(0 <= item.found <= item.due + 5 for item in worn)
+        many = f"of {len(worn)}"
+        rows.append(Row("right cause", 100.0 * right / len(worn), "%", ">", 90.0, many))
+        rows.append(Row("found in 5 nights", 100.0 * soon / len(worn), "%", ">", 90.0, many))
+    held = [
+        item.left[1] <= item.truth_left <= item.left[2]
+        for item in worn
+        if math.isfinite(item.truth_left)
+    ]
+    if held:
+        share = 100.0 * sum(held) / len(held)
+        note = f"of {len(held)}"
+        rows.append(Row("interval of nights left", share, "%", ">", 90.0, note))
+    known = [item.seconds_a_night for item in worn if math.isfinite(item.seconds_a_night)]
+    if known:
+        rows.append(Row("a night", max(known), "s", "<", 60.0))
+    return rows
 
-
-__all__ = ["Wear"]
 
 if __name__ == "__main__":
     sys.exit(main())
