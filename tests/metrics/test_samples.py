@@ -199,3 +199,17 @@ def test_few_samples_a_rise_are_said_and_priced(kit):
         found = kit.measure("rise_time", recording, trial)
         assert found.low <= 1.63757 / natural <= found.high
         assert "few samples: " in found.reason
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_clipping_of_coarse_readings_is_said_and_a_round_peak_is_not(kit, noisy_step, share):
+    recording, trial = noisy_step
+    coarse = 5e4
+    values = np.round(recording[kit.channel] / coarse) * coarse
+    assert (
+        "clipped"
+        not in kit.measure("peak", recording.with_values({kit.channel: values}), trial).reason
+    )
+    top = 20e6 + share * 5e5
+    cut = recording.with_values({kit.channel: np.minimum(values, top)})
+    assert "clipped" in kit.measure("peak", cut, trial).reason

@@ -21,6 +21,8 @@ from eha_bench.metrics.resolution import resolution_of
 from eha_bench.metrics.window import Timeline
 
 _CLIPPED = 5  # samples in a row at the extreme value
+_STEEP = 1.5  # times what a round peak may come and go by
+_BESIDE = 4  # samples before and after a stay at an extreme, at least
 _ELSEWHERE = 0.02  # share of samples like the one before, above which that is nothing special
 _MOST_MISSING = 0.05
 _POSSIBLE = {
@@ -87,7 +89,8 @@ class Samples:
             elsewhere = ~(at[1:] & at[:-1])
             if longest < _CLIPPED or np.count_nonzero(elsewhere) < _CLIPPED:
                 continue
-            if float(np.mean(same[elsewhere])) <= _ELSEWHERE:
+            alone = float(np.mean(same[elsewhere])) <= _ELSEWHERE
+            if alone or any(self._cut_off(values, *run) for run in reached):
                 first = float(line.time[window][reached[0][0]]) + line.offset
                 count = sum(stop - start for start, stop in reached)
                 return (
@@ -95,6 +98,23 @@ class Samples:
                     f"the first at {first:.6g} s"
                 )
         return ""
+
+    def _cut_off(self, values: FloatArray, start: int, stop: int) -> bool:
+        """Whether (n,) readings stay at an extreme that they came to, and left, too steeply.
+
+        A round peak that is within a step q of the sensor for T samples comes and goes, over b
+        samples, by no more than 4 q (T + b) / T^2 a sample, and q / b by rounding.
+        """
+        length = stop - start
+        if not self.resolution > 0.0 or length < _CLIPPED:
+            return False
+        beside = max(_BESIDE, length // 3)
+        if start < beside or stop + beside > values.size:
+            return False
+        least = self.resolution * (4.0 * (length + beside) / length**2 + 1.0 / beside)
+        came = abs(float(values[start] - values[start - beside])) / beside
+        left = abs(float(values[stop - 1 + beside] - values[stop - 1])) / beside
+        return min(came, left) > _STEEP * least
 
     def _impossible(self, window: slice) -> str:
         values = self.values[window]
