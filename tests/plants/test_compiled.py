@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from numba.core.errors import TypingError
 
 from eha_bench.plants import inner_function
 from eha_bench.plants.compiled import njit
+from eha_bench.plants.network import compiler
 from eha_bench.plants.pointer import behind, pointer
 
 
@@ -122,3 +124,26 @@ def test_a_pointer_stands_for_contiguous_vectors_only() -> None:
     for wrong in (np.zeros(6)[::2], np.zeros((2, 2)), 1.0):
         with pytest.raises(TypingError, match="contiguous vector"):
             first(wrong)
+
+
+def test_a_kernel_that_fails_to_load_fails_the_same_way_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("EHA_BENCH_CACHE", str(tmp_path))
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError):
+            compiler.compiled("broken", "simulate = 1 / 0\n", [], "simulate")
+    assert not [name for name in sys.modules if name.startswith("eha_bench_kernel_broken")]
+
+
+def test_a_kernel_that_was_torn_on_the_disk_is_written_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("EHA_BENCH_CACHE", str(tmp_path))
+    text = "raise LookupError('whole')\n"
+    with pytest.raises(LookupError):
+        compiler.compiled("torn", text, [], "simulate")
+    (kept,) = tmp_path.glob("*.py")
+    kept.write_text(text[:7])
+    with pytest.raises(LookupError, match="whole"):
+        compiler.compiled("torn", text, [], "simulate")

@@ -53,7 +53,12 @@ def compiled(
         raise PluginError(f"the kernel of {plant} cannot be loaded from {path}")
     kernel = importlib.util.module_from_spec(spec)
     sys.modules[name] = kernel
-    spec.loader.exec_module(kernel)
+    try:
+        spec.loader.exec_module(kernel)
+    except BaseException:
+        # half a kernel would be taken for a whole one the next time
+        del sys.modules[name]
+        raise
     cache = Path(getattr(kernel, entry).stats.cache_path)
     if not any(cache.glob(f"{name}.{entry}-*.nbi")):
         _LOG.info("compiling the kernel of %s (once per machine)", plant)
@@ -103,6 +108,14 @@ def _write(name: str, text: str) -> Path:
 def _write_in(folder: Path, name: str, text: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.py"
-    if not path.exists():
+    if not _holds(path, text):
         write_text(path, text)
     return path
+
+
+def _holds(path: Path, text: str) -> bool:
+    """Whether a file holds a text; one that a power cut has torn does not."""
+    try:
+        return path.read_bytes() == text.encode()
+    except OSError:
+        return False
