@@ -237,3 +237,28 @@ def test_a_long_last_line_takes_no_memory(tmp_path: Path) -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 8 * path.stat().st_size
+
+
+def test_thousands_of_topics_are_not_gone_through_for_each_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mcap.writer import Writer
+
+    path = tmp_path / "many.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+        for number in range(300):
+            channel = writer.register_channel(f"/t{number}", "cdr", schema)
+            if number % 2:
+                writer.add_message(channel, 0, b"\0\1\0\0" + bytes(8), 0)
+        writer.finish()
+    whole = info(path)
+    assert [bool(topic.values) for topic in whole.topics] == [False, True] * 150
+    assert not whole.notes
+    monkeypatch.setattr("eha_bench.recordings.information._MOST_VISITS", 3000)
+    part = info(path)
+    assert sum(bool(topic.values) for topic in part.topics) == 10
+    assert "the values of 140 of 300 topics were not looked at" in part.notes
+    assert part.health == "good"

@@ -109,6 +109,10 @@ def recover(
         typer.echo(str(clean))
 
 
+_MOST_ROWS = 1000
+"""Rows of a table that people are shown."""
+
+
 def _show(found: RecordingInformation) -> None:
     """Print a table of topics and what else was found."""
     from datetime import UTC, datetime
@@ -127,7 +131,7 @@ def _show(found: RecordingInformation) -> None:
     ]
     for name in (*left, *right, *(title for title, _ in odd)):
         table.add_column(name, justify="left" if name in left else "right")
-    for topic in found.topics:
+    for topic in found.topics[:_MOST_ROWS]:
         cells = [topic.name, topic.type] if of_table else [topic.name, topic.type, topic.encoding]
         cells.append(str(topic.count))
         if not of_table:
@@ -143,6 +147,8 @@ def _show(found: RecordingInformation) -> None:
         begin = datetime.fromtimestamp(found.start_ns / 1e9, UTC)
         console.print(f"begins {begin.isoformat(' ', 'milliseconds')}")
     console.print(table)
+    if len(found.topics) > _MOST_ROWS:
+        console.print(f"... and {len(found.topics) - _MOST_ROWS} more: --json lists all")
     _show_values(found)
     if found.channels:
         channels = ", ".join(f"{name} [{unit}]" for name, unit in found.channels.items())
@@ -152,9 +158,8 @@ def _show(found: RecordingInformation) -> None:
             console.print(_printable(f"{record}: {key} = {_short(value)}"))
     for name, size in found.attachments.items():
         console.print(_printable(f"attachment: {name}, {size} bytes"))
-    for topic in found.topics:
-        if topic.readable:
-            console.print(_printable(f"not read: {topic.name}: {topic.readable}"))
+    for topic in [topic for topic in found.topics if topic.readable][:_MOST_ROWS]:
+        console.print(_printable(f"not read: {topic.name}: {topic.readable}"))
     for note in found.notes:
         console.print(_printable(f"note: {note}"))
     console.print(f"health: {found.health}")
@@ -173,13 +178,16 @@ def _show_values(found: RecordingInformation) -> None:
         table.add_column(name)
     for name in ("min", "max", "NaN / %", "resolution"):
         table.add_column(name, justify="right")
-    for topic, value in rows:
+    for topic, value in rows[:_MOST_ROWS]:
         name = value.name if not topic.encoding or found.own else f"{topic.name} {value.name}"
         numbers = (value.minimum, value.maximum, 100 * value.nan_share, value.resolution)
         cells = ["-" if math.isnan(number) else f"{number:.6g}" for number in numbers]
         table.add_row(_printable(name), _printable(value.unit), *cells)
     width = None if sys.stdout.isatty() else 240
-    Console(highlight=False, markup=False, soft_wrap=True, width=width).print(table)
+    console = Console(highlight=False, markup=False, soft_wrap=True, width=width)
+    console.print(table)
+    if len(rows) > _MOST_ROWS:
+        console.print(f"... and {len(rows) - _MOST_ROWS} more: --json lists all")
 
 
 def _short(value: str) -> str:
