@@ -37,7 +37,7 @@ def test_init_asks_nothing_and_overwrites_nothing(cli: Cli, tmp_path: Path) -> N
     told = cli("init", check=0).stderr
     assert "left alone: suite.yaml" in told
     assert (tmp_path / "suite.yaml").read_text() == "mine"
-    assert "in . already" in cli("init", check=2).stderr
+    assert ". already holds all files" in cli("init", check=2).stderr
     assert "did you mean 'eha_knee'?" in cli("init", "x", "--plant", "eha_nee", check=2).stderr
 
 
