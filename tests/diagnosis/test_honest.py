@@ -63,16 +63,19 @@ def test_a_curve_that_worsens_both_is_no_model():
 
 
 @pytest.mark.parametrize(
-    ("strength", "comparison", "says"),
+    ("strength", "comparison", "missing", "says"),
     [
-        (0.02, GOOD, ""),
-        (0.5, GOOD, "is at its bound, 0.5"),
-        (0.02, replace(GOOD, explained_out=-0.06, gain_out=-300.0), "explains nothing"),
-        (0.02, replace(GOOD, p_value=0.94), r"its gain may be chance \(p 0.94\)"),
-        (0.02, replace(GOOD, share_out=0.1), "explains only 10% of"),
+        (0.02, GOOD, 0.5, ""),
+        (0.5, GOOD, 0.5, "is at its bound, 0.5"),
+        (0.02, replace(GOOD, explained_out=-0.06, gain_out=-300.0), 0.5, "explains nothing"),
+        (0.02, replace(GOOD, p_value=0.94), 0.5, r"its gain may be chance \(p 0.94\)"),
+        (0.02, replace(GOOD, share_out=0.1), 50.0, "explains only 10% of"),
+        (0.02, replace(GOOD, share_out=0.22), 0.5, "explains only 22% of"),
+        # of a measured machine much remains
+        (0.02, replace(GOOD, share_out=0.22), 50.0, ""),
     ],
 )
-def test_an_effect_against_its_own_figures(strength, comparison, says):
+def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
     import re
 
     import numpy as np
@@ -80,7 +83,11 @@ def test_an_effect_against_its_own_figures(strength, comparison, says):
     start = Start("entrained_air", (), 0, 0.0, 0.02, 0.0, 0.5, ("entrained_air.air_fraction",),
                   "flow")  # fmt: skip
     item = Accepted(start, comparison, ())
-    search = SimpleNamespace(effects=[item], fit=SimpleNamespace(vector=np.array([strength])))
+    search = SimpleNamespace(
+        effects=[item],
+        fit=SimpleNamespace(vector=np.array([strength])),
+        excess_base=SimpleNamespace(relative=missing),
+    )
     text = _against(search, item, Thresholds())  # type: ignore[arg-type]
     assert re.search(says, text) if says else text == ""
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,12 +18,14 @@ from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.data.windows import cut
 from eha_bench.diagnosis.fit.baseline import COARSE, no_progress
-from eha_bench.diagnosis.fit.evidence import Excess
-from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
+from eha_bench.diagnosis.fit.evidence import Excess, Groups
+from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.short_windows import aligned_problem
 from eha_bench.diagnosis.outcome import decide as decide_module
-from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.diagnosis.outcome.decide import Decision
+from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import Located
 from eha_bench.diagnosis.unknown.free_input import Support
 from eha_bench.diagnosis.unknown.locator import (
@@ -36,10 +39,6 @@ from eha_bench.diagnosis.unknown.places import Place, Template, places_of
 from eha_bench.plants.effects.learned import KNOTS
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive, Plant, get_plant
-
-if TYPE_CHECKING:
-    from eha_bench.diagnosis.search.stepwise import Search
-
 
 EMPTY = np.zeros(0)
 
@@ -185,6 +184,48 @@ def test_a_leak_that_opens_and_closes_is_told_as_a_flow() -> None:
     told = _told(at="pump", variable="time", period=0.7,
                  values=_bump(-2e-7))  # fmt: skip
     assert (told.equation, told.place) == ("flow", "pump")
+
+
+@pytest.mark.parametrize(
+    ("balance", "by_curve", "missing", "verdict"),
+    [
+        ("force", 0.04, 1e4, Verdict.EFFECT),
+        ("force", 0.2, 1e4, Verdict.UNKNOWN),
+        ("torque", 0.04, 1e4, Verdict.UNKNOWN),
+        (None, math.nan, 1e4, Verdict.UNKNOWN),
+        # near the noise no remainder is to be expected
+        ("force", 0.04, 1e3, Verdict.UNKNOWN),
+    ],
+)
+def test_an_effect_beside_a_remainder_stands_where_nothing_else_explains_as_much(
+    monkeypatch: pytest.MonkeyPatch,
+    balance: str | None,
+    by_curve: float,
+    missing: float,
+    verdict: Verdict,
+) -> None:
+    """Of 30 %: where it acts in the balance of the rest, and no curve explains as much."""
+    item = SimpleNamespace(
+        start=SimpleNamespace(candidate="seal_friction", mundane=False, equation="force")
+    )
+    base, left = (Excess(size, 1000, {}, 50.0, {}) for size in (missing, 0.7 * missing))
+    search = Search(
+        cast("Problem", None), (), (), cast("Fit", "without"), cast("Fit", "with it"),
+        cast("Groups", None), EMPTY, base, left, [cast("Accepted", item)],
+    )  # fmt: skip
+    with_it = search.fit
+    unknown = Unknown(balance, (), "", by_curve)
+    located = Decision(Verdict.UNKNOWN, search.base, (), unknown)
+    monkeypatch.setattr(decide_module, "_unknown", lambda *_: located)
+    found = decide_module.decide(search, COARSE, no_progress)
+    assert found.verdict is verdict
+    if verdict is Verdict.EFFECT:
+        assert found.fit is search.fit is with_it
+        assert len(search.effects) == 1
+        assert "30%" in found.notes[-1]
+    else:
+        assert search.fit is search.base
+        assert not search.effects
 
 
 def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -192,7 +192,21 @@ def test_asymmetry_scales_what_other_effects_add(knee, effect) -> None:
 
 @given(p_a=st.floats(-1e6, 4e7), p_b=st.floats(-1e6, 4e7), which=st.sampled_from([0.0, 1.0, 2.0]))
 def test_seal_friction_never_pushes(p_a, p_b, which) -> None:
-    assert seal_friction.pressed(60.0, p_a, p_b, 3e-4, 0.02, which) >= 60.0
+    assert seal_friction.dry(60.0, p_a, p_b, 3e-4, 0.02, which, 0.0) >= 60.0
+    assert seal_friction.viscous(800.0, p_a, p_b, 3e-4, 0.02, which, 1.0) >= 800.0
+
+
+def test_seals_on_a_film_drag_with_speed(knee, effect) -> None:
+    """Half as strong at 0.05 m/s as its share of the hydraulic force says, and none at rest."""
+    force = seal_friction.viscous(0.0, 6e6, 2e6, 1e-3, 0.02, 1.0, 1.0) * 0.05
+    assert force == pytest.approx(0.5 * 0.02 * 1e-3 * 4e6)
+    assert seal_friction.dry(60.0, 6e6, 2e6, 1e-3, 0.02, 1.0, 1.0) == 60.0
+    assert seal_friction.viscous(800.0, 6e6, 2e6, 1e-3, 0.02, 1.0, 0.0) == 800.0
+    time = np.arange(0.0, 0.03, 1e-3)
+    pressed = effect("seal_friction", friction_coefficient=0.05, kind="viscous")
+    for force, moves in ((59.5, False), (60.5, True)):
+        out = knee.run(time, 0.0, pressed, locked=False, external_force=force)
+        assert (np.min(out["piston_velocity"]) < 0) == moves
 
 
 @given(
@@ -367,6 +381,7 @@ def test_heavier_rod_friction_only_takes_energy(bare_knee, effect) -> None:
         effect("coulomb_friction", friction_force=50.0, at="rod"),
         effect("presliding_friction", distance=1e-4, at="rod"),
         effect("seal_friction", friction_coefficient=0.05),
+        effect("seal_friction", friction_coefficient=0.05, kind="viscous"),
         effect("asymmetric_friction", asymmetry=0.5, at="rod", kind="all"),
     ):
         out = bare_knee.run(

@@ -67,6 +67,7 @@ from eha_bench.diagnosis.outcome.honest import curve_is_worse, pruned, worse
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.outcome.scoring import scored, scores_of
+from eha_bench.diagnosis.outcome.slow_noise import with_slow_noise
 from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search import stepwise
@@ -365,10 +366,10 @@ class _Closing:
         """Search, decide, and score; or as far as that goes until a stop is asked for."""
         try:
             with checkpoints(asked), fits_by(workers):
-                stepwise.run(self.search, self._on_progress)
-                self.stage = "decide"
-                self.refused = pruned(self.search)
-                self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
+                self._decided()
+                if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
+                    self.base, self.search = slow, stepwise.begin(slow)
+                    self._decided()
         except KeyboardInterrupt:
             self.decision = self._stopped()
             return self._scored(complete=False)
@@ -378,6 +379,13 @@ class _Closing:
         if found.complete and self.decision.learned and curve_is_worse(found):
             found = self._without_the_curve()
         return self._with_rivals(found, asked, workers) if found.complete else found
+
+    def _decided(self) -> None:
+        """Search, and decide upon what was found."""
+        stepwise.run(self.search, self._on_progress)
+        self.stage = "decide"
+        self.refused = pruned(self.search)
+        self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
 
     def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Fit what these data cannot tell from what was found."""

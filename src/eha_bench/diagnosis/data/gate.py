@@ -29,6 +29,7 @@ from eha_bench.diagnosis.data.noise import (
 from eha_bench.diagnosis.data.start_angle import KNOWN, StartAngle
 from eha_bench.diagnosis.data.stuck import FLICKERS, stuck
 from eha_bench.diagnosis.data.ticks import Sampled
+from eha_bench.diagnosis.data.wander import Wander
 from eha_bench.plants.channel_roles import KNOWN as KNOWN_CHANNELS
 from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.plant import Drive
@@ -69,6 +70,7 @@ class Measured:
         input_noise: channel -> standard deviation of the noise of an input that was measured, SI;
             what was asked for is exact, and not in here.
         colours: channel -> colour of its noise, where that is not white.
+        wander: channel -> how its zero wanders, where that was told.
         start: angle of the shaft at the first sample. roles: what the channels are.
         first: channel -> its first reading as logged, whether it may be believed or not.
         taken: channel -> (n,) s that its samples were taken after their ticks; without: at them.
@@ -91,6 +93,7 @@ class Measured:
     still: Mapping[str, FloatArray] = field(default_factory=dict)
     input_noise: Mapping[str, float] = field(default_factory=dict)
     colours: Mapping[str, Colour] = field(default_factory=dict)
+    wander: Mapping[str, Wander] = field(default_factory=dict)
     start: StartAngle = KNOWN
     roles: ChannelRoles = KNOWN_CHANNELS
     first: Mapping[str, FirstReading] = field(default_factory=dict)

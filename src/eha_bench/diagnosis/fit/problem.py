@@ -26,6 +26,7 @@ from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.interruption import checkpoint
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.unmeasured import carried, missing
+from eha_bench.diagnosis.data.wander import cosines
 from eha_bench.diagnosis.data.windows import Window, restarted
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.beliefs import Belief, believed_residual
@@ -44,6 +45,8 @@ SLOPES = 3.4e-4
 """Integration step of slopes, s: both ends are off by the same."""
 _HISTORY = 100
 """Ticks of the inputs before a window: a delayed command looks back."""
+_SMALL, _SMALLEST = 1e-10, 1e-4
+"""Squares of what is no column beside the largest one, or beside the noise."""
 _SOFT = 5.0
 _BAD = 1e9
 
@@ -282,9 +285,11 @@ class Problem:
                     )
                     further += part.lost.simulations * part.length
                 columns += [*part.lost.columns.T]
+            zeros = self._wandering(part)
+            columns += zeros
             if columns:
-                q, s, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
-                part.basis = q
+                orthonormal = _orthonormal_of_many if zeros else _orthonormal
+                part.basis, s = orthonormal(np.column_stack(columns))
                 part.shrink = 1.0 - 1.0 / np.sqrt(1.0 + s * s)
             else:
                 part.basis = np.zeros((base.size, 0))
@@ -406,6 +411,22 @@ class Problem:
             return residual
         return residual - part.basis @ (part.shrink * (part.basis.T @ residual))
 
+    def _wandering(self, part: _Prepared) -> list[FloatArray]:
+        """Return what zeros that wander do in a window, a column for each of their cosines."""
+        measured = part.window.measured
+        ticks, channels = np.divmod(part.pick, part.columns.size)
+        time = measured.time[part.window.first + ticks]
+        found: list[FloatArray] = []
+        for number, at in enumerate(part.columns):
+            wander, rows = measured.wander.get(self.plant.outputs[at]), channels == number
+            if wander is None or np.count_nonzero(rows) < 2:
+                continue
+            own = cosines(time[rows], wander)
+            columns = np.zeros((part.pick.size, own.shape[1]))
+            columns[rows] = own
+            found += [*(columns if part.whitening is None else part.whitening @ columns).T]
+        return found
+
     def _ready(self, window: Window) -> _Prepared:
         measured = window.measured
         use = [
@@ -460,6 +481,20 @@ class Problem:
             difference = np.nan_to_num(difference, nan=_BAD, posinf=_BAD, neginf=-_BAD)
             difference = np.clip(difference, -_BAD, _BAD)
         return difference if part.whitening is None else part.whitening @ difference
+
+
+def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return an orthonormal basis of columns, and how large they are along each of it."""
+    basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    return basis, sizes
+
+
+def _orthonormal_of_many(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the same by the columns' products, at a fifth of the cost."""
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    keep = values > max(_SMALL * float(values[-1]), _SMALLEST)
+    sizes = np.sqrt(values[keep])
+    return columns @ (vectors[:, keep] / sizes), sizes
 
 
 @cache

@@ -11,13 +11,16 @@ from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN, is_unexpl
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
-from eha_bench.diagnosis.search.stepwise import Search
+from eha_bench.diagnosis.search.state import Search, Thresholds
 from eha_bench.diagnosis.unknown.curves import Located
 from eha_bench.diagnosis.unknown.learn import learn, times_of
 from eha_bench.diagnosis.unknown.locator import Locator, locate
 from eha_bench.diagnosis.unknown.places import places_of
 
 _EXPLAINED = 0.5
+"""Share of the excess from which known effects are the verdict, whatever else is missing."""
+_BEATEN = 0.5
+"""Share of what known effects explain below which a learned curve is no rival to them."""
 _NOTHING = 0.005
 """Share of the excess that is none."""
 _TOLD = 0.1
@@ -75,12 +78,41 @@ def decide(
             )
         return Decision(Verdict.NONE, search.fit, tuple(notes), None)
     if search.effects:
-        notes.append(
-            "the best known effects explain less than half of it: "
-            + ", ".join(item.start.candidate for item in search.effects)
-        )
-        search.accepted = [item for item in search.accepted if item.start.mundane]
-        search.fit = search.base
+        return _beside_a_remainder(search, share, step, progress, notes)
+    return _unknown(search, step, progress, tuple(notes))
+
+
+def _beside_a_remainder(
+    search: Search, share: float, step: float, progress: ProgressHook, notes: Sequence[str]
+) -> Decision:
+    """Return the verdict where known effects explain less than half: a part, or an imitation.
+
+    A measured machine keeps a remainder that no law of a few numbers explains, and effects may well
+    be a part of what is missing. An imitation is told by where it acts: in another balance than
+    what is missing, or a curve with as many numbers as it has knots explains as much there.
+    """
+    known = search.snapshot()
+    names = ", ".join(item.start.candidate for item in known.effects)
+    search.accepted = [item for item in search.accepted if item.start.mundane]
+    search.fit = search.base
+    text = f"the best known effects explain less than half of it: {names}"
+    found = _unknown(search, step, progress, (*notes, text))
+    assert found.unknown is not None
+    place = found.unknown.equation
+    there = all(item.start.equation == place for item in known.effects)
+    much = Thresholds().is_much(search.excess_base)
+    if not (much and there and found.unknown.share < _BEATEN * share):
+        return found
+    search.restore(known)
+    text = f"{names}: {share:.0%} of it is explained; more is missing in the {place} balance, and "
+    text += f"a curve of one variable would explain {max(found.unknown.share, 0.0):.0%} of it"
+    return Decision(Verdict.EFFECT, search.fit, (*notes, text), None)
+
+
+def _unknown(
+    search: Search, step: float, progress: ProgressHook, notes: tuple[str, ...]
+) -> Decision:
+    """Return the verdict unknown, with where something acts and what it follows."""
     locator, equation, located = locate(search.problem, search.fit, step, progress)
     if not located:
         where = f"something acts in the {equation} balance" if equation else "nothing was located"
@@ -91,9 +123,9 @@ def decide(
                 "(simulation step by step), so only its parameters were tried"
             )
         unknown = Unknown(equation or None, (), text)
-        return Decision(Verdict.UNKNOWN, search.fit, tuple(notes), unknown)
+        return Decision(Verdict.UNKNOWN, search.fit, notes, unknown)
     progress("learn", 0.0)
-    found = _learned(search, locator, located[0], step, tuple(notes))
+    found = _learned(search, locator, located[0], step, notes)
     return replace(found, locator=locator, located=tuple(located))
 
 

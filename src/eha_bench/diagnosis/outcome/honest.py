@@ -54,7 +54,8 @@ def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
     if found.p_value > _LIKELY:
         return f"its gain may be chance (p {found.p_value:.2g})"
     alone = len(search.effects) == 1
-    if alone and min(found.share, found.share_out) < limits.share:
+    least = limits.least_share(search.excess_base, 0)
+    if alone and min(found.share, found.share_out) < least:
         share = max(min(found.share, found.share_out), 0.0)
         return f"it explains only {share:.0%} of the remainder without it"
     return ""

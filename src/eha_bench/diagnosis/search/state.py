@@ -147,6 +147,8 @@ class Thresholds:
     Attributes:
         gain: least fall of the cost, fitted and left out (a cost of 1 is one sigma).
         share: least part of the present excess that it takes on runs left out.
+        first: the same of a first one where much is missing: of a measured machine much remains,
+            in which one cause shows as a smaller part. much: excess, in the noise's cost, that is.
         p_value: largest probability that it gains nothing on runs left out.
         p_few: the same where it leaves next to nothing: what acts in a few instants (impacts) shows
             in a few blocks, however sure it is; by at least `plain`, so much in each of them.
@@ -156,11 +158,21 @@ class Thresholds:
 
     gain: float = 30.0
     share: float = 0.25
+    first: float = 0.2
+    much: float = 5.0
     p_value: float = 1e-3
     p_few: float = 0.02
     plain: float = 300.0
     runs_better: float = 0.5
     together: float = 0.8
+
+    def least_share(self, before: Excess, others: int) -> float:
+        """Return the least share that an effect takes of an excess, beside others."""
+        return self.first if not others and self.is_much(before) else self.share
+
+    def is_much(self, missing: Excess) -> bool:
+        """Whether so much is missing that a remainder is to be expected."""
+        return missing.relative > self.much
 
     def allow(self, found: Comparison) -> bool:
         """Whether something gains on runs left out as well, and no accident does as much."""

@@ -95,7 +95,8 @@ def _grow(search: Search, limits: Thresholds, progress: ProgressHook) -> None:
             return
         progress("search", len(search.accepted) / (MOST_EFFECTS + 1))
         trials = _looked(search)
-        chosen = _choose(trials, limits)
+        share = limits.least_share(search.excess_left, len(search.effects))
+        chosen = _choose(trials, limits, share)
         if chosen is None:
             return
         _add(search, chosen, trials)
@@ -268,8 +269,8 @@ def _compared(search: Search, trial: Trial) -> Trial:
     return replace(trial, comparison=found)
 
 
-def _choose(trials: Sequence[Trial], limits: Thresholds) -> Trial | None:
-    good = [item for item in trials if _believed(item, limits)]
+def _choose(trials: Sequence[Trial], limits: Thresholds, share: float) -> Trial | None:
+    good = [item for item in trials if _believed(item, limits, share)]
     if not good:
         return None
     chosen = good[0]
@@ -284,9 +285,9 @@ def _choose(trials: Sequence[Trial], limits: Thresholds) -> Trial | None:
     return min(alike, key=lambda item: len(item.start.keys))
 
 
-def _believed(item: Trial, limits: Thresholds) -> bool:
+def _believed(item: Trial, limits: Thresholds, share: float) -> bool:
     found = item.comparison
-    return limits.allow(found) and min(found.share, found.share_out) > limits.share
+    return limits.allow(found) and min(found.share, found.share_out) > share
 
 
 def equivalents(chosen: Trial, trials: Sequence[Trial], groups: Groups) -> tuple[str, ...]:

@@ -1,37 +1,67 @@
 """The seals of piston and rod are pressed on by the oil, so the rod's friction grows with pressure.
 
-    F_f += mu A (p_a + p_b)        or with |p_a - p_b|, or with the higher of both
+    F_f += mu A p                  dry: at any speed
+    F_f += mu A p |v| / v_0        viscous: with speed, v_0 = 0.1 m/s
 
-A is the piston area, so mu is the share of the hydraulic force that the seals take.
+p is p_a + p_b, |p_a - p_b| or the higher of both, and A the piston area, so mu is the share of the
+hydraulic force that the seals take (viscous: at v_0). Dry where the seal touches, viscous where it
+rides on a film that the pressure makes thinner; real seals are in between.
 
 Source: Bonchis, Corke, Rye, A Pressure-Based, Velocity Independent, Friction Model for Asymmetric
-Hydraulic Cylinders, IEEE Int. Conf. Robotics and Automation 1999; Nikas, Proc. IMechE J 224 (2010)
+Hydraulic Cylinders, IEEE Int. Conf. Robotics and Automation 1999; Nikas, Proc. IMechE J 224 (2010);
+friction of pneumatic seals that grows with pressure and speed: Belforte, Raparelli, Velardocchia,
+Study of the behavior of lip seals in pneumatic actuators, Lubrication Engineering 49 (1993) 775.
 """
 
 from __future__ import annotations
 
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
 _SUM, _DIFFERENCE, _HIGHER = 0.0, 1.0, 2.0
+_DRY, _VISCOUS = 0.0, 1.0
+_SPEED = 0.1
 
 
-def pressed(
+@njit()
+def _pressing(p_a: float, p_b: float, pressure: float) -> float:
+    """Return the pressure that presses, Pa."""
+    if pressure == _SUM:
+        return max(0.0, p_a) + max(0.0, p_b)
+    if pressure == _DIFFERENCE:
+        return abs(p_a - p_b)
+    return max(0.0, p_a, p_b)
+
+
+def dry(
     level: float,
     p_a: float,
     p_b: float,
     area_a: float,
     friction_coefficient: float,
     pressure: float,
+    kind: float,
 ) -> float:
     """Return the rod's dry friction with the seals pressed on, N."""
-    if pressure == _SUM:
-        load = max(0.0, p_a) + max(0.0, p_b)
-    elif pressure == _DIFFERENCE:
-        load = abs(p_a - p_b)
-    else:
-        load = max(0.0, p_a, p_b)
-    return level + friction_coefficient * area_a * load
+    if kind != _DRY:
+        return level
+    return level + friction_coefficient * area_a * _pressing(p_a, p_b, pressure)
+
+
+def viscous(
+    coefficient: float,
+    p_a: float,
+    p_b: float,
+    area_a: float,
+    friction_coefficient: float,
+    pressure: float,
+    kind: float,
+) -> float:
+    """Return the rod's viscous friction with the seals pressed on, N*s/m."""
+    if kind != _VISCOUS:
+        return coefficient
+    return coefficient + friction_coefficient * area_a * _pressing(p_a, p_b, pressure) / _SPEED
 
 
 EFFECT = Effect(
@@ -40,8 +70,9 @@ EFFECT = Effect(
     parameters=(
         Parameter("friction_coefficient", "", 0.02, 0.0, 1.0, "mu"),
         choice("pressure", ("sum", "difference", "higher"), "which pressure presses"),
+        choice("kind", ("dry", "viscous"), "which friction grows"),
     ),
-    actions={"rod": Action({"dry": pressed})},
+    actions={"rod": Action({"dry": dry, "viscous": viscous})},
     source=(
         "Bonchis, Corke, Rye, IEEE Int. Conf. Robotics and Automation 1999 (pressure-based "
         "friction of cylinders)"

@@ -1,0 +1,75 @@
+"""Zeros that wander, told from what a fitted model leaves, and a problem that knows of them.
+
+A little that is slow and that no balance and no effect explains may as well be the sensors' own. So
+it is asked only then; an effect that a drifting zero could imitate has had its turn before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.data.quiet import with_colours
+from eha_bench.diagnosis.data.wander import Stretch, Wander, wander_of
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.residual_colour import noise_of_residual
+
+
+def wandering(problem: Problem, fit: Fit) -> dict[str, Wander]:
+    """Return the channels whose zeros wander, by what a fit leaves of their readings.
+
+    Args:
+        problem: prepared at the fit. fit: of a model that leaves hardly more than noise.
+    """
+    left = problem.with_best_start(fit.vector)
+    names = problem.plant.outputs
+    stretches: dict[str, list[Stretch]] = {}
+    for piece in problem.pieces:
+        window = problem.windows[piece.window]
+        for channel, rows in piece.by_channel():
+            time = window.measured.time[window.first + piece.ticks[rows]]
+            colour = window.measured.colours.get(names[channel])
+            if time.size > 1:
+                own = Stretch(time, left[piece.rows][rows], colour)
+                stretches.setdefault(names[channel], []).append(own)
+    found = {name: wander_of(own) for name, own in stretches.items()}
+    return {name: wander for name, wander in found.items() if wander is not None}
+
+
+def with_noise_of_residual(problem: Problem, vector: FloatArray) -> Problem:
+    """Return the same problem with levels and colours of noise as a fitted model leaves them.
+
+    What nothing moves in for a while tells colours to a tenth; a zero that wanders is smaller. It
+    needs `prepare`.
+
+    Args:
+        problem: prepared at the vector. vector: of the fitted model.
+    """
+    seen = noise_of_residual(problem, vector)
+    coloured = _with_measured(
+        problem, lambda item: with_colours(item, {**item.colours, **seen.colours})
+    )
+    return coloured.with_noise({**problem.noise, **seen.levels})
+
+
+def with_wander(problem: Problem, wander: Mapping[str, Wander]) -> Problem:
+    """Return the same problem, to which wandering zeros are noise; it needs `prepare`."""
+    return _with_measured(problem, lambda item: replace(item, wander=wander))
+
+
+def _with_measured(problem: Problem, change: Callable[[Measured], Measured]) -> Problem:
+    runs = {id(item.measured): item.measured for item in problem.windows}
+    changed = {key: change(item) for key, item in runs.items()}
+    return problem.over(
+        [replace(item, measured=changed[id(item.measured)]) for item in problem.windows]
+    )
+
+
+def refitted(problem: Problem, fit: Fit) -> Fit:
+    """Return the fit in a problem whose noise is another one."""
+    problem.prepare(fit.vector)
+    problem.scale_to(problem.residual(fit.vector))
+    return levenberg_marquardt(problem, fit.vector, fit.free, refresh=1)
