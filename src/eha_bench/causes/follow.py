@@ -43,6 +43,8 @@ Progress = Callable[[str, float], None]
 
 CALIBRATED_ON: Final = 3
 """First nights that the healthy machine is calibrated on."""
+EXPLAINS: Final = 0.5
+"""Part of what changed that a cause has to explain to be named."""
 _DAY: Final = 86_400.0
 _NORMAL: Final = 1.959963984540054
 _OF_MEDIAN: Final = 1.2533
@@ -152,6 +154,7 @@ class _Followed:
         self._steps = np.array([cause.step for cause in settings.causes])
         self._times = _night_numbers(self._nights)
         self._missed: tuple[str, ...] = ()
+        self._unnamed = ""
 
     def causes(self, group: tuple[str, str], untold: tuple[tuple[Night, str], ...]) -> Causes:
         """Return trends, and what wears."""
@@ -168,6 +171,9 @@ class _Followed:
             healthy = better
             found, courses = self._courses(healthy)
         chosen = attribution_of(found, courses, self._causes, self._healthy_values)
+        if chosen is not None and not chosen.share >= EXPLAINS:
+            self._unnamed = f"{self._causes[chosen.cause].name} {100.0 * chosen.share:.2g} %"
+            chosen = None  # a wrong name is worse than none
         trends = [self._trend(k, found, courses[k]) for k in range(len(self._causes))]
         wear = () if chosen is None else (self._wear(chosen, courses, trends, healthy),)
         order = sorted(
@@ -298,6 +304,12 @@ class _Followed:
             notes.append(f"these runs say nothing of {', '.join(blind)}")
         if self._settings.case is None:
             notes.append("no suite is named under 'diagnose': no limit is followed to")
+        if self._unnamed:
+            notes.append(
+                "the machine changed, and no followed cause explains it alone (at best "
+                f"{self._unnamed}): two causes at once, one that is not followed, or oil that "
+                "nobody logged"
+            )
         if self._missed:
             limits = "; ".join(self._missed)
             notes.append(
