@@ -262,3 +262,18 @@ def test_thousands_of_topics_are_not_gone_through_for_each_of_them(
     assert sum(bool(topic.values) for topic in part.topics) == 10
     assert "the values of 140 of 300 topics were not looked at" in part.notes
     assert part.health == "good"
+
+
+def test_a_parquet_file_of_nothing_takes_no_memory(tmp_path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "nothing.parquet"
+    part = pa.table({"time": pa.nulls(10_000_000, pa.float64())})
+    with pq.ParquetWriter(path, part.schema, compression="zstd") as writer:
+        for _ in range(3):
+            writer.write_table(part, row_group_size=10_000_000)
+    assert path.stat().st_size < 200_000
+    for act in (recordings.read, info):
+        with pytest.raises(RecordingError, match="240 MB of memory"):
+            act(path)

@@ -10,11 +10,15 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.budget import budget
 from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath
 from eha_bench.recordings.tables.table import TableSource
 
 DESCRIPTION: Final = b"eha_bench"
 """Key of the file's metadata under which `export` says what the columns are."""
+
+_NUMBER = 8
+"""Bytes of a value."""
 
 
 class ParquetSource(TableSource):
@@ -116,6 +120,8 @@ class ParquetSource(TableSource):
 
         where = Place(file=self.path, key=name)
         owner = name if name in self.names() else self._owner(name)
+        # a run of equal values or of nothing takes a few bytes of the file, however long it is
+        budget().hold(_NUMBER * self._file.metadata.num_rows, f"'{name}'")
         try:
             column = self._file.read(columns=[owner]).column(owner)
             for step in FieldPath.parse(name).steps[1:] if owner != name else ():
