@@ -16,17 +16,15 @@ from fixtures.rig.plant import SUBSTEPS_FREE, SUBSTEPS_LOCKED, translate
 from fixtures.rig.sensors import COLUMNS
 from fixtures.rigs.machine import Machine, Settings, at_rest
 from fixtures.rigs.plant import Plant
-from numpy.typing import NDArray
 
 from eha_bench.control.controller_file import ControllerSet
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.plants.model import Model
 from eha_bench.targets.closed_loop import ClosedLoop
 from eha_bench.targets.sensors import RIG_SENSORS, Sensor
 from eha_bench.targets.simulator import Simulator
 from eha_bench.targets.target import Outcome, Stopping, never
-
-FloatArray = NDArray[np.float64]
 
 _LATEST = 200
 """Commands that may still act, ticks: far more than any delay of the rig."""

@@ -363,3 +363,19 @@ def test_one_run_in_every_lossless_format_scores_bit_identically(
     plain = score(ours, trial)
     assert any(item.value is not None for item in plain)
     assert repr(score(other, trial)) == repr(plain)
+
+
+def test_a_tdms_whose_counts_are_damaged_is_not_believed(tmp_path: Path) -> None:
+    path = tmp_path / "run.tdms"
+    with TdmsWriter(path) as writer:
+        force, clock = np.arange(50.0), np.arange(50) / 1000
+        writer.write_segment(
+            [ChannelObject("rig", "force", force), ChannelObject("rig", "t", clock)]
+        )
+    whole = path.read_bytes()
+    count = (50).to_bytes(8, "little")
+    assert whole.count(count) == 2
+    path.write_bytes(whole.replace(count, (2**40).to_bytes(8, "little"), 1))
+    found = info(path)
+    assert str(found.health) != "good"
+    assert any("its counts are damaged" in note for note in found.notes)

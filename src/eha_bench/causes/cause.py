@@ -6,15 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.candidates import Start, effect_starts
 from eha_bench.plants.effect import AT, EVERYWHERE, BoundEffect
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.model import Model
-
-FloatArray = NDArray[np.float64]
 
 NOT_FOLLOWED = frozenset({"learned", "viscosity_temperature"})
 """A learned curve names nothing; what oil temperature does is taken out as a known influence."""

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 
 from eha_bench.causes.cause import Cause
 from eha_bench.causes.evidence import Evidence
-
-FloatArray = NDArray[np.float64]
+from eha_bench.core.arrays import FloatArray
 
 _OF_OIL: Final = 0.03
 """Standard deviation of what a kelvin does to a parameter beforehand, as a share of it."""

@@ -21,17 +21,15 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.causes.cause import Cause
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.finite import finite_or_none
 from eha_bench.diagnosis.data.dataset import Dataset, Run
 from eha_bench.diagnosis.fit.baseline import COARSE, gather
 from eha_bench.diagnosis.fit.least_squares import free_parameters, jacobian, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
-
-FloatArray = NDArray[np.float64]
 
 _SHOWS: Final = 30.0
 """Least change of the residual by a cause's difference, in standard deviations of the noise."""

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eha_bench.causes.cause import Cause
 from eha_bench.causes.estimates import Estimates, estimates
@@ -27,6 +26,7 @@ from eha_bench.causes.wearing import (
     course_of,
     healthy_nights,
 )
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.fit.baseline import calibrated
@@ -38,7 +38,6 @@ from eha_bench.trends.index import Night
 from eha_bench.trends.trend import State, Trend
 from eha_bench.trends.wear import MATTERS, Causes, CauseTrend, Number, Wear
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 CALIBRATED_ON: Final = 3

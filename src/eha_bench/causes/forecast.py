@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.wear import Crossing, Number
-
-FloatArray = NDArray[np.float64]
 
 FEWEST: Final = 4
 """Nights of a course that a line is drawn through."""

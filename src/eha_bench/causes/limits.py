@@ -14,10 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from eha_bench.causes.cause import Cause
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.diagnosis.outcome.revise import revised
@@ -25,8 +23,6 @@ from eha_bench.plants.model import Model
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.evaluation import evaluated, score_key
 from eha_bench.trends.wear import Crossing
-
-FloatArray = NDArray[np.float64]
 
 _DOUBLINGS: Final = 12
 _ROUNDS: Final = 7

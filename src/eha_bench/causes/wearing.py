@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from eha_bench.causes.cause import Cause
 from eha_bench.causes.estimates import Estimates
+from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.changes import FEWEST
 from eha_bench.trends.trend import Judged, State, judge
-
-FloatArray = NDArray[np.float64]
 
 _SHARED: Final = 4
 """Causes are judged on every one of many nights: the error rate of one look is so many smaller."""

@@ -7,15 +7,13 @@ from typing import Final
 
 import numpy as np
 from markupsafe import Markup, escape
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.report.causes_text import unit_of_cause
 from eha_bench.report.engineering import DisplayUnit, metric_name
 from eha_bench.report.run_report import moment
 from eha_bench.report.trend_plot import HEIGHT, WIDTH, axes
 from eha_bench.trends.wear import CauseTrend, Wear
-
-FloatArray = NDArray[np.float64]
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62, 12, 22, 34  # as in a trend of a metric
 _HALF_WIDTH: Final = 1.959963984540054

@@ -8,12 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.finite import finite_or_none
 from eha_bench.trends.index import Night
-
-FloatArray = NDArray[np.float64]
 
 MATTERS: Final = 0.1
 """Part of the way from the healthy machine to the first limit that is worth an alarm."""

@@ -57,6 +57,15 @@ class TdmsSource(GroupedTable):
         if status.incomplete_final_segment:
             self._torn = True
             self._notes.append("its last segment was not finished; what of it is whole was read")
+            return
+        for path, item in (status.channel_statuses or {}).items():
+            if item.expected_length != item.read_length:
+                self._torn = True
+                self._notes.append(
+                    f"its last segment declares {item.expected_length} samples of {path[:80]} and "
+                    f"holds {item.read_length}: its counts are damaged, and values may be another "
+                    "channel's"
+                )
 
     def _keep(self, group: str, channel: Any, clocks: dict[tuple[Any, ...], str]) -> None:
         dtype = channel.dtype
