@@ -30,13 +30,14 @@ _WORDS = {
     "voltage": ("voltage", "volts", "u"),
     "reference": ("reference", "setpoint", "set point", "target", "desired"),
 }
+_ALIASES = frozenset(alias for aliases in _WORDS.values() for alias in aliases)
 _UNIT_AT_END = re.compile(
     r"[_\s]+(bar|mbar|psi|pa|kpa|mpa|mm|cm|m|um|rad|deg|rpm|a|ma|v|mv|n|kn|s|ms|us|ns|degc|c|k)$",
     re.I,
 )
 _SPELT = {
-    "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "ma": "mA", "v": "V", "mv": "mV", "n": "N", "kn": "kN",
-    "degc": "degC",
+    "a": "A", "c": "degC", "k": "K", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "ma": "mA", "v": "V",
+    "mv": "mV", "n": "N", "kn": "kN", "degc": "degC",
 }  # fmt: skip
 _TIMES = ("time", "timestamp", "t", "stamp", "zeit", "seconds", "sec")
 _LIKE = 0.75
@@ -125,10 +126,11 @@ def _guess(title: str, value: ValueInformation, place: str) -> Guess:
     name, unit = named_unit(title)
     unit = value.unit or unit or ""
     at_end = _UNIT_AT_END.search(name)
-    if at_end is not None and not unit:
+    # `p_a` is a pressure, not a p in amperes
+    if at_end is not None and not unit and _words(name) not in _ALIASES:
         word = at_end[1].lower()
         unit, name = _SPELT.get(word, word), name[: at_end.start()]
-    words = re.sub(r"[^a-z0-9]+", " ", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower()).strip()
+    words = _words(name)
     best, likeness = "", 0.0
     for channel, aliases in _WORDS.items():
         if unit and not _fits(unit, channel):
@@ -143,6 +145,12 @@ def _guess(title: str, value: ValueInformation, place: str) -> Guess:
         return Guess(_unique(place, set()), place, unit, "", 0.0)
     reason = f"'{title}' is like {best}" + (f", and {unit} fits" if unit else "")
     return Guess(best, place, unit, reason.replace("\n", " "), likeness)
+
+
+def _words(name: str) -> str:
+    """Return a name as words in small letters: `motorSpeed_2` is `motor speed 2`."""
+    apart = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
+    return re.sub(r"[^a-z0-9]+", " ", apart.lower()).strip()
 
 
 def _like(words: str, alias: str) -> float:
@@ -185,9 +193,9 @@ def _clocks(found: RecordingInformation) -> list[tuple[str, str]]:
             stem = name[: at_end.start()] if at_end else name
             if stem.rpartition("/")[2].lower() in _TIMES and not value.nan_share > 0:
                 written = value.unit or unit or (at_end[1].lower() if at_end else "")
-                clocks.append(
-                    (value.name, written if written in ("s", "ms", "us", "ns", "min") else "")
-                )
+                # `T_c` is a temperature
+                if not written or (_is_unit(written) and base_unit(written) == "s"):
+                    clocks.append((value.name, written))
     return sorted(clocks, key=lambda clock: not clock[0].lower().startswith("time"))
 
 
