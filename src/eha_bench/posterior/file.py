@@ -113,7 +113,9 @@ def _of_diagnosis(
         names = ", ".join(item.id for item in found)
         notes.append(f"draws alternate between models that the data do not distinguish: {names}")
     if content.get("verdict") == "unknown":
-        notes.append("the diagnosis left an unexplained part, which draws hold only as covariance")
+        notes.append(
+            "the diagnosis left an unexplained part, which draws hold as a slow error of channels"
+        )
     return found, notes
 
 

@@ -74,13 +74,14 @@ def roles_of_channels(plant: NetworkPlant) -> ChannelRoles:
         and not any(out.state == item.position for out in system.outputs)
     }
     shown = {of for of, _ in plant.network.channels.values()}
-    bent = [
-        positions[item.name]
+    read = {output.state for output in system.outputs}
+    joined = [
+        system.leader_of(node)
         for part in system.parts.values()
         if part.element.kind.id == "load_cell" and part.name not in shown
         for node in part.element.ports.values()
-        if not any(out.state == (item := system.leader_of(node)).position for out in system.outputs)
     ]
+    bent = [positions[item.name] for item in joined if item.position not in read]
     return ChannelRoles(
         rates=tuple(rates.values()),
         rate_of={positions[name]: rates[name] for name in positions},
