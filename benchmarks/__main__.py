@@ -32,6 +32,7 @@ FULL: dict[str, list[str]] = {
     "tuning": [],
     "tuned_rigs": ["--cases", "4"],
     "blind": ["--cases", "40"],
+    "league": [],
     "next_experiment": ["--cases", "4"],
     "lives": ["--lives", "7", "--healthy", "2"],
     "rig_safety": ["--faults", "--kills", "30", "--signals", "5", "--disk", "--minutes", "10"],
@@ -51,6 +52,8 @@ QUICK: dict[str, list[str]] = {
     "tuning": ["--candidates", "24", "--draws", "40", "--suites", "1"],
     "tuned_rigs": ["--quick"],
     "blind": ["--cases", "1"],
+    # of the product itself, `blind` tells that it runs
+    "league": ["--quick", "--entrant", "sindy", "evolution", "declared"],
     "next_experiment": ["--quick"],
     "lives": ["--lives", "0", "--healthy", "1", "--nights", "12"],
     "rig_safety": ["--kills", "1", "--disk"],

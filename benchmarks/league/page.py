@@ -1,0 +1,64 @@
+"""The league's tables as Markdown, put into a page between two marks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+MARKS = ("<!-- tables by benchmarks.league -->", "<!-- end of the tables -->")
+SHOWN = 12
+"""Confusions of an entrant that are shown, the most frequent first."""
+
+
+def tables(results: Mapping[str, Any]) -> str:
+    """Return rates of all entrants side by side, and the confusions of each."""
+    entrants = results["entrants"]
+    names = list(entrants)
+    lines = [
+        f"| {results['cases']} cases, seed {results['seed']} | {' | '.join(names)} |",
+        f"|---|{'---|' * len(names)}",
+    ]
+    rows = next(iter(entrants.values()))["rates"]
+    for row in rows:
+        if rows[row]["n"]:
+            cells = (_rate(entrants[name]["rates"][row]) for name in names)
+            lines.append(f"| {row} | {' | '.join(cells)} |")
+    for row, key in (("median", "error"), ("worst", "error")):
+        cells = (_number(entrants[name][key][row]) for name in names)
+        lines.append(f"| error of predictions, {row}, noise floors | {' | '.join(cells)} |")
+    cells = (_number(entrants[name]["seconds"]["median"]) for name in names)
+    lines.append(f"| seconds a case, median | {' | '.join(cells)} |")
+    lines += ["", "| entrant | what was hidden | what was said | times |", "|---|---|---|---|"]
+    for name in names:
+        for item in entrants[name]["confusions"][:SHOWN]:
+            lines.append(f"| {name} | {item['truth']} | {item['said']} | {item['count']} |")
+    return "\n".join(lines)
+
+
+def _rate(item: Mapping[str, float]) -> str:
+    if not item["n"]:
+        return "–"
+    low, high = 100 * item["low"], 100 * item["high"]
+    return f"{round(item['rate'] * item['n'])} of {item['n']} ({low:.0f}–{high:.0f} %)"
+
+
+def _number(value: float | None) -> str:
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{value:.3g}"
+
+
+def write_page(results: Mapping[str, Any], page: Path) -> None:
+    """Put the tables into a page, between its marks.
+
+    Raises:
+        SystemExit: the page has none.
+    """
+    before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
+    _, mark, after = rest.partition(MARKS[1])
+    if not mark:
+        raise SystemExit(f"{page} has no lines '{MARKS[0]}' and '{MARKS[1]}' to write between")
+    text = f"{before}{MARKS[0]}\n\n{tables(results)}\n\n{MARKS[1]}{after}"
+    page.write_text(text, encoding="utf-8")
