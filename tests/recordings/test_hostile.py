@@ -277,3 +277,49 @@ def test_a_parquet_file_of_nothing_takes_no_memory(tmp_path: Path) -> None:
     table = {"sample_rate": "1 kHz", "channels": {"force": {"column": "time", "unit": "N"}}}
     with pytest.raises(RecordingError, match="240 MB of memory"):
         recordings.read(path, channels=table)
+
+
+def test_a_few_bytes_of_parquet_become_no_gigabytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Texts and lists of which the file's dictionary holds one; many columns of one value."""
+    import numpy as np
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows = 1000
+    time = pa.array(np.arange(rows) / 1000.0)
+    text = pa.array(["x" * 1_000_000] * 2).dictionary_encode().dictionary
+    texts = pa.DictionaryArray.from_arrays(pa.array([0] * rows, pa.int32()), text)
+    offsets = pa.array(np.arange(rows + 1, dtype=np.int32) * 20_000)
+    lists = pa.ListArray.from_arrays(offsets, pa.array(np.zeros(rows * 20_000)))
+    table = pa.table({"time": time, "text": texts, "list": lists})
+    path = tmp_path / "few.parquet"
+    pq.write_table(table, path, compression="zstd", store_schema=False)
+    assert path.stat().st_size < 20_000
+
+    def force(column: str) -> Any:
+        clock = {"column": "time", "unit": "s"}
+        return {"time": clock, "channels": {"force": {"column": column, "unit": "N"}}}
+
+    def never(*_: Any, **__: Any) -> None:
+        raise AssertionError("it was read")
+
+    monkeypatch.setattr(pq.ParquetFile, "read", never)
+    for column, said in (
+        ("text", "does not hold numbers"),
+        ("list[3]", "160 MB of memory"),
+        ("list", "does not hold numbers"),
+        ("list.x", "holds no such elements"),
+        ("time[0]", "holds no such elements"),
+    ):
+        with pytest.raises(RecordingError, match=said):
+            recordings.read(path, channels=force(column))
+    monkeypatch.undo()
+    assert [topic.name for topic in info(path).topics] == ["time", "text", "list"]
+    constant = pa.array(np.ones(1_000_000))
+    many = tmp_path / "many.parquet"
+    pq.write_table(pa.table({f"c{k}": constant for k in range(40)}), many, compression="zstd")
+    channels = {f"c{k}": {"column": f"c{k}", "unit": "N"} for k in range(40)}
+    with pytest.raises(RecordingError, match="its columns would take"):
+        recordings.read(many, channels={"sample_rate": "1 kHz", "channels": channels})

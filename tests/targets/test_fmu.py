@@ -1,7 +1,11 @@
 """Trials on FMUs of FMI 2 and 3: known answers, maps that are wrong, FMUs that fail."""
 
 import json
+import os
 import re
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -241,6 +245,32 @@ def test_ctrl_c_does_not_wait_for_an_fmu_that_does_not_come_back(
     assert time.monotonic() - begun < 30.0  # it would sleep for 60 s
     assert outcome.ending is Ending.INTERRUPTED
     assert len(outcome.recording) >= 9
+
+
+KILLED = """
+import os, signal, sys
+from eha_bench.suites import load_suite
+from eha_bench.targets.resolve import open_target
+trial = load_suite(sys.argv[1]).trials[0]
+def kill(asked=[]):
+    asked.append(None)
+    if len(asked) > 10:
+        os.kill(os.getpid(), signal.SIGKILL)
+open_target(sys.argv[2]).run(trial, 0, kill)
+"""
+
+
+def test_a_killed_bench_leaves_no_unpacked_fmu(folder: Path, version: int, tmp_path: Path) -> None:
+    target = written(folder, version)
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, str(folder / "suite.yaml"), str(target)],
+        env={**os.environ, "TMPDIR": str(tmp_path)}, check=False,
+    )  # fmt: skip
+    assert done.returncode == -signal.SIGKILL
+    until = time.monotonic() + 20.0
+    while list(tmp_path.glob("eha-bench-fmu-*")) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert list(tmp_path.glob("eha-bench-fmu-*")) == []
 
 
 @pytest.mark.parametrize(

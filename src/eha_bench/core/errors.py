@@ -7,9 +7,8 @@ way out. The command line prints it as it is and leaves with `exit_status`.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from types import TracebackType
-from typing import ClassVar, Self
+from typing import ClassVar, NamedTuple, Self
 
 BUG = 70
 """Exit status of a bug (EX_SOFTWARE of sysexits.h): no other status may pass for a verdict."""
@@ -17,8 +16,7 @@ BUG = 70
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]+")
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """Where in a user's input something is wrong; every field is optional."""
 
     file: str = ""

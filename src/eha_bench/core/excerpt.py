@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.signal import Edge, FromRecording, Lines, Signal, Sweep, Tone
@@ -31,7 +32,7 @@ class Excerpt(Signal):
 
         return self.whole(np.asarray(time, dtype=np.float64))
 
-    @property
+    @cached_property
     def edges(self) -> tuple[Edge, ...]:
         """Jumps before the end; the last level is held until the end of the trial."""
         cut = []
@@ -41,7 +42,7 @@ class Excerpt(Signal):
                 cut.append(replace(edge, until=self.length) if held else edge)
         return tuple(cut)
 
-    @property
+    @cached_property
     def tones(self) -> tuple[Tone, ...]:
         """Stretches of one sine, as far as they lie within the trial."""
         return tuple(
@@ -50,7 +51,7 @@ class Excerpt(Signal):
             if tone.start < self.length
         )
 
-    @property
+    @cached_property
     def lines(self) -> tuple[Lines, ...]:
         """Periodic multisines, as far as they lie within the trial."""
         return tuple(
@@ -59,7 +60,7 @@ class Excerpt(Signal):
             if lines.start < self.length
         )
 
-    @property
+    @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
         """Chirps that end within the trial; a chirp cut short ends at the frequency reached."""
         return tuple(

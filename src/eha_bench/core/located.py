@@ -6,11 +6,12 @@ with it must be told with the line that the user has to change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
 
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.fast_yaml import Lines
 from eha_bench.core.yaml_file import plain
 
 Key: TypeAlias = int | str
@@ -25,13 +26,13 @@ class Located:
         value: the content.
         written: keys that lead to a value -> where it was written; of all that this is a part of.
         inside: keys that lead to this part.
-        here: where this part stands, if `written` does not say it.
+        holder: what should hold this part, if `written` does not say where it stands.
     """
 
     value: Any
     written: Mapping[Keys, Place] = field(default_factory=dict)
     inside: Keys = ()
-    here: Place | None = None
+    holder: Located | None = None
 
     @staticmethod
     def of(content: Any, file: str) -> Located:
@@ -54,7 +55,7 @@ class Located:
         known = self.inside
         value = self.value
         absent = ""
-        found = self.written.get(known) or self.here or Place()
+        found = self.written.get(known) or self._held()
         for key in keys:
             deeper = self.written.get((*known, key))
             if deeper is not None:
@@ -69,14 +70,18 @@ class Located:
         key = f"{found.key}.{absent}" if found.key else absent
         return Place(found.file, found.line, key, found.topic, found.time)
 
+    def _held(self) -> Place:
+        """Return where this part would stand in what should hold it."""
+        holder = self.holder
+        return Place() if holder is None else holder.place(self.inside[len(holder.inside) :])
+
     def at(self, *keys: Key) -> Located:
         """Return the part that `keys` lead to; None in place of what is not there."""
         value = self.value
         for key in keys:
             value = _item(value, key)
         inside = (*self.inside, *keys)
-        here = None if inside in self.written else self.place(keys)
-        return Located(value, self.written, inside, here)
+        return Located(value, self.written, inside, None if inside in self.written else self)
 
     def each(self) -> list[Located]:
         """Return the items of a list; all places are gone through once, however many there are."""
@@ -95,6 +100,8 @@ class Located:
 
     def without(self, *keys: str) -> Located:
         """Return a mapping without some of its keys."""
+        if not any(key in self.value for key in keys):
+            return self
         value = {key: item for key, item in self.value.items() if key not in keys}
         places = {path: at for path, at in self.places.items() if not path or path[0] not in keys}
         return Located(value, places)
@@ -136,20 +143,9 @@ class Located:
             places |= {(key, *path): at for path, at in merged.places.items()}
         return Located(value, places)
 
-    def mapped(self, change: Callable[[str, Place], Any], mark: str) -> Located:
-        """Return the content with every text that holds `mark` replaced by change(text, place)."""
-        return replace(self, value=self._mapped(self.value, (), change, mark))
-
-    def _mapped(
-        self, value: Any, keys: Keys, change: Callable[[str, Place], Any], mark: str
-    ) -> Any:
-        if isinstance(value, dict):
-            return {k: self._mapped(item, (*keys, k), change, mark) for k, item in value.items()}
-        if isinstance(value, list):
-            return [self._mapped(item, (*keys, i), change, mark) for i, item in enumerate(value)]
-        if isinstance(value, str) and mark in value:
-            return change(value, self.place(keys))
-        return value
+    def holding(self, mark: str) -> Marked:
+        """Return where the texts stand that hold `mark`."""
+        return Marked(self, _holding(self.value, mark))
 
     def mapping(self, what: str) -> Located:
         """Return itself, an empty mapping in place of nothing.
@@ -158,7 +154,7 @@ class Located:
             InputError: it is something else than a mapping; `what` says what it should hold.
         """
         if self.value is None:
-            return replace(self, value={})
+            return Located({}, self.written, self.inside, self.holder)
         if not isinstance(self.value, dict):
             raise self.error(f"expected {what}", hint="write it as 'key: value' lines")
         return self
@@ -168,27 +164,66 @@ class Located:
         return InputError(what, where=self.place(), hint=hint)
 
 
+@dataclass(frozen=True)
+class Marked:
+    """Content with some texts to be replaced, once or many times.
+
+    Attributes:
+        content: as it was written.
+        texts: keys -> texts within; True for a text itself, nothing where there is none.
+    """
+
+    content: Located
+    texts: _Texts
+
+    def mapped(self, change: Callable[[str, Place], Any]) -> Located:
+        """Return the content with every such text replaced by change(text, place)."""
+        whole = self.content
+        value = self._mapped(whole.value, (), self.texts, change) if self.texts else whole.value
+        return Located(value, whole.written, whole.inside, whole.holder)
+
+    def _mapped(
+        self, value: Any, keys: Keys, texts: _Texts, change: Callable[[str, Place], Any]
+    ) -> Any:
+        if texts is True:
+            return change(value, self.content.place(keys))
+        copied = value.copy()
+        for key, within in texts.items():
+            copied[key] = self._mapped(value[key], (*keys, key), within, change)
+        return copied
+
+
+_Texts: TypeAlias = "Mapping[Key, _Texts] | Literal[True]"
+
+
+def _holding(value: Any, mark: str) -> _Texts:
+    """Return the keys that lead to the texts that hold `mark`."""
+    if isinstance(value, str):
+        return True if mark in value else {}
+    if not isinstance(value, (dict, list)):
+        return {}
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    return {key: found for key, item in items if (found := _holding(item, mark))}
+
+
 def _walk(content: Any, file: str, keys: Keys, places: dict[Keys, Place]) -> Any:
+    """Return the content as plain values; note in `places` where each was written."""
     if not isinstance(content, (dict, list)):
         return plain(content)
-    position = getattr(content, "lc", None)
     here = places[keys]
-    line, before = here.line, f"{here.key}." if here.key else ""
-
-    def enter(key: Key, item: Any, found: int) -> Any:
+    before = f"{here.key}." if here.key else ""
+    line_of = _lines(content, here.line)
+    values: dict[Key, Any] = {}
+    mapping = isinstance(content, dict)
+    items: Iterable[tuple[Any, Any]] = (
+        content.items() if isinstance(content, dict) else enumerate(content)
+    )
+    for raw, item in items:
+        key = str(raw) if mapping else raw
         path = (*keys, key)
-        places[path] = Place(file, found, f"{before}{key}")
-        return _walk(item, file, path, places)
-
-    if isinstance(content, dict):
-        return {
-            str(key): enter(str(key), item, _line(position, "key", key, line))
-            for key, item in content.items()
-        }
-    return [
-        enter(index, item, _line(position, "item", index, line))
-        for index, item in enumerate(content)
-    ]
+        places[path] = Place(file, line_of(raw), f"{before}{key}")
+        values[key] = _walk(item, file, path, places)
+    return values if mapping else list(values.values())
 
 
 def _item(value: Any, key: Key) -> Any:
@@ -198,8 +233,18 @@ def _item(value: Any, key: Key) -> Any:
         return None
 
 
-def _line(position: Any, method: str, key: Any, otherwise: int) -> int:
-    try:
-        return int(getattr(position, method)(key)[0]) + 1
-    except (AttributeError, KeyError, TypeError, IndexError):
-        return otherwise  # a key that came in through an anchor has no line of its own
+def _lines(content: Any, otherwise: int) -> Callable[[Any], int]:
+    """Return what tells the line of a key or item; it may have come in through an anchor."""
+    position = getattr(content, "lc", None)
+    if isinstance(position, Lines):
+        known = position.of
+        return lambda key: known.get(key, otherwise - 1) + 1
+    tell = getattr(position, "key" if isinstance(content, dict) else "item", None)
+
+    def line(key: Any) -> int:
+        try:
+            return int(tell(key)[0]) + 1 if tell is not None else otherwise
+        except (AttributeError, KeyError, TypeError, IndexError):
+            return otherwise
+
+    return line

@@ -78,7 +78,7 @@ class Recording:
                 raise RecordingError("time holds a value that is not finite", where=where)
             index = int(np.argmin(increases))
             raise RecordingError(
-                "time does not increase", where=replace(where, time=float(time[index]))
+                "time does not increase", where=where._replace(time=float(time[index]))
             )
         values = {name: _frozen(array) for name, array in self.values.items()}
         for name, array in values.items():

@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import logging
 import shutil
-import tempfile
 import threading
 import time
-import weakref
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,6 +15,7 @@ from typing import Final, Self
 
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError
+from eha_bench.core.temporary_folder import TemporaryFolder
 from eha_bench.report.history_markdown import history_markdown
 from eha_bench.report.trend_site import write_site
 from eha_bench.server.runs_on import Seen, look
@@ -60,13 +59,12 @@ class Watch:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._state = State()
-        self._own = Path(tempfile.mkdtemp(prefix="eha-bench-serve-"))
-        self._tidy = weakref.finalize(self, shutil.rmtree, self._own, ignore_errors=True)
+        self._own = TemporaryFolder("eha-bench-serve-")
         self._stop = threading.Event()
         self._done: tuple[tuple[str, int, int], ...] | None = None
         self._made = 0
         with suppress(OSError):
-            shutil.copyfile(folder / SITE / _INDEX, self._own / _INDEX)
+            shutil.copyfile(folder / SITE / _INDEX, self._own.path / _INDEX)
         self._thread: threading.Thread | None = None
 
     @property
@@ -90,7 +88,7 @@ class Watch:
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
-        self._tidy()
+        self._own.remove()
 
     def _go_on(self) -> None:
         while not self._stop.is_set():
@@ -119,7 +117,7 @@ class Watch:
             shutil.rmtree(last.site, ignore_errors=True)
 
     def _worked_out(self) -> tuple[History, Path]:
-        file = self._own / _INDEX
+        file = self._own.path / _INDEX
         try:
             index = update(file, self._folder)
         except EhaBenchError:  # what was left behind is no index of this version
@@ -128,7 +126,7 @@ class Watch:
         history = history_of(index, self._folder.resolve().name)
         history = replace(history, causes=_left_behind(self._folder, history))
         self._made += 1
-        site = self._own / f"site-{self._made}"
+        site = self._own.path / f"site-{self._made}"
         site.mkdir()
         history.write(site / "history.json")
         write_text(site / "history.md", history_markdown(history))

@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Mistakes, UnitError
@@ -22,7 +22,7 @@ from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode, Setup, Trial, mode_named
 from eha_bench.core.uncollected import uncollected
 from eha_bench.core.units import base_unit, parse, unit_in
-from eha_bench.core.yaml_file import StrictModel, file_of, read_text, validate
+from eha_bench.core.yaml_file import file_of, read_text, validate
 from eha_bench.core.yaml_file import parse as parse_yaml
 from eha_bench.suites.acceptance.baseline import Baseline
 from eha_bench.suites.acceptance.limits import Judgement, judgement, safety_limits
@@ -41,8 +41,6 @@ MOST_TICKS = 100_000_000
 
 _MERGED = ("setup", "accept", "safety", "matters")
 _APART = ("id", "signal", "accept", "scores", "safety", "matters")
-
-M = TypeVar("M", bound=StrictModel)
 
 
 def load_suite(suite: str | Path | Mapping[str, Any]) -> Suite:
@@ -142,7 +140,8 @@ def _trial(
     mode: ControlMode | None = None
     signal: SignalModel | None = None
     with mistakes:
-        run = _validated(RunKeys, content.without(*_APART), path)
+        keys = {key: item for key, item in content.value.items() if key not in _APART}
+        run = validate(RunKeys, keys, str(path), places=content.place)
     with mistakes:
         mode = _mode(content)
     if mode is None:
@@ -202,11 +201,10 @@ def _trial(
         margins=matters,
         description=run.description.strip(),
         own_metrics=needed(own, _asked(judged)),
+        levels=asked_levels(mode.channel, initial, signal, content),
     )
     with mistakes:
         _check_sampling(trial, content)
-    levels = asked_levels(trial, signal, content.at("signal"), content.at("setup"))
-    trial = replace(trial, levels=levels)
     with mistakes:
         if trial.channel in ANYWHERE:
             check_reach(trial, ANYWHERE[trial.channel], "the angle between two links is from")
@@ -257,10 +255,6 @@ def _initial(
         if name not in CHANNELS and unit_in(value):
             units[name] = unit
     return values, units
-
-
-def _validated(model: type[M], content: Located, path: Path) -> M:
-    return validate(model, content.value, str(path), places=content.place)
 
 
 def _known_keys(content: Located, known: list[str], mistakes: Mistakes) -> Located:

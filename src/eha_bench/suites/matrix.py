@@ -48,9 +48,10 @@ def expand(trial: Located) -> Iterator[tuple[object, Located]]:
         raise matrix.error(f"{count} trials are more than {MOST_TRIALS}")
     body = trial.without("matrix")
     pattern = body.value.get("id")
+    marked = body.holding("${")
     for combination in product(*parameters):
         values = {name: value for case in combination for name, value in case.values.items()}
-        expanded = body.mapped(partial(replaced, values=values), "${")
+        expanded = marked.mapped(partial(replaced, values=values))
         yield _identifier(pattern, combination, body.place(("id",))), expanded
 
 

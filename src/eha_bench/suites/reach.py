@@ -21,13 +21,21 @@ _SLACK: Final = 1e-9
 
 
 def asked_levels(
-    trial: Trial, signal: SignalModel, wave: Located, setup: Located
+    channel: str, initial: Mapping[str, float], signal: SignalModel, trial: Located
 ) -> tuple[AskedLevel, ...]:
-    """Return the levels that a trial names, each with the key it was written under."""
+    """Return the levels that a trial names, each with the key it was written under.
+
+    Args:
+        channel: what the trial controls.
+        initial: start values by channel, SI.
+        signal: of the trial, as it was written.
+        trial: the trial as it was written.
+    """
+    wave = trial.at("signal")
     found: list[AskedLevel] = []
-    start = trial.setup.initial.get(trial.channel)
+    start = initial.get(channel)
     if start is not None:
-        found.append(AskedLevel(start, start, setup.place(("initial", trial.channel))))
+        found.append(AskedLevel(start, start, trial.place(("setup", "initial", channel))))
     for key in (key for key in _PLAIN if key in type(signal).model_fields):
         for place, value in _numbers(getattr(signal, key)):
             found.append(AskedLevel(value, value, wave.place((key, *place))))

@@ -37,13 +37,6 @@ class _Bounds(StrictModel):
     low: float | None = Field(allow_inf_nan=False)
     high: float | None = Field(allow_inf_nan=False)
 
-    @staticmethod
-    def of(bounds: Bounds) -> _Bounds:
-        def finite(value: float) -> float | None:
-            return value if math.isfinite(value) else None
-
-        return _Bounds(low=finite(bounds.low), high=finite(bounds.high))
-
     def bounds(self) -> Bounds:
         low = -math.inf if self.low is None else self.low
         return Bounds(low, math.inf if self.high is None else self.high)
@@ -79,16 +72,6 @@ class _OwnMetric(StrictModel):
     unit: str = ""
     description: str = ""
     span: _Bounds
-
-    @staticmethod
-    def of(metric: OwnMetric) -> _OwnMetric:
-        return _OwnMetric(
-            id=metric.id,
-            expression=metric.formula.text,
-            unit=metric.unit,
-            description=metric.description,
-            span=_Bounds.of(Bounds(metric.start, metric.stop)),
-        )
 
     def metric(self, name: str) -> OwnMetric:
         from eha_bench.core.formula import Formula
@@ -131,65 +114,76 @@ class TrialSource(StrictModel):
     metrics: tuple[_OwnMetric, ...] = ()
 
 
+def _written_bounds(bounds: Bounds) -> dict[str, float | None]:
+    return {
+        side: value if math.isfinite(value) else None
+        for side, value in (("low", bounds.low), ("high", bounds.high))
+    }
+
+
+def _written_metric(metric: OwnMetric) -> dict[str, Any]:
+    return {
+        "id": metric.id,
+        "expression": metric.formula.text,
+        "unit": metric.unit,
+        "description": metric.description,
+        "span": _written_bounds(Bounds(metric.start, metric.stop)),
+    }
+
+
 def source_of(trial: Trial, signal: SignalModel) -> str:
     """Return `trial` as JSON; `signal` is its signal as the suite wrote it."""
-    source = TrialSource(
-        id=trial.id,
-        description=trial.description,
-        mode=trial.mode.name,
-        unit=trial.mode.declared,
-        signal=signal.model_dump(mode="json", by_alias=True),
-        setup=_Setup(
-            piston=trial.setup.piston,
-            bypass=trial.setup.bypass,
-            initial=dict(trial.setup.initial),
-            units=dict(trial.setup.units),
-        ),
-        duration=trial.duration,
-        settle=trial.settle,
-        sample_rate=trial.sample_rate,
-        repeats=trial.repeats,
-        seed=trial.seed,
-        scores=trial.scores,
-        limits=tuple(
-            _Limit(
-                metric=limit.metric,
-                channel=limit.channel,
-                bounds=_Bounds.of(limit.bounds),
-                text=limit.text,
-                unit=limit.unit,
-                warn=None if limit.warn is None else _Bounds.of(limit.warn),
-                confident=limit.confident,
-                repeats=limit.repeats,
-            )
+    content: dict[str, Any] = {
+        "version": VERSION,
+        "id": trial.id,
+        "description": trial.description,
+        "mode": trial.mode.name,
+    }
+    if trial.mode.declared is not None:  # said only of channels that eha_bench does not know
+        content["unit"] = trial.mode.declared
+    content |= {
+        "signal": signal.model_dump(mode="json", by_alias=True),
+        "setup": {
+            "piston": trial.setup.piston.value,
+            "bypass": trial.setup.bypass.value,
+            "initial": dict(trial.setup.initial),
+            **({"units": dict(trial.setup.units)} if trial.setup.units else {}),
+        },
+        "duration": trial.duration,
+        "settle": trial.settle,
+        "sample_rate": trial.sample_rate,
+        "repeats": trial.repeats,
+        "seed": trial.seed,
+        "scores": trial.scores,
+        "limits": [
+            {
+                "metric": limit.metric,
+                "channel": limit.channel,
+                "bounds": _written_bounds(limit.bounds),
+                "text": limit.text,
+                "unit": limit.unit,
+                "warn": None if limit.warn is None else _written_bounds(limit.warn),
+                "confident": limit.confident,
+                "repeats": limit.repeats.value,
+            }
             for limit in trial.limits
-        ),
-        safety=tuple(
-            _Safety(
-                channel=limit.channel,
-                bounds=_Bounds.of(limit.bounds),
-                text=limit.text,
-                unit=limit.unit,
-            )
+        ],
+        "safety": [
+            {
+                "channel": limit.channel,
+                "bounds": _written_bounds(limit.bounds),
+                "text": limit.text,
+                **({"unit": limit.unit} if limit.unit else {}),
+            }
             for limit in trial.safety
-        ),
-        matters={
-            metric: _Margin(absolute=margin.absolute, share=margin.share, text=margin.text)
+        ],
+        "matters": {
+            metric: {"absolute": margin.absolute, "share": margin.share, "text": margin.text}
             for metric, margin in trial.margins.items()
         },
-        metrics=tuple(_OwnMetric.of(metric) for metric in trial.own_metrics),
-    )
-    content = source.model_dump(mode="json")
-    if source.unit is None:  # said only of channels that eha_bench does not know
-        del content["unit"]
-    if not source.metrics:
-        del content["metrics"]
-    if not source.setup.units:
-        del content["setup"]["units"]
-    content["safety"] = [
-        {key: value for key, value in limit.items() if key != "unit" or value}
-        for limit in content["safety"]
-    ]
+    }
+    if trial.own_metrics:
+        content["metrics"] = [_written_metric(metric) for metric in trial.own_metrics]
     return json.dumps(content, ensure_ascii=False, allow_nan=False)
 
 

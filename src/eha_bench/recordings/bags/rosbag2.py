@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-import weakref
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
 from eha_bench.core.errors import InputError, Place, RecordingError
+from eha_bench.core.temporary_folder import TemporaryFolder
 from eha_bench.core.yaml_file import load
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.formats import open_file
@@ -32,6 +29,7 @@ class Rosbag2Source(Source):
         self._notes: list[str] = []
         self._torn = False
         self._unpacked: dict[str, str] = {}
+        self._folders: list[TemporaryFolder] = []
         described = self._describe() if path.is_dir() else {"relative_file_paths": [path.name]}
         self._folder = path if path.is_dir() else path.parent
         self._parts = [self._open(file) for file in self._files(described)]
@@ -174,16 +172,16 @@ class Rosbag2Source(Source):
             original = self._unpacked.get(error.where.file)
             if original is None:
                 raise
-            where = replace(error.where, file=original)
+            where = error.where._replace(file=original)
             raise RecordingError(error.what, where=where, hint=error.hint) from error
 
     def _unpack(self, file: Path) -> Path:
         """Decompress a file into a temporary folder that goes when the source goes."""
         import zstandard
 
-        folder = tempfile.mkdtemp(prefix="eha-bench-")
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        target = Path(folder) / file.stem
+        folder = TemporaryFolder("eha-bench-bag-")
+        self._folders.append(folder)
+        target = folder.path / file.stem
         written = 0
         allowed = budget()
         try:
@@ -198,7 +196,7 @@ class Rosbag2Source(Source):
             self._notes.append(f"{file.name}: its compression is torn; what could be had was read")
         except OSError as error:
             raise RecordingError(
-                f"it cannot be decompressed to {folder} ({error.strerror or error})",
+                f"it cannot be decompressed to {folder.path} ({error.strerror or error})",
                 where=Place(file=str(file)),
                 hint="make room there, or set TMPDIR",
             ) from error

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
-from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath
+from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, Step
+from eha_bench.recordings.naming import among
 from eha_bench.recordings.tables.table import TableSource
 
 DESCRIPTION: Final = b"eha_bench"
@@ -120,27 +122,95 @@ class ParquetSource(TableSource):
 
         where = Place(file=self.path, key=name)
         owner = name if name in self.names() else self._owner(name)
+        steps = FieldPath.parse(name).steps[1:] if owner != name else ()
+        stored = self._stored(owner, steps, where)
+        values, size = self._sizes(stored)
         # a run of equal values or of nothing takes a few bytes of the file, however long it is
-        budget().hold(_NUMBER * self._file.metadata.num_rows, f"'{name}'")
+        budget().hold(_NUMBER * values + size, f"'{name}'")
         try:
-            column = self._file.read(columns=[owner]).column(owner)
-            for step in FieldPath.parse(name).steps[1:] if owner != name else ():
+            column = self._file.read(columns=[stored]).column(owner)
+            for step in steps:
                 match step:
                     case Attribute(field):
                         column = pc.struct_field(column, field)
                     case Element(index):
                         column = pc.list_element(column, index)
-                    case _:
-                        raise RecordingError("a table's elements have no names", where=where)
             if pa.types.is_decimal(column.type):
                 column = column.cast(pa.float64())
             if pa.types.is_time(column.type):
                 column = column.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.duration("ns"))
-            values: NDArray[Any] = column.to_numpy()
+            found: NDArray[Any] = column.to_numpy()
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
             raise RecordingError(
                 f"cannot be read ({' '.join(str(error).split())[:200]})", where=where
             ) from error
-        if not values.size:
+        if not found.size:
             raise RecordingError("the table is empty", where=where, hint="record it again")
-        return values
+        return found
+
+    def _stored(self, owner: str, steps: Sequence[Step], where: Place) -> str:
+        """Return the path under which the file stores a field or element of a column.
+
+        Raises:
+            RecordingError: there is no such field, or what is stored there is no number and no
+                time: such values are not even looked at, a text may be as long as memory.
+        """
+        import pyarrow as pa
+
+        kind = self._file.schema_arrow.field(owner).type
+        path, in_structs = owner, True
+        for step in steps:
+            match step:
+                case Attribute(field) if pa.types.is_struct(kind):
+                    place = kind.get_field_index(field)
+                    if place < 0:
+                        known = [kind.field(k).name for k in range(kind.num_fields)]
+                        raise RecordingError(
+                            f"there is no field '{field}'",
+                            where=where,
+                            hint=among(field, known, "fields"),
+                        )
+                    kind = kind.field(place).type
+                    path = f"{path}.{field}" if in_structs else path
+                case Element() if _is_list(kind):
+                    kind, in_structs = kind.value_type, False
+                case Attribute() | Element():
+                    raise RecordingError("the column holds no such elements", where=where)
+                case _:
+                    raise RecordingError("a table's elements have no names", where=where)
+        if pa.types.is_dictionary(kind):
+            kind = kind.value_type
+        if not (pa.types.is_primitive(kind) or pa.types.is_decimal(kind) or kind == pa.null()):
+            raise RecordingError("the column does not hold numbers", where=where)
+        return path
+
+    def _sizes(self, path: str) -> tuple[int, int]:
+        """Return how many values are stored under a path, and their bytes once decompressed."""
+        values, size = self._file.metadata.num_rows, 0
+        for stored, (count, taken) in self._stored_sizes.items():
+            if stored == path or stored.startswith(f"{path}."):
+                values, size = max(values, count), size + taken
+        return values, size
+
+    @cached_property
+    def _stored_sizes(self) -> dict[str, tuple[int, int]]:
+        """How many values and bytes each path of the file holds, over all row groups."""
+        sizes: dict[str, tuple[int, int]] = {}
+        for number in range(self._file.metadata.num_row_groups):
+            group = self._file.metadata.row_group(number)
+            for place in range(group.num_columns):
+                budget().tick()
+                part = group.column(place)
+                count, taken = sizes.get(part.path_in_schema, (0, 0))
+                sizes[part.path_in_schema] = (
+                    count + max(part.num_values, 0),
+                    taken + max(part.total_uncompressed_size, 0),
+                )
+        return sizes
+
+
+def _is_list(kind: Any) -> bool:
+    import pyarrow as pa
+
+    tests = (pa.types.is_list, pa.types.is_large_list, pa.types.is_fixed_size_list)
+    return any(test(kind) for test in tests)

@@ -12,10 +12,14 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.units import factor_and_offset
+from eha_bench.recordings.budget import budget
 from eha_bench.recordings.channel_map import ChannelMap, ChannelMapFile, TimeColumn
 from eha_bench.recordings.naming import among, shown
 from eha_bench.recordings.source import Source, Span, Topic, Wanted
 from eha_bench.recordings.track import Column, Stamps, Track
+
+_NUMBER = 8
+"""Bytes of a value."""
 
 
 class TableSource(Source):
@@ -131,8 +135,11 @@ class TableSource(Source):
     def _track(self, mapping: ChannelMap, group: str, columns: list[str]) -> Track:
         values: dict[str, Column] = {}
         kinds = {}
+        taken = 0
         for name in columns:
             raw = self._checked(name)
+            taken += _NUMBER * raw.size
+            budget().hold(taken, "its columns")
             kinds[name] = raw.dtype.str if raw.dtype.kind in "iuf" else ""
             values[name] = raw.astype(np.float64)
         sizes = {name: column.size for name, column in values.items()}

@@ -17,6 +17,8 @@ from typing import Any
 from eha_bench.core.errors import TargetFault
 from eha_bench.targets.fmu.description import Binary, Variable
 
+LEAVE = "leave"
+"""Asked of a process last; one that hears nothing more without it has lost its owner."""
 _PATIENCE = 5.0
 """Time for a process to leave by itself, s."""
 _GLANCE = 0.2
@@ -52,11 +54,14 @@ class Process:
         ours, theirs = socket.socketpair()
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "eha_bench.targets.fmu.worker", str(theirs.fileno())],
+            [
+                sys.executable, "-m", "eha_bench.targets.fmu.worker", str(theirs.fileno()),
+                str(folder),
+            ],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
             env=environment,
-        )
+        )  # fmt: skip
         theirs.close()
         self._connection: Connection[Any, Any] = Connection(ours.detach())
         try:
@@ -100,6 +105,8 @@ class Process:
 
     def close(self) -> None:
         """End the process."""
+        with contextlib.suppress(OSError):
+            self._connection.send((LEAVE, ()))
         self._connection.close()
         try:
             self._process.wait(_PATIENCE)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import shutil
-import tempfile
 import weakref
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +21,7 @@ from eha_bench.core.linkage import Linkage
 from eha_bench.core.near_miss import likely
 from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import shipped
+from eha_bench.core.temporary_folder import TemporaryFolder
 from eha_bench.core.trial import COMMANDS, Bypass, Piston, Setup, Trial
 from eha_bench.core.units import base_unit
 from eha_bench.plants.model import Model, model_from
@@ -349,20 +348,19 @@ class FmuTarget(Target):
         """Return the FMU's process; a new one where the last one crashed."""
         if self._process is None or not self._process.alive:
             self._process = Process(
-                self._description.binary, self._folder, self._file.answers_within, stopping
+                self._description.binary, self._folder.path, self._file.answers_within, stopping
             )
             weakref.finalize(self, self._process.close)
         self._process.stopping = stopping
         return self._process
 
     @cached_property
-    def _folder(self) -> Path:
+    def _folder(self) -> TemporaryFolder:
         import fmpy
 
-        folder = tempfile.mkdtemp(prefix="eha-bench-fmu-")
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        fmpy.extract(str(self._description.path), folder)
-        return Path(folder)
+        folder = TemporaryFolder("eha-bench-fmu-")
+        fmpy.extract(str(self._description.path), str(folder.path))
+        return folder
 
     def _session(self, library: Process, trial: Trial, clock: FloatArray) -> Session:
         library.start(float(clock[-1] - clock[0]), self._start_values(trial.setup, trial))

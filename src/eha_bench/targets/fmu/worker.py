@@ -1,7 +1,8 @@
 """The process that an FMU runs in, so that a crash of the FMU is a fault and not the end of us.
 
-`python -m eha_bench.targets.fmu.worker FD`: requests come over the socket FD as (name, arguments)
-of a `Library`, answers go back as (fault or None, value).
+`python -m eha_bench.targets.fmu.worker FD FOLDER`: requests come over the socket FD as (name,
+arguments) of a `Library`, answers go back as (fault or None, value). FOLDER is where the FMU was
+unpacked: it is removed here where whoever unpacked it was killed.
 """
 
 from __future__ import annotations
@@ -16,20 +17,24 @@ from pathlib import Path
 from typing import Any
 
 from eha_bench.core.errors import TargetFault
+from eha_bench.core.temporary_folder import remove_if_left
 from eha_bench.targets.fmu.instance import Library
+from eha_bench.targets.fmu.process import LEAVE
 
 _GLANCE = 1.0
 """How often it is looked whether anybody is still there, s."""
 
 
-def serve(connection: Connection[Any, Any]) -> None:
-    """Answer requests until the other end is closed."""
+def serve(connection: Connection[Any, Any]) -> bool:
+    """Answer requests until asked to leave, or until nobody can ask; return whether asked."""
     library: Library | None = None
     while True:
         try:
             name, arguments = connection.recv()
-        except EOFError:
-            return
+        except (EOFError, ConnectionError):
+            return False
+        if name == LEAVE:
+            return True
         try:
             if library is None:
                 library = Library(*arguments)
@@ -41,21 +46,33 @@ def serve(connection: Connection[Any, Any]) -> None:
             connection.send((str(fault), None))
 
 
-def _leave_with(parent: int) -> None:
+def _leave_with(parent: int, folder: Path) -> None:
     """End this process once the one that started it is gone: an FMU may never return."""
     while os.getppid() == parent:
         time.sleep(_GLANCE)
+    _tidy(folder)
     os._exit(1)
 
 
+def _tidy(folder: Path) -> None:
+    """Remove the unpacked FMU of an owner that was killed; it may take a moment to be gone."""
+    until = time.monotonic() + _GLANCE
+    while folder.exists() and time.monotonic() < until:
+        remove_if_left(folder)
+        time.sleep(0.01)
+
+
 def main() -> None:
-    """Serve on the socket whose number is the argument."""
+    """Serve on the socket whose number is the first argument."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started us stops us, safely
-    threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()
+    folder = Path(sys.argv[2])
+    threading.Thread(target=_leave_with, args=(os.getppid(), folder), daemon=True).start()
     os.dup2(2, 1)  # what an FMU prints is for people
     connection: Connection[Any, Any] = Connection(int(sys.argv[1]))
-    serve(connection)
+    asked = serve(connection)
     connection.close()
+    if not asked:
+        _tidy(folder)
     # not `sys.exit`: some FMUs' libraries crash where the interpreter tears itself down
     os._exit(0)
 
