@@ -36,7 +36,6 @@ COUNTS = (4, 6, 7, 8, 9, 10, 12, 14, 18, 24)
 KEPT = 0.01
 """Share of a balance's discrepancy that a cause must explain to be claimed."""
 
-ARGUMENTS = ("time", "angle", "command", "current", "speed", "p_a", "p_b", "position", "velocity")
 STATES = ("current", "motor_speed", "pressure_a", "pressure_b", "piston_velocity")
 """Balances that are regressed, each by its own state."""
 
@@ -45,7 +44,8 @@ STATES = ("current", "motor_speed", "pressure_a", "pressure_b", "piston_velocity
 class Term:
     """One term of a library; `cause` is "" where it stands for a calibrated parameter.
 
-    `values` takes the arguments in their order, each (n,), and gives (n,).
+    `values` takes time, shaft angle, command, current, speed, p_a, p_b, position and velocity in
+    this order, each (n,), and gives (n,).
     """
 
     cause: str

@@ -18,7 +18,7 @@ STEPS = np.array([0.02, 1e-14, 9e7, 1e-3, 1e-2])
 
 def causes() -> tuple[Cause, ...]:
     return tuple(
-        Cause(name, "", name, k, (), 0.0, math.inf, float(STEPS[k]), "", k >= CALIBRATED,
+        Cause(name, "", name, k, (), 0.0, math.inf, float(STEPS[k]), "",
               is_calibrated=k < CALIBRATED)
         for k, name in enumerate(NAMES)
     )  # fmt: skip

@@ -27,7 +27,9 @@ def test_a_gain_with_a_unit_of_its_own_is_a_number_in_si(file: Path) -> None:
 
 def test_such_a_gain_is_read_and_changed(file: Path) -> None:
     controllers = load_controllers(file)
-    assert read_gain(controllers, "piston_position.k_p", "2 V/cm", HERE) == pytest.approx(200.0)
+    gain = read_gain(controllers, "piston_position.k_p", "2 V/cm", HERE)
+    assert gain.value == pytest.approx(200.0)
+    assert gains_of(gain.controllers)["piston_position.k_p"] == pytest.approx(200.0)
     assert unit_of_gain(controllers, "piston_position.k_p", HERE)
     changed = with_gains(controllers, {"piston_position.k_p": 300.0, "piston_position.k_i": 2.0})
     assert gains_of(changed)["piston_position.k_p"] == 300.0

@@ -30,7 +30,6 @@ class Cause:
         place: of the number in a vector of parameters.
         settings: further places of the vector with the values that they have while it acts.
         low, high: bounds, SI. step: a change that shows, SI. unit: SI.
-        is_effect: whether it is an effect's strength.
         is_calibrated: whether every night's calibration moves it.
     """
 
@@ -43,7 +42,6 @@ class Cause:
     high: float
     step: float
     unit: str
-    is_effect: bool
     is_calibrated: bool = False
 
     @property
@@ -99,7 +97,7 @@ def _of_parameter(layout: Layout, key: str, vector: FloatArray, name: str = "") 
     step = _SHARE * size or (0.01 * width if math.isfinite(width) else 1.0)
     return Cause(
         name or key, "", key, layout.index[key], (), parameter.low, parameter.high, step,
-        parameter.unit, is_effect=bool(name),
+        parameter.unit,
     )  # fmt: skip
 
 
@@ -132,5 +130,5 @@ def _of_start(layout: Layout, effect: BoundEffect, start: Start) -> Cause:
     rest = tuple(item for item in start.settings if item[0] != start.strength_at)
     return Cause(
         effect.id, at, f"{effect.id}.{effect.strength.name}", start.strength_at, rest,
-        start.low, start.high, abs(start.strength - start.neutral), strength.unit, is_effect=True,
+        start.low, start.high, abs(start.strength - start.neutral), strength.unit,
     )  # fmt: skip

@@ -9,8 +9,7 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from functools import cache
+from dataclasses import dataclass, replace
 from typing import Any
 
 from eha_bench.control.controller_file import ControllerSet, ControllerSpec
@@ -66,8 +65,8 @@ def unit_of_gain(controllers: ControllerSet, key: str, where: Place) -> str:
     Raises:
         InputError: no controller has such a gain.
     """
-    spec, path = _found(controllers, key, where)
-    gains: Any = spec.gains
+    mode, path = _split(controllers, key, where)
+    gains: Any = controllers.by_mode[mode].gains
     for name in path[:-1]:
         gains = getattr(gains, name)
     field = type(gains).model_fields[path[-1]]
@@ -75,30 +74,30 @@ def unit_of_gain(controllers: ControllerSet, key: str, where: Place) -> str:
     return declared or _own_unit(getattr(gains, path[-1]))
 
 
-def read_gain(controllers: ControllerSet, key: str, raw: float | str, where: Place) -> float:
-    """Return the value of a gain in SI, as its controller takes it.
+@dataclass(frozen=True)
+class WrittenGain:
+    """A gain as a file writes it.
+
+    Attributes:
+        value: SI. controllers: with the gain as it is written, its unit not yet judged by a trial.
+    """
+
+    value: float
+    controllers: ControllerSet
+
+
+def read_gain(controllers: ControllerSet, key: str, raw: float | str, where: Place) -> WrittenGain:
+    """Return a gain as its controller takes it.
 
     Raises:
         InputError: no controller has such a gain, or none of this unit or size.
     """
-    spec, path = _found(controllers, key, where)
-    value = _value(_changed(spec, {path: raw}, where).gains, path)
-    if (number := _in_si(value)) is None:
-        raise InputError(f"'{raw}' is no number, with or without a unit", where=where)
-    return number
-
-
-def with_written(
-    controllers: ControllerSet, key: str, raw: float | str, where: Place
-) -> ControllerSet:
-    """Return the same controllers with one gain as a file writes it, its unit not yet judged.
-
-    Raises:
-        InputError: no controller has such a gain, or none of this size.
-    """
     mode, path = _split(controllers, key, where)
     changed = _changed(controllers.by_mode[mode], {path: raw}, where)
-    return replace(controllers, by_mode={**controllers.by_mode, mode: changed})
+    if (number := _in_si(_value(changed.gains, path))) is None:
+        raise InputError(f"'{raw}' is no number, with or without a unit", where=where)
+    by_mode = {**controllers.by_mode, mode: changed}
+    return WrittenGain(number, replace(controllers, by_mode=by_mode))
 
 
 def with_gains(controllers: ControllerSet, gains: Mapping[str, float]) -> ControllerSet:
@@ -110,7 +109,7 @@ def with_gains(controllers: ControllerSet, gains: Mapping[str, float]) -> Contro
     if not gains:
         return controllers
     by_mode: dict[str, dict[tuple[str, ...], float]] = {}
-    content = copy.deepcopy(_content(controllers.text, controllers.name))
+    content = copy.deepcopy(yaml_file.mapping_of(controllers.text, controllers.name))
     for key, value in gains.items():
         mode, path = _split(controllers, key, Place(file=controllers.name, key=key))
         by_mode.setdefault(mode, {})[path] = value
@@ -127,20 +126,6 @@ def with_gains(controllers: ControllerSet, gains: Mapping[str, float]) -> Contro
         by_mode={**controllers.by_mode, **changed},
         text=json.dumps(content, indent=1, ensure_ascii=False) + "\n",
     )
-
-
-@cache
-def _content(text: str, name: str) -> dict[str, Any]:
-    content = yaml_file.plain(yaml_file.parse(text, name))
-    assert isinstance(content, dict)
-    return content
-
-
-def _found(
-    controllers: ControllerSet, key: str, where: Place
-) -> tuple[ControllerSpec, tuple[str, ...]]:
-    mode, path = _split(controllers, key, where)
-    return controllers.by_mode[mode], path
 
 
 def _split(controllers: ControllerSet, key: str, where: Place) -> tuple[str, tuple[str, ...]]:

@@ -7,6 +7,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, TypeVar, get_args, get_origin
@@ -255,6 +256,18 @@ def plain(content: Any) -> Any:
         return text
     # YAML may write a letter as two escapes, halves that no file can hold
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+
+
+@cache
+def mapping_of(text: str, name: str) -> dict[str, Any]:
+    """Return what YAML text with a mapping at its top holds, plain; shared: copy before a change.
+
+    Raises:
+        InputError: it is not YAML, with the line; `name` is the file.
+    """
+    content = plain(parse(text, name))
+    assert isinstance(content, dict)
+    return content
 
 
 def validate(

@@ -33,12 +33,12 @@ def read_posterior(path: Path, model: Model) -> Posterior:
         InputError: no such file, one without a covariance, or the posterior of another model.
     """
     file = _file(path)
-    content, text = _content(file)
+    content = _content(file)
     if "verdict" in content:
         components, notes = _of_diagnosis(content, file)
     else:
         components, notes = _of_calibration(content, file)
-    _check_same(components[0], model, file, text)
+    _check_same(components[0], model, file)
     found = components[0].model
     others = {key: value for key, value in model.parameters.items()
               if key not in components[0].keys and found.parameters.get(key) != value}  # fmt: skip
@@ -83,7 +83,7 @@ def _file(path: Path) -> Path:
     return path
 
 
-def _content(file: Path) -> tuple[dict[str, Any], str]:
+def _content(file: Path) -> dict[str, Any]:
     where = Place(file=str(file))
     hint = "give the file that `diagnose` or `calibrate` wrote"
     content = read_object(file, "diagnosis.json or calibration.json", hint)
@@ -91,7 +91,7 @@ def _content(file: Path) -> tuple[dict[str, Any], str]:
         raise InputError(
             "is neither a diagnosis.json nor a calibration.json", where=where, hint=hint
         )
-    return content, file.read_text(encoding="utf-8")
+    return content
 
 
 def _of_diagnosis(
@@ -161,11 +161,12 @@ def _component(name: str, model: Model, covariance: Mapping[str, Any]) -> Compon
     return Component(name, model, keys, matrix)
 
 
-def _check_same(component: Component, model: Model, file: Path, text: str) -> None:
+def _check_same(component: Component, model: Model, file: Path) -> None:
     """Raise an InputError where a model is not the one that the posterior is of."""
 
     def refuse(key: str, why: str) -> InputError:
-        lines = text.splitlines()
+        # only what is refused is read again, for the line
+        lines = file.read_text(encoding="utf-8").splitlines()
         line = next((n for n, item in enumerate(lines, 1) if f'"{key}"' in item), 0)
         return InputError(
             f"is the posterior of another model: {why}",

@@ -19,7 +19,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings import sample
 from eha_bench.recordings.mcap.sink import McapSink
 from eha_bench.recordings.sample import NANOSECONDS, Sample
-from eha_bench.recordings.writer import begin, media_type
+from eha_bench.recordings.writer import begin
 
 CHUNK_SIZE = 64 << 10
 """Bytes of a chunk before compression: a larger one would break a 1 kHz deadline when written."""
@@ -172,14 +172,6 @@ class LiveWriter:
         with self._lock:
             self._flush()
             self._guarded(lambda: self._sink.metadata(sample.METADATA, dict(metadata)))
-
-    def add_attachment(self, name: str, data: bytes) -> None:
-        """Add a file."""
-        with self._lock:
-            self._flush()
-            self._guarded(
-                lambda: self._sink.attachment(name, data, media_type(name), max(self._epoch, 0))
-            )
 
     def close(self) -> None:
         """Write what waits and the index, and close the file; a second call does nothing.

@@ -6,16 +6,9 @@ import copy
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any, ClassVar, Final
 
-from eha_bench.control.gains import (
-    gains_of,
-    read_gain,
-    unit_of_gain,
-    with_gains,
-    with_written,
-)
+from eha_bench.control.gains import WrittenGain, gains_of, read_gain, unit_of_gain, with_gains
 from eha_bench.core import yaml_file
 from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.located import Located
@@ -136,7 +129,7 @@ class TrialKey(Factor):
     @staticmethod
     def applied(case: Case, values: Mapping[str, Value]) -> Case:
         """Return the case with a suite that says otherwise."""
-        content = copy.deepcopy(_written(case.suite.text, str(case.suite.path)))
+        content = copy.deepcopy(yaml_file.mapping_of(case.suite.text, str(case.suite.path)))
         for key, value in values.items():
             block, last = _block(content, key, Place(file=str(case.suite.path), key=key))
             block[last] = value
@@ -146,13 +139,6 @@ class TrialKey(Factor):
 
 _ALL: Final[tuple[type[Factor], ...]] = (Gain, ModelParameter, TrialKey)
 KINDS: Final = {kind.kind: kind for kind in _ALL}
-
-
-@cache
-def _written(text: str, name: str) -> dict[str, Any]:
-    content = yaml_file.plain(yaml_file.parse(text, name))
-    assert isinstance(content, dict)
-    return content
 
 
 def _block(content: dict[str, Any], key: str, where: Place) -> tuple[dict[str, Any], str]:
@@ -192,8 +178,9 @@ def factor_of(kind: type[Factor], case: Case, key: str, content: Located) -> Fac
         unit = unit_of_gain(controllers, key, where) or (base_unit(written) if written else "")
 
         def read_as_taken(raw: Any, at: Place) -> Value:
-            _check_taken(case, key, raw, at)
-            return read_gain(controllers, key, raw, at)
+            gain = read_gain(controllers, key, raw, at)
+            _check_taken(case, key, gain, at)
+            return gain.value
 
         return Gain(key, span_of(content, read_as_taken), unit, where, written)
     if kind is ModelParameter:
@@ -215,13 +202,12 @@ def factor_of(kind: type[Factor], case: Case, key: str, content: Located) -> Fac
     return TrialKey(key, span_of(content, read), unit, where, written)
 
 
-def _check_taken(case: Case, key: str, raw: float | str, where: Place) -> None:
-    """Raise an InputError where a controller does not take a gain as it is written.
+def _check_taken(case: Case, key: str, gain: WrittenGain, where: Place) -> None:
+    """Raise an InputError where a trial's controller does not take a gain as it is written.
 
     A gain of some controllers (pid) is of a unit that follows from what a trial controls.
     """
-    written = with_written(case.simulator.controllers, key, raw, where)
-    changed = case.simulator.varied(controllers=written)
+    changed = case.simulator.varied(controllers=gain.controllers)
     for trial in case.suite.trials:
         if key.startswith(f"{trial.mode.name}."):
             try:

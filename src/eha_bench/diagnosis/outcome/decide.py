@@ -54,7 +54,7 @@ def decide(
 
     Args:
         search: finished. step: integration step of the localisation, s. progress: called often.
-        said: what was refused before, one sentence each.
+        earlier: what was refused before, one sentence each.
     """
     rest = search.excess_left
     unexplained = is_unexplained(rest)

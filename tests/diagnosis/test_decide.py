@@ -1,0 +1,237 @@
+"""The verdict on a finished search, state by state, without simulating anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
+from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.outcome import decide as module
+from eha_bench.diagnosis.outcome.decide import Decision, decide
+from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.diagnosis.search.state import Accepted, Search
+from eha_bench.diagnosis.unknown.curves import Located
+from eha_bench.diagnosis.unknown.places import Template
+
+SIZE = 1000
+QUIET: ProgressHook = lambda stage, share: None  # noqa: E731
+
+
+def beyond(relative: float, significance: float = 50.0, **channels: float) -> Excess:
+    """What a residual holds beyond noise, as a share of the noise's cost."""
+    total = relative * SOFT_MEAN * SIZE
+    return Excess(total, SIZE, {}, significance, channels or {"current": 1.0, "pressure_a": 2.0})
+
+
+def fit(cost: float = 0.0, period: float = 0.0) -> Fit:
+    """A fit of a given cost whose residual is as large everywhere."""
+    residual = np.full(SIZE, 2.0)
+    return Fit(np.array([period]), (), residual, np.zeros((SIZE, 0)), cost)
+
+
+def found(candidate: str, equation: str = "torque") -> Accepted:
+    start = Start(candidate, (), 0, 0.0, 1.0, 0.0, 2.0, (), equation)
+    return Accepted(start, NOT_COMPARED, ())
+
+
+def search(before: float, rest: Excess, *accepted: Accepted) -> Search:
+    plant = SimpleNamespace(layout=SimpleNamespace(index={"learned.period": 0}, effects=()))
+    problem: Any = SimpleNamespace(plant=plant, size=SIZE)
+    groups: Any = None
+    state = Search(
+        problem, (), (), fit(1.0), fit(2.0), groups, np.zeros(1), beyond(before), rest,
+    )  # fmt: skip
+    state.accepted = list(accepted)
+    return state
+
+
+Curves = Callable[..., None]
+
+
+@pytest.fixture
+def curves(monkeypatch: pytest.MonkeyPatch) -> Curves:
+    """What is located, and the share of the excess that a learned curve explains."""
+    # before learning: the softened cost of residuals of 2, less what noise alone costs
+    from eha_bench.diagnosis.fit.problem import soften
+
+    soft, _ = soften(np.full(SIZE, 2.0))
+    before = float(soft @ soft)
+    excess = before - SOFT_MEAN * SIZE
+
+    def set_to(
+        share: float, equation: str = "torque", variable: str = "motor_speed", period: float = 0.0,
+        *, places: int = 2, located: bool = True,
+    ) -> None:  # fmt: skip
+        template = Template(equation, "flow", "pump", variable)
+        curve = Located(template, share, np.zeros(2), np.zeros(2))
+        locator = SimpleNamespace(short=None)
+        monkeypatch.setattr(
+            module, "locate", lambda *_: (locator, equation, [curve] if located else [])
+        )
+        learned = fit(before - share * excess, period)
+        monkeypatch.setattr(module, "learn", lambda *_: (None, learned))
+        monkeypatch.setattr(module, "times_of", lambda *_: ((1.0, 2.0),))
+        monkeypatch.setattr(module, "places_of", lambda _: ("place",) * places)
+
+    return set_to
+
+
+def verdict(state: Search) -> Decision:
+    return decide(state, 1e-3, QUIET, ("said before",))
+
+
+def test_an_effect_that_leaves_noise_is_the_verdict() -> None:
+    told = verdict(search(0.5, beyond(0.01, 1.0), found("backlash")))
+    assert (told.verdict, told.unknown, told.learned) == (Verdict.EFFECT, None, False)
+    assert told.fit.cost == 2.0
+    assert told.notes == (
+        "said before", "what remains is 1.0% above the noise (50.0% before)",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("rest", "whole"), [(0.25, True), (0.2501, False)])
+def test_half_of_the_excess_is_a_verdict_and_less_is_not(
+    rest: float, whole: bool, curves: Curves
+) -> None:
+    curves(0.9)
+    told = verdict(search(0.5, beyond(rest), found("backlash")))
+    assert (told.verdict is Verdict.EFFECT) is whole
+    more = "what was found does not explain everything: something else is missing"
+    assert (more in told.notes) is whole
+
+
+def test_nothing_left_and_nothing_found_is_none() -> None:
+    told = verdict(search(0.5, beyond(0.029)))
+    assert (told.verdict, told.unknown) == (Verdict.NONE, None)
+    assert len(told.notes) == 2
+
+
+def test_more_noise_without_structure_is_none_and_names_the_channel() -> None:
+    told = verdict(search(0.5, beyond(0.4, 7.9, current=9.0, pressure_a=2.0)))
+    assert told.verdict is Verdict.NONE
+    assert told.notes[-1].startswith("that has no structure in time")
+    assert told.notes[-1].endswith("mostly of 'current'")
+
+
+def test_an_assumed_parameter_is_no_effect(curves: Curves) -> None:
+    curves(0.9)
+    assumed = found("parameter:rotor_inertia")
+    assert verdict(search(0.5, beyond(0.01, 1.0), assumed)).verdict is Verdict.NONE
+    assert verdict(search(0.5, beyond(0.3), assumed)).verdict is Verdict.UNKNOWN
+
+
+def test_what_is_unknown_is_located_and_its_curve_kept(curves: Curves) -> None:
+    curves(0.6)
+    told = verdict(search(0.5, beyond(0.4)))
+    assert told.verdict is Verdict.UNKNOWN
+    assert told.unknown is not None
+    assert (told.unknown.equation, told.unknown.variables) == ("torque", ("motor_speed",))
+    assert told.unknown.share == pytest.approx(0.6)
+    assert told.unknown.description.endswith("a learned curve explains 60% of the excess")
+    assert (told.unknown.when, told.unknown.period) == ((), 0.0)
+    assert told.learned
+    assert [item.template.place for item in told.located] == ["pump"]
+    assert told.locator is not None
+
+
+def test_a_period_and_times_are_told_where_there_are_some(curves: Curves) -> None:
+    curves(0.6, "measurement", "time", 0.5)
+    told = verdict(search(0.5, beyond(0.4))).unknown
+    assert told is not None
+    assert (told.period, told.when) == (0.5, ((1.0, 2.0),))
+    assert "in the measurement of pump and depends on time, periodic with 0.5 (SI)" in (
+        told.description
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "says", "learned"),
+    [
+        (0.11, "and depends on motor_speed", True),
+        (0.09, "a curve of motor_speed explains 9% of the excess, so it depends on several", True),
+        (0.004, "no curve that was tried explains any of it", False),
+        (-0.2, "no curve that was tried explains any of it", False),
+    ],
+)
+def test_a_curve_that_explains_little_is_said_to(
+    share: float, says: str, learned: bool, curves: Curves
+) -> None:
+    curves(share)
+    state = search(0.5, beyond(0.4))
+    told = verdict(state)
+    assert told.unknown is not None
+    assert says in told.unknown.description
+    assert told.learned is learned
+    assert (told.fit is state.fit) is not learned
+    assert told.unknown.variables == (("motor_speed",) if learned else ())
+
+
+@pytest.mark.parametrize(
+    ("equation", "places", "says", "told"),
+    [
+        ("flow", 1, "something acts in the flow balance; the variables", "flow"),
+        ("", 1, "nothing was located; the variables", None),
+        ("", 0, "this plant has no `advance`", None),
+    ],
+)
+def test_what_cannot_be_located_is_said(
+    equation: str, places: int, says: str, told: str | None, curves: Curves
+) -> None:
+    curves(0.0, equation, places=places, located=False)
+    unknown = verdict(search(0.5, beyond(0.4))).unknown
+    assert unknown is not None
+    assert says in unknown.description
+    assert (unknown.equation, unknown.variables) == (told, ())
+
+
+# --- effects that explain less than half, where much is missing --------------------------------
+
+
+def beside(curves: Curves, curve: float, equation: str = "torque", before: float = 6.0) -> Any:
+    """A search whose effect explains two fifths of what is missing, and a curve so much of it."""
+    curves(curve, equation)
+    state = search(before, beyond(0.6 * before), found("parameter:mass"), found("backlash"))
+    kept = list(state.accepted)
+    return state, kept, verdict(state)
+
+
+def test_a_part_is_named_where_a_curve_explains_less_than_half_of_it(curves: Curves) -> None:
+    state, kept, told = beside(curves, 0.19)
+    assert (told.verdict, told.unknown) == (Verdict.EFFECT, None)
+    assert told.notes[-1] == (
+        "backlash: 40% of it is explained; more is missing in the torque balance, and a curve of "
+        "one variable would explain 19% of it"
+    )
+    assert (state.accepted, told.fit.cost) == (kept, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("curve", "equation", "before"),
+    [(0.21, "torque", 6.0), (0.19, "flow", 6.0), (0.19, "torque", 5.0)],
+    ids=["a curve does half as much", "another balance", "little is missing"],
+)
+def test_else_it_is_taken_for_an_imitation(
+    curves: Curves, curve: float, equation: str, before: float
+) -> None:
+    state, _, told = beside(curves, curve, equation, before)
+    assert told.verdict is Verdict.UNKNOWN
+    assert told.notes[-1] == "the best known effects explain less than half of it: backlash"
+    # what was only assumed stays, and the fit is that without the effect
+    assert [item.start.candidate for item in state.accepted] == ["parameter:mass"]
+    assert state.fit is state.base
+
+
+def test_a_search_is_asked_for_by_its_shares_not_its_sizes() -> None:
+    """What remains below the noise counts as nothing, and so does an excess below one."""
+    state = search(0.5, replace(beyond(0.0, 1.0), total=-40.0), found("backlash"))
+    told = verdict(state)
+    assert told.verdict is Verdict.EFFECT
+    assert told.notes[1] == "what remains is 0.0% above the noise (50.0% before)"
