@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
+from fixtures.rig.case import Conditions, record_case
+from fixtures.rig.plans import make_plans
 from scipy.signal import lfilter
 
 from eha_bench.core.arrays import FloatArray
@@ -14,9 +17,10 @@ from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.wander import LARGEST, Stretch, Wander, cosines, wander_of
 from eha_bench.diagnosis.fit.baseline import Baseline
 from eha_bench.diagnosis.fit.problem import _orthonormal, _orthonormal_of_many
-from eha_bench.diagnosis.outcome import slow_noise
+from eha_bench.diagnosis.outcome import own_noise
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
+from eha_bench.diagnosis.run import diagnose
 from eha_bench.diagnosis.search.state import Search
 
 TICK = 1e-3
@@ -102,15 +106,39 @@ def test_only_a_little_that_nothing_explains_may_be_the_sensors_own(
     followed: float,
     accepted: list[str],
 ) -> None:
-    monkeypatch.setattr(slow_noise, "wandering", lambda *_: pytest.fail("asked"))
+    monkeypatch.setattr(own_noise, "wandering", lambda *_: pytest.fail("asked"))
     search = SimpleNamespace(
         excess_base=SimpleNamespace(relative=relative, significance=40.0), accepted=accepted
     )
     unknown = Unknown("torque", (), "", followed)
     decision = SimpleNamespace(verdict=verdict, unknown=unknown)
     assert (
-        slow_noise.with_slow_noise(
+        own_noise.with_slow_noise(
             cast("Baseline", None), cast("Search", search), cast("Decision", decision)
         )
         is None
     )
+
+
+@pytest.mark.parametrize(("relative", "significance"), [(0.5, 40.0), (0.05, 5.0)])
+def test_noise_is_told_from_a_fit_only_where_a_little_with_structure_is_left(
+    monkeypatch: pytest.MonkeyPatch, relative: float, significance: float
+) -> None:
+    monkeypatch.setattr(own_noise, "with_noise_of_residual", lambda *_: pytest.fail("asked"))
+    search = SimpleNamespace(
+        excess_left=SimpleNamespace(relative=relative, significance=significance)
+    )
+    found = own_noise.with_own_noise(cast("Baseline", None), cast("Search", search))
+    assert found is None
+
+
+@pytest.mark.slow
+def test_noise_that_rest_does_not_tell_hides_no_cause(tmp_path: Path) -> None:
+    """Noise that remembers for half a millisecond, and zeros that drift by a fifth of it.
+
+    With the noise as rest tells it, 5 % above it were left, and the verdict was unknown.
+    """
+    plan = make_plans(90231, 16, none=5, foreign=5)[17]
+    found = diagnose(record_case(plan, tmp_path, Conditions(other_forms=True)))
+    assert found.verdict is Verdict.EFFECT
+    assert [item.id for item in found.effects] == [item.id for item in plan.hidden]

@@ -64,10 +64,10 @@ from eha_bench.diagnosis.outcome.findings import (
     units_of,
 )
 from eha_bench.diagnosis.outcome.honest import curve_is_worse, pruned, worse
+from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.outcome.scoring import scored, scores_of
-from eha_bench.diagnosis.outcome.slow_noise import with_slow_noise
 from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search import stepwise
@@ -383,6 +383,9 @@ class _Closing:
     def _decided(self) -> None:
         """Search, and decide upon what was found."""
         stepwise.run(self.search, self._on_progress)
+        if (own := with_own_noise(self.base, self.search)) is not None:
+            self.base, self.search = own
+            stepwise.run(self.search, self._on_progress)
         self.stage = "decide"
         self.refused = pruned(self.search)
         self.decision = decide(self.search, COARSE, self._on_progress, self.refused)

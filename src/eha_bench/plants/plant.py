@@ -26,7 +26,7 @@ from eha_bench.plants.effect import Effect
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.session import Session
 
-_FIRST_TICK = "first tick"
+_FIRST_TICK, _FIRST_VALUES = "first tick", "first values"
 _FOR_DATASETS = (
     "a model of that plant is for datasets: give it to `eha-bench predict`, `calibrate` or "
     "`diagnose`"
@@ -72,6 +72,15 @@ class Drive:
             inputs = {name: values[:end] for name, values in self.inputs.items()}
             kept = replace(self, time=self.time[:end], inputs=inputs)
             self.laid_out[_FIRST_TICK] = kept
+        return kept
+
+    @property
+    def first_values(self) -> Mapping[str, float]:
+        """The inputs at the tick where it starts: channel -> SI."""
+        kept = self.laid_out.get(_FIRST_VALUES)
+        if not isinstance(kept, dict):
+            kept = {name: float(values[self.first]) for name, values in self.inputs.items()}
+            self.laid_out[_FIRST_VALUES] = kept
         return kept
 
 

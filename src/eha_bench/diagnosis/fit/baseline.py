@@ -63,6 +63,8 @@ _AT_REST: Mapping[str, tuple[float, ...]] = {
     "rad/s": (0.0, 1e-3, 1e-2, 1e-1),
 }
 """Speeds over which friction may creep at rest, by their unit."""
+_ALIKE = 0.1
+"""Share by which two such speeds differ that are one."""
 _TELLING = 20.0
 """Fall of the cost that says that friction at rest is another one."""
 
@@ -402,13 +404,16 @@ def at_rest(problem: Problem, fit: Fit) -> Fit:
         at = layout.index[key]
         part = problem.subset(moving).apart()
         costs = {}
-        for size in dict.fromkeys((float(vector[at]), *sizes)):
+        own = float(vector[at])
+        # a fit moves it by so little itself
+        others = (size for size in sizes if abs(size - own) > _ALIKE * own)
+        for size in dict.fromkeys((own, *others)):
             trial = vector.copy()
             trial[at] = size
             part.prepare_starts(trial)
             costs[size] = cost_of(part, trial)
         size = min(costs, key=lambda size: costs[size])
-        if costs[size] < costs[float(vector[at])] - _TELLING:
+        if costs[size] < costs[own] - _TELLING:
             vector = vector.copy()
             vector[at] = size
     if vector is fit.vector:

@@ -16,8 +16,7 @@ def start_of(at: Parametrised, drive: Drive, measured: Mapping[str, float]) -> d
     state is moved by what the sensor adds.
     """
     plant = at.plant
-    given = {name: float(values[drive.first]) for name, values in drive.inputs.items()}
-    implied = plant.through_cells(at.vector, {**given, **measured})
+    implied = plant.through_cells(at.vector, {**drive.first_values, **measured})
     measured = {name: value for name, value in measured.items() if name in plant.states}
     initial = {**implied, **plant.at_rest(measured), **measured}
     if at.sensors_are_ideal:

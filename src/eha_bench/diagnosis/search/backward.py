@@ -11,7 +11,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenber
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.profile import cost_with
 from eha_bench.diagnosis.fit.uncertainty import spreads
-from eha_bench.diagnosis.search.refit import BENT, polish, sticks
+from eha_bench.diagnosis.search.refit import BENT, polish_afresh, sticks
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
 _SURE = 5.0
@@ -97,7 +97,7 @@ def without(search: Search, item: Accepted) -> Fit:
     rough = levenberg_marquardt(coarse, vector, free, iterations=5, refresh=0)
     before, search.accepted = search.accepted, kept
     try:
-        fit = polish(search, rough, [])
+        fit = polish_afresh(search, rough, [])
     finally:
         search.accepted = before
     if fit.cost > cost_of(search.problem, vector):

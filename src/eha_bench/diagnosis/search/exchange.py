@@ -16,7 +16,7 @@ from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start, all_starts
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
-from eha_bench.diagnosis.search.refit import Near, polish
+from eha_bench.diagnosis.search.refit import Near, polish_at_rest
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds, Trial
 
 _RIVALS = 3
@@ -82,7 +82,7 @@ def _best(
         near = Near(search, coarse)
         near.promising(starts, _TRIED)
         trials = near.trials(_TRIED)
-        done = [replace(t, fit=polish(search, t.fit, [t.start], afresh=False)) for t in trials[:2]]
+        done = [replace(t, fit=polish_at_rest(search, t.fit, [t.start])) for t in trials[:2]]
         return min(done, key=lambda trial: trial.fit.cost, default=None)
     finally:
         search.restore(kept)

@@ -16,7 +16,7 @@ from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Comparison, compare, excess
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import without
-from eha_bench.diagnosis.search.refit import Near, Nearby, polish
+from eha_bench.diagnosis.search.refit import Near, Nearby, polish_at_rest
 from eha_bench.diagnosis.search.settle import rebase, settle
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
@@ -91,7 +91,7 @@ def _best(search: Search) -> Nearby | None:
     good = [p for p in pairs.values() if near.fit.cost - _cost(p) > _PLAUSIBLE * near.excess]
     good = sorted(good, key=_cost)[:_FINALISTS]
     done = [Nearby(p.starts, near.long(p)) for p in good]
-    done = [Nearby(p.starts, polish(search, p.fit, p.starts, afresh=False)) for p in done]
+    done = [Nearby(p.starts, polish_at_rest(search, p.fit, p.starts)) for p in done]
     return min(done, key=_cost, default=None)
 
 

@@ -75,23 +75,32 @@ def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
     return Trial(item.start, fit, NOT_COMPARED)
 
 
-def polish(search: Search, rough: Fit, extra: Sequence[Start], *, afresh: bool = True) -> Fit:
-    """Fit to the end, from where the rough fit is and, if that is poor, from declared values."""
-    problem = search.problem
-    vector = rough.vector
-    known = rough.columns
-    if afresh and rough.cost > _POOR * SOFT_MEAN * problem.size:
-        other = begun_again(search, vector, extra)
-        if other.cost < rough.cost:
-            vector = other.vector
-            known = other.columns
-    elif not afresh:
-        # what an effect left in the residual had bent friction at rest as well
-        better = at_rest(problem.at_step(COARSE), rough)
-        vector, known = better.vector, better.columns
+def polish(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
+    """Fit to the end, from where the rough fit is."""
     return levenberg_marquardt(
-        problem, vector, free_of(search, vector, extra), known=known, refresh=1
+        search.problem,
+        rough.vector,
+        free_of(search, rough.vector, extra),
+        known=rough.columns,
+        refresh=1,
     )
+
+
+def polish_afresh(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
+    """Fit to the end, from where the rough fit is or, if that is poor, from declared values."""
+    if rough.cost > _POOR * SOFT_MEAN * search.problem.size:
+        other = begun_again(search, rough.vector, extra)
+        if other.cost < rough.cost:
+            rough = other
+    return polish(search, rough, extra)
+
+
+def polish_at_rest(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
+    """Fit to the end, with friction at rest as the data ask for.
+
+    What an effect left in the residual had bent that as well.
+    """
+    return polish(search, at_rest(search.problem.at_step(COARSE), rough), extra)
 
 
 def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> Fit:

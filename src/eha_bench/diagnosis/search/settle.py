@@ -15,7 +15,7 @@ from eha_bench.diagnosis.fit.finish import fine_enough
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.fit.start_angles import refined
-from eha_bench.diagnosis.search.refit import polish
+from eha_bench.diagnosis.search.refit import polish, polish_at_rest
 from eha_bench.diagnosis.search.state import Search
 
 _ROUNDS = 4
@@ -24,13 +24,15 @@ _SETTLED = 0.002
 
 def settle(search: Search) -> None:
     """Fit, and weigh anew by what is left, until neither changes much any more."""
-    for _ in range(_ROUNDS):
+    for number in range(_ROUNDS):
         refine(search, search.fit.vector)
         search.problem = refined(search.problem, search.fit.vector)
         residual = _reweighted(search, search.fit.vector)
         soft, _ = soften(residual, search.problem.soft)
         here = replace(search.fit, residual=residual, cost=float(soft @ soft))
-        search.fit = polish(search, here, [], afresh=False)
+        # friction at rest is asked for once: later rounds change less than tells its forms apart
+        again = polish_at_rest if number == 0 else polish
+        search.fit = again(search, here, [])
         if here.cost - search.fit.cost < _SETTLED * here.cost:
             break
     search.excess_left = excess(search.problem, search.fit)

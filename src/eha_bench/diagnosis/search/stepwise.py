@@ -25,7 +25,7 @@ from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import drop, release, review, without_idle
 from eha_bench.diagnosis.search.exchange import CLOSE, exchange
 from eha_bench.diagnosis.search.joint import joint
-from eha_bench.diagnosis.search.refit import Near, is_bent, polish, refit
+from eha_bench.diagnosis.search.refit import Near, is_bent, polish_afresh, polish_at_rest, refit
 from eha_bench.diagnosis.search.screen import Screen, Screened
 from eha_bench.diagnosis.search.settle import rebase, refine, settle
 from eha_bench.diagnosis.search.start_angles import with_own_angles
@@ -214,7 +214,8 @@ def _finished(search: Search, trials: Sequence[Trial], *, afresh: bool) -> list[
             continue
         # where a rival has reached the noise already, a better place cannot beat it
         again = afresh and top < 0.95 * search.excess_left.total
-        done.append(replace(trial, fit=polish(search, trial.fit, [trial.start], afresh=again)))
+        to_the_end = polish_afresh if again else polish_at_rest
+        done.append(replace(trial, fit=to_the_end(search, trial.fit, [trial.start])))
         top = max(top, search.fit.cost - done[-1].fit.cost)
     return done
 
@@ -229,7 +230,7 @@ def _settled(search: Search, finals: Sequence[Trial]) -> list[Trial]:
         return order
     # nor on what a coarse step leaves
     refine(search, close[0].fit.vector)
-    done = [replace(t, fit=polish(search, t.fit, [t.start], afresh=False)) for t in close]
+    done = [replace(t, fit=polish_at_rest(search, t.fit, [t.start])) for t in close]
     return [*done, *(item for item in order if all(item is not other for other in close))]
 
 

@@ -27,7 +27,7 @@ from eha_bench.plants.network.plant_file import Locate
 from eha_bench.plants.network.reach import determined_nodes
 from eha_bench.plants.network.roles import roles_of
 from eha_bench.plants.network.source import kernel_source
-from eha_bench.plants.network.system import System
+from eha_bench.plants.network.system import Part, System
 from eha_bench.plants.plant import Drive, Parametrised, Plant
 
 _WORTH_A_BLOCK = 3
@@ -268,9 +268,8 @@ class NetworkPlant(Plant):
         size = self.system.size
         state = np.zeros(size + len(self._imposable))
         state[size:] = self._resting_signals
-        for volume in self.system.volumes:
-            place = self.system.index[self.system.slot_of[f"{volume.name}.pressure"]]
-            state[volume.pressure] = parameters[place]
+        pressures, places = self._resting_pressures
+        state[pressures] = parameters[places]
         read = np.zeros(state.size, dtype=np.bool_)
         for name, value in initial.items():
             if name not in self.state_places:
@@ -285,6 +284,14 @@ class NetworkPlant(Plant):
         return state
 
     @cached_property
+    def _resting_pressures(self) -> tuple[IndexArray, IndexArray]:
+        """Places of the volumes' pressures in the state, and of what they are at rest in `P`."""
+        system = self.system
+        states = [volume.pressure for volume in system.volumes]
+        places = [system.index[system.slot_of[f"{item.name}.pressure"]] for item in system.volumes]
+        return np.array(states, dtype=np.intp), np.array(places, dtype=np.intp)
+
+    @cached_property
     def _resting_signals(self) -> FloatArray:
         """What signals that a channel may set are where nothing was read: NaN for as commanded."""
         commanded = {item.signal for item in self.system.columns if item.command is not None}
@@ -293,10 +300,7 @@ class NetworkPlant(Plant):
     def _charge(self, parameters: FloatArray, state: FloatArray, read: BoolArray) -> None:
         """Set pressures that follow from how much oil a closed circuit holds."""
         system = self.system
-        for part in system.parts.values():
-            other = part.element.refers.get("mid_stroke_of")
-            if other is None:
-                continue
+        for part, other in self._closed_circuits:
             volume = system.volume_of[part.element.ports["on"]]
             if read[volume.pressure]:
                 continue
@@ -313,6 +317,13 @@ class NetworkPlant(Plant):
             taken = max(gas + given * state[rod.position], 0.05 * gas)
             index = value(part.name, "polytropic_index")
             state[volume.pressure] = charge * (gas / taken) ** index - atmosphere
+
+    @cached_property
+    def _closed_circuits(self) -> tuple[tuple[Part, str], ...]:
+        """What holds the oil of a closed circuit, each with the cylinder at whose mid-stroke."""
+        parts = self.system.parts.values()
+        named = ((part, part.element.refers.get("mid_stroke_of")) for part in parts)
+        return tuple((part, other) for part, other in named if other is not None)
 
     # --- sweeps ------------------------------------------------------------------------------
 
@@ -510,17 +521,26 @@ class NetworkPlant(Plant):
     def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
         """Return pressures without a reading: a leak evens a volume out with its neighbour."""
         found: dict[str, float] = {}
-        names = {place: name for name, place in self.state_places.items()}
-        for part, flow in self.system.flows():
-            if part.element.kind.id != "laminar_leakage":
-                continue
-            ends = [names[self.system.volume_of[n].pressure] for n in self.system.ends(part, flow)
-                    if n in self.system.volume_of]  # fmt: skip
-            read = [name for name in ends if name in measured]
-            if len(ends) == 2 and len(read) == 1:
-                other = ends[0] if ends[1] == read[0] else ends[1]
-                found.setdefault(other, measured[read[0]])
+        for first, second in self._evened_out:
+            if first in measured and second not in measured:
+                found.setdefault(second, measured[first])
+            elif second in measured and first not in measured:
+                found.setdefault(first, measured[second])
         return found
+
+    @cached_property
+    def _evened_out(self) -> tuple[tuple[str, str], ...]:
+        """Pressures, two by two, that a leak between their volumes evens out at rest."""
+        system = self.system
+        names = {place: name for name, place in self.state_places.items()}
+        pairs = []
+        for part, flow in system.flows():
+            if part.element.kind.id == "laminar_leakage":
+                ends = [n for n in system.ends(part, flow) if n in system.volume_of]
+                if len(ends) == 2:
+                    first, second = (names[system.volume_of[n].pressure] for n in ends)
+                    pairs.append((first, second))
+        return tuple(pairs)
 
     def rest(self, vector: FloatArray) -> Mapping[str, float]:
         """Return the pressures at rest, by channel, Pa."""

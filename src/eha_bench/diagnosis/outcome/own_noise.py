@@ -1,0 +1,105 @@
+"""Whether a little that is left is the sensors' own: noise of another size, colour, or zero.
+
+Noise is told first from stretches in which nothing moves. They are few: a colour shows in them to a
+tenth, a zero that wanders not at all. Both have structure in time, on which a verdict rests. What a
+fitted model leaves tells them better, once it leaves hardly more than noise; then what was found
+has to stand beside that noise, and what is left is looked at again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from eha_bench.diagnosis.data.wander import Wander
+from eha_bench.diagnosis.fit.baseline import Baseline
+from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, excess, is_unexplained
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.wandering import (
+    refitted,
+    wandering,
+    with_noise_of_residual,
+    with_wander,
+)
+from eha_bench.diagnosis.outcome.decide import Decision
+from eha_bench.diagnosis.outcome.diagnosis import Verdict
+from eha_bench.diagnosis.search.renoised import renoised
+from eha_bench.diagnosis.search.state import Search
+
+_LITTLE = 0.2
+"""Excess in the noise's cost: zeros that wander by 0.4 of the noise leave about as much."""
+_FOLLOWED = 0.15
+"""Share of it from which a curve follows something: noise follows nothing."""
+_LEFT = 0.5
+"""Share of its structure in time that may be left to a model whose sensors wander."""
+
+
+def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | None:
+    """Return baseline and search with noise as the search's fit leaves it, or None.
+
+    Levels and colours come from short stretches, in which nothing slow counts. Zeros that wander
+    are asked for beside effects only, and only if they leave nothing that is unexplained: without
+    an effect something slow may be what is missing.
+
+    Args:
+        base: as calibrated. search: finished.
+    """
+    rest = search.excess_left
+    if rest.significance <= REST_SIGNIFICANCE or rest.relative > _LITTLE:
+        return None
+    search.problem.prepare(search.fit.vector)
+    problem = with_noise_of_residual(search.problem, search.fit.vector)
+    fit = refitted(problem, search.fit)
+    wander: Mapping[str, Wander] = {}
+    if search.effects and excess(problem, fit).significance > REST_SIGNIFICANCE:
+        wander = wandering(problem, fit)
+    if wander:
+        wandered = with_wander(problem, wander)
+        if excess(wandered, refitted(wandered, fit)).significance > REST_SIGNIFICANCE:
+            wander = {}
+        else:
+            problem = wandered
+    found = renoised(search, problem)
+    return _with_noise(replace(base, fit=found.base), problem, wander), found
+
+
+def with_slow_noise(base: Baseline, search: Search, decision: Decision) -> Baseline | None:
+    """Return the calibrated model with zeros that wander, or None where these explain nothing.
+
+    Args:
+        base: as calibrated. search: finished, without any effect. decision: on it.
+    """
+    much = search.excess_base.relative > _LITTLE
+    if decision.verdict is not Verdict.UNKNOWN or search.accepted or much:
+        return None
+    if decision.unknown is not None and decision.unknown.share > _FOLLOWED:
+        return None
+    search.problem.prepare(search.base.vector)
+    problem = with_noise_of_residual(search.problem, search.base.vector)
+    fit = refitted(problem, search.base)
+    wander = wandering(problem, fit)
+    if not wander:
+        return None
+    problem = with_wander(problem, wander)
+    fit = refitted(problem, fit)
+    left = excess(problem, fit)
+    if is_unexplained(left) and left.significance > _LEFT * search.excess_base.significance:
+        return None
+    return _with_noise(replace(base, fit=fit), problem, wander)
+
+
+def _with_noise(base: Baseline, problem: Problem, wander: Mapping[str, Wander]) -> Baseline:
+    runs = {window.measured.run.name: window.measured for window in problem.windows}
+    notes = base.notes
+    if wander:
+        sizes = ", ".join(f"{name} {item.size:.2f}" for name, item in sorted(wander.items()))
+        note = (
+            f"the zero of some sensors drifts slowly, which counts as noise ({sizes} of the noise)"
+        )
+        notes = (*notes, note)
+    return replace(
+        base,
+        measured=tuple(runs.get(item.run.name, item) for item in base.measured),
+        problem=problem,
+        notes=notes,
+    )

@@ -1,0 +1,47 @@
+"""The same search where the sensors' noise is another one: what was found has to stand there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from eha_bench.diagnosis.fit.evidence import compare, excess, groups_of
+from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.wandering import refitted
+from eha_bench.diagnosis.search.backward import drop, without
+from eha_bench.diagnosis.search.state import Search, Thresholds
+
+
+def renoised(search: Search, problem: Problem, limits: Thresholds | None = None) -> Search:
+    """Return a search with what was found fitted anew, less what is not believed there.
+
+    Args:
+        search: finished. problem: the same windows, with other noise. limits: of what is believed.
+    """
+    limits = limits or Thresholds()
+    fit = refitted(problem, search.fit)
+    base = fit
+    if search.accepted:
+        base = levenberg_marquardt(problem, search.base.vector, search.base.free, refresh=1)
+    found = replace(
+        search.snapshot(),
+        problem=problem,
+        fit=fit,
+        base=base,
+        groups=groups_of(problem),
+        excess_base=excess(problem, base),
+        excess_left=excess(problem, fit),
+        looked_from=None,
+        exchanged_from=None,
+        near=None,
+    )
+    for item in list(found.effects):
+        trial = without(found, item)
+        seen = compare(trial, found.fit, found.groups, excess(problem, trial).total)
+        if limits.allow(seen):
+            found.accepted = [
+                replace(own, comparison=seen) if own is item else own for own in found.accepted
+            ]
+        else:
+            drop(found, item, trial)
+    return found
