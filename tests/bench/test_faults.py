@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +12,7 @@ import pytest
 
 import eha_bench
 from eha_bench.cli.console import errors_as_sentences
+from eha_bench.cli.main import main
 from eha_bench.core.errors import InputError, TargetFault
 from eha_bench.core.result import Result, Status
 
@@ -208,14 +208,20 @@ def test_a_crash_in_another_process_is_the_same_fault(suite: Path, tmp_path: Pat
     assert there.trials[0].reason == here.trials[0].reason
 
 
-def test_the_command_says_so_and_leaves_with_3(suite: Path, echo: Echo, tmp_path: Path) -> None:
+def test_the_command_says_so_and_leaves_with_3(
+    suite: Path, echo: Echo, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     target = controlled(tmp_path, step="1 / 0")
-    command = [sys.executable, "-m", "eha_bench", "run", str(suite), "--target", str(target)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 3, done.stderr
-    assert "Traceback" not in done.stderr
-    assert "first: fault: ZeroDivisionError: division by zero" in done.stderr
-    assert "small: fault" in done.stderr
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["eha-bench", "run", str(suite), "--target", str(target)])
+    with pytest.raises(SystemExit) as left:
+        main()
+    said = capsys.readouterr().err
+    assert left.value.code == 3, said
+    assert "Traceback" not in said
+    assert "first: fault: ZeroDivisionError: division by zero" in said
+    assert "small: fault" in said
 
 
 def test_a_bug_of_ours_has_a_status_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:

@@ -156,6 +156,7 @@ def test_a_period_and_times_are_told_where_there_are_some(curves: Curves) -> Non
     ("share", "says", "learned"),
     [
         (0.11, "and depends on motor_speed", True),
+        (0.006, "a curve of motor_speed explains 1% of the excess, so it depends on several", True),
         (0.09, "a curve of motor_speed explains 9% of the excess, so it depends on several", True),
         (0.004, "no curve that was tried explains any of it", False),
         (-0.2, "no curve that was tried explains any of it", False),
@@ -172,6 +173,7 @@ def test_a_curve_that_explains_little_is_said_to(
     assert told.learned is learned
     assert (told.fit is state.fit) is not learned
     assert told.unknown.variables == (("motor_speed",) if learned else ())
+    assert told.unknown.share == pytest.approx(share if learned else 0.0)
 
 
 @pytest.mark.parametrize(

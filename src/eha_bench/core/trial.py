@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, ClassVar, Final
@@ -224,3 +226,16 @@ class Trial:
     def reference(self, time: FloatArray) -> FloatArray:
         """Return the reference at `time` (s, negative while settling), shape (n,) -> (n,)."""
         return self.signal(time)
+
+    def violation(self, reading: Mapping[str, float]) -> str:
+        """Return which safety limit a reading (channel -> SI) breaks, "" for none.
+
+        A channel that has a limit and is not measured, or is NaN, breaks it.
+        """
+        for limit in self.safety:
+            value = reading.get(limit.channel, math.nan)
+            if not limit.bounds.holds(value):
+                measured = limit.channel in reading
+                found = f"{value:.6g}" if measured else "the target does not measure it"
+                return f"safety limit {limit.channel} {limit.text}: {found}"
+        return ""

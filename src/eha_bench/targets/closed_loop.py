@@ -13,7 +13,6 @@ import numpy as np
 from eha_bench.control.controller import Controller, as_command
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError, TargetFault
-from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
 from eha_bench.targets.crash import error_text
@@ -80,7 +79,7 @@ class ClosedLoop:
                 reading = dict(zip(channels, measured[tick].tolist(), strict=True))
                 if both:
                     reading["pressure_difference"] = reading["pressure_a"] - reading["pressure_b"]
-                reason = _violation(trial.safety, reading)
+                reason = trial.violation(reading)
                 if reason:
                     ending, done = Ending.SAFETY_STOP, tick + 1
                     commands[tick] = 0.0
@@ -116,13 +115,3 @@ class ClosedLoop:
             metadata={"signal_start": repr(float(abs(clock[0]))), **self.constants},
         )
         return Outcome(recording, ending, reason)
-
-
-def _violation(limits: tuple[SafetyLimit, ...], reading: Mapping[str, float]) -> str:
-    """Return what broke a safety limit now, or an empty text; a missing value breaks it."""
-    for limit in limits:
-        value = reading.get(limit.channel, math.nan)
-        if not limit.bounds.holds(value):
-            found = f"{value:.6g}" if limit.channel in reading else "the target does not measure it"
-            return f"safety limit {limit.channel} {limit.text}: {found}"
-    return ""
