@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import os
-import shutil
+import re
 import subprocess
 import sys
 import tempfile
@@ -19,6 +19,8 @@ from rich.text import Text
 WIDTH = 100
 LONGEST = 40
 """Lines of a command's output that are drawn."""
+
+_FILE = re.compile(r'^```\w+ title="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 
 COMMANDS = {
     "bare": "eha-bench",
@@ -37,8 +39,53 @@ COMMANDS = {
     "diagnose": "eha-bench diagnose dataset.yaml --out diagnosis",
     "ab": "eha-bench ab suite.yaml --a target.yaml --b simulator --repeats 2 --warm-up 0",
     "schema": "eha-bench schema target",
+    "channels": "eha-bench channels logs/example.csv",
+    "export": "eha-bench export baseline/recordings/step-10MPa-0.mcap step.csv",
+    "baseline": "eha-bench baseline baselines/knee.json baseline",
+    "layout": "eha-bench layout suite.yaml --out layout.json",
+    "sweep": "eha-bench sweep step.yaml --over sweep.yaml --target target.yaml --out swept",
+    "before": "eha-bench run step.yaml --target target.yaml --out before",
+    "tune": "eha-bench tune step.yaml --model diagnosis/revised.yaml --controller controller.yaml"
+    " --vary gains.yaml --out tuned --candidates 24 --draws 40",
+    "p-pass": "eha-bench run step.yaml --target tuned/target.yaml --posterior"
+    " diagnosis/diagnosis.json --draws 40 --out after",
+    "before-after": "eha-bench before-after diagnosis tuned before after --out before_after.html",
+    "close": "eha-bench close dataset.yaml --target rig.yaml --out loop --safety first.yaml"
+    " --budget 3s",
+    "next": "eha-bench next loop/round-1/diagnosis --out next.yaml --safety first.yaml --budget 3s",
 }
 """What is recorded, in the order in which it is run."""
+
+ELSEWHERE = frozenset({"close", "next"})
+"""What is run in the project of docs/how-to/next.md: a machine with a cause that stays open."""
+
+NOT_SHOWN = frozenset({"serve", "rig", "clear", "recover", "export-fmu"})
+"""Commands that run until they are stopped, or need a rig, a damaged file or another tool."""
+
+_STEP = """name: step
+trials:
+  - id: step
+    mode: pressure
+    setup: {piston: locked}
+    duration: 60 ms
+    signal: {kind: step, initial: 0 MPa, final: 10 MPa, at: 1 ms}
+    accept:
+      tracking_rms: <= 5.3 MPa
+      peak: <= 12 MPa
+"""
+_SWEEP = """over:
+  gains: {pressure.k_p: [4 A/MPa, 6 A/MPa, 8 A/MPa]}
+  parameters: {bulk_modulus: [700 MPa, 900 MPa]}
+"""
+_GAINS = """vary:
+  pressure.k_p: {from: 3 A/MPa, to: 12 A/MPa, scale: log}
+  pressure.k_2: {from: 0.5 A*s/rad, to: 4 A*s/rad, scale: log}
+"""
+FILES = {"step.yaml": _STEP, "sweep.yaml": _SWEEP, "gains.yaml": _GAINS}
+"""What `sweep` and `tune` take beside the files of the project."""
+
+LOOP = ("sweep", "before", "tune", "p-pass", "before-after")
+"""Commands from a diagnosis to the machine with tuned gains."""
 
 
 def make(folder: Path) -> None:
@@ -47,17 +94,34 @@ def make(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as place:
         work = Path(place) / "my-bench"
         work.mkdir()
+        other = Path(place) / "spindle"
         for name, command in COMMANDS.items():
             if name == "validate":
                 _break_and_tighten(work)
+            if name == "sweep":
+                for file, text in FILES.items():
+                    (work / file).write_text(text, encoding="utf-8")
+            if name == "close":
+                _spindle(other)
             if name == "calibrate":
-                subprocess.run(
-                    [sys.executable, "-m", "eha_bench", "run", "suite.yaml", "--target",
-                     "target.yaml"],
-                    cwd=work, capture_output=True, check=True,
-                )  # fmt: skip
-            (folder / f"{name}.svg").write_text(_drawn(command, work), encoding="utf-8")
-        shutil.rmtree(work)
+                _run("run suite.yaml --target target.yaml", work)
+            where = other if name in ELSEWHERE else work
+            (folder / f"{name}.svg").write_text(_drawn(command, where, name), encoding="utf-8")
+
+
+def _run(command: str, where: Path) -> None:
+    """Run a command that is not shown."""
+    words = [sys.executable, "-m", "eha_bench", *command.split()]
+    subprocess.run(words, cwd=where, capture_output=True, check=True)
+
+
+def _spindle(folder: Path) -> None:
+    """Write the files of docs/how-to/next.md, and make its first recordings."""
+    folder.mkdir()
+    text = (Path(__file__).parents[1] / "how-to" / "next.md").read_text(encoding="utf-8")
+    for name, content in _FILE.findall(text):
+        (folder / name).write_text(content, encoding="utf-8")
+    _run("run first.yaml --target rig.yaml --out first-run", folder)
 
 
 def _break_and_tighten(work: Path) -> None:
@@ -70,7 +134,7 @@ def _break_and_tighten(work: Path) -> None:
     (work / "strict.yaml").write_text(strict, encoding="utf-8")
 
 
-def _drawn(command: str, work: Path) -> str:
+def _drawn(command: str, work: Path, name: str) -> str:
     environment = {**os.environ, "FORCE_COLOR": "1", "CI": "true", "COLUMNS": str(WIDTH)}
     done = subprocess.run(
         [sys.executable, "-m", "eha_bench", *command.split()[1:]],
@@ -87,8 +151,7 @@ def _drawn(command: str, work: Path) -> str:
     console.print(Text.from_ansi("\n".join(lines)))
     if done.returncode:
         console.print(Text(f"(exit status {done.returncode})", style="dim"))
-    name = command.rsplit(maxsplit=1)[-1].replace(".", "-")
-    return console.export_svg(title="eha-bench", unique_id=name)
+    return console.export_svg(title="eha-bench", unique_id=f"terminal-{name}")
 
 
 if __name__ == "__main__":

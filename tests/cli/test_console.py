@@ -5,6 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from eha_bench.cli.run_summary import summary_lines
+from eha_bench.core.result import Result, Status, TrialResult
+from eha_bench.core.score import Measure, Score, ScoreStatus
+
 from .conftest import SUITE, Cli
 
 DEGREES = """\
@@ -96,3 +100,18 @@ def test_the_reason_of_a_score_is_why_it_has_none(cli: Cli, tmp_path: Path) -> N
     assert "settling_time not scored" in line
     assert "settled" in line or "drift" in line
     assert "tracking_rms" not in told
+
+
+def test_one_reason_stands_once_whatever_its_numbers() -> None:
+    def unscored(metric: str, drift: float) -> Score:
+        found = Measure.none(f"not settled: it drifts by {drift} % of the step, of 2nd order")
+        return Score(metric, "current", found, "s", ScoreStatus.NOT_SCORED, limit="<= 1 s")
+
+    scores = (unscored("rise_time", 13.6), unscored("settling_time", 9.5))
+    run = TrialResult("step", 0, Status.FAILED, "", "", scores)
+    lines = summary_lines(Result("tiny", "simulator", Status.FAILED, (run,), {}))
+    assert lines == [
+        "step  rise_time, settling_time not scored: not settled: it drifts by 9.5 to 13.6 % of "
+        "the step, of 2nd order",
+        "tiny: failed, 0 of 2 limits kept",
+    ]

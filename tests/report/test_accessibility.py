@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import subprocess
 import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -12,6 +13,8 @@ from chromium import Page
 import eha_bench as eb
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "comparison"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "tools"))
+import terminal
 from results import folder, result
 
 AXE = Path(__file__).parent / "vendor" / "axe.min.js.gz"
@@ -74,6 +77,44 @@ def test_no_serious_finding_in_nights_and_comparisons(
     for page in nights_and_comparison:
         tab.open(page)
         assert serious(tab) == [], page.name
+
+
+@pytest.fixture(scope="module")
+def pages_of_the_loop(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Every other page, as the commands write it in a new project."""
+    work = tmp_path_factory.mktemp("project")
+    for name, text in terminal.FILES.items():
+        (work / name).write_text(text, encoding="utf-8")
+    for words in (
+        "init",
+        "run suite.yaml --target target.yaml",
+        "diagnose dataset.yaml --out diagnosis",
+        *(terminal.COMMANDS[name].partition(" ")[2] for name in terminal.LOOP),
+        "close dataset.yaml --target target.yaml --out loop --rounds 1",
+    ):
+        command = [sys.executable, "-m", "eha_bench", *words.split()]
+        done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
+        assert done.returncode in (0, 1), done.stderr
+    pages = [
+        "diagnosis/diagnosis.html", "swept/sweep.html", "tuned/tuning.html",
+        "after/probability.html", "before_after.html", "loop/rounds.html",
+        "loop/round-1/next.html",
+    ]  # fmt: skip
+    return [work / page for page in pages]
+
+
+@pytest.mark.slow
+def test_no_serious_finding_in_the_pages_of_the_loop(
+    tab: Page, pages_of_the_loop: list[Path]
+) -> None:
+    for width in (1280, 390):
+        for scheme in ("light", "dark"):
+            tab.emulate(width, scheme=scheme)
+            for page in pages_of_the_loop:
+                tab.open(page)
+                assert serious(tab) == [], page.name
+                wide = tab.run("document.documentElement.scrollWidth")
+                assert wide <= width, f"{page.name} is {wide} px wide at {width}"
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +10,7 @@ import typer
 
 from eha_bench.cli.completion import complete_models
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
+from eha_bench.cli.terminal import columns
 from eha_bench.core.errors import BUG
 
 if TYPE_CHECKING:
@@ -65,14 +65,16 @@ def calibrate(
         found = estimate(dataset, out, _stages(bar))
     for note in found.notes:
         say(note)
-    for name, item in found.parameters.items():
-        say(f"{name}: {_interval(item)}")
+    estimates = dict(found.parameters)
     for run, own in found.per_run.items():
-        for name, item in own.items():
-            say(f"{name} in {run}: {_interval(item)}")
+        estimates |= {f"{name} in {run}": item for name, item in own.items()}
+    for cells in columns(
+        [(name, *_estimate(item)) for name, item in estimates.items()], right=(1,)
+    ):
+        say("  ".join(cells).rstrip())
     for direction in found.undetermined:
         say(f"not identifiable: {direction}")
-    _say_errors(found.holdout, "held out")
+    _say_errors(found.holdout, "held-out")
     _say_errors(found.unseen, "unseen")
     if json:
         typer.echo((out / "calibration.json").read_text(encoding="utf-8"), nl=False)
@@ -126,7 +128,9 @@ def _say_verdict(found: Diagnosis) -> None:
     """Print verdict, causes and the held-out error before and after."""
     say(f"verdict: {found.verdict.value}{_unended(found)}")
     for effect in found.effects:
-        values = ", ".join(f"{key} = {_interval(v)}" for key, v in effect.parameters.items())
+        values = ", ".join(
+            f"{key} = {' '.join(_estimate(v))}" for key, v in effect.parameters.items()
+        )
         say(f"  {effect.id} in the {effect.equation} equation: {values}")
     if found.unknown and found.unknown.equation is None:
         say(f"  {found.unknown.description}")
@@ -135,7 +139,7 @@ def _say_verdict(found: Diagnosis) -> None:
         say(f"  something in the {found.unknown.equation} equation, by {variables}")
     for group in found.equivalent:
         say(f"  these data do not distinguish: {', '.join(group)}")
-    _say_errors(found.holdout, "held out")
+    _say_errors(found.holdout, "held-out")
     _say_errors(found.unseen, "unseen")
 
 
@@ -146,16 +150,25 @@ def _unended(found: Diagnosis) -> str:
 
 
 def _say_errors(errors: Mapping[str, ChannelError], kind: str) -> None:
-    """Print each channel's error before and after beside its noise."""
-    for channel, item in errors.items():
-        say(f"  {kind}, {channel}: {item.before:.4g} -> {item.after:.4g} {item.unit} "
-            f"(noise {item.noise_floor:.4g})")  # fmt: skip
+    """Print each channel's error before and after beside its noise, in the page's units."""
+    from eha_bench.report.diagnosis_text import error_rows
+
+    if not errors:
+        return
+    heading = (f"  error, {kind} runs", "before", "after", "noise")
+    rows = [
+        (f"    {row.channel}", row.before, row.after, row.floor) for row in error_rows(dict(errors))
+    ]
+    for cells in columns([heading, *rows], right=(1, 2, 3)):
+        say("  ".join(cells).replace("\N{NO-BREAK SPACE}", " "))
 
 
-def _interval(item: Estimate) -> str:
-    if not (isfinite(item.low) and isfinite(item.high)):
-        return f"{item.value:.5g} {item.unit} (no interval)".replace("  ", " ")
-    return f"{item.value:.5g} ({item.low:.5g} ... {item.high:.5g}) {item.unit}".rstrip()
+def _estimate(item: Estimate) -> tuple[str, str]:
+    """Return a value with its unit, and its interval, as the page shows them."""
+    from eha_bench.report.diagnosis_text import parameter_row
+
+    row = parameter_row("", item)
+    return row.value.replace("\N{NO-BREAK SPACE}", " "), f"({row.interval})"
 
 
 def _stages(bar: TerminalProgress) -> Callable[[str, float], None]:

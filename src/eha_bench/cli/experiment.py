@@ -115,7 +115,10 @@ def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, js
             continue
         outlook = f"{item.reached:.2g} of what is needed"
         if isfinite(item.right):
-            outlook = f"names the right one in {item.right:.0%}, a wrong one in {item.wrong:.1%}"
+            outlook = (
+                f"names the right one in {100.0 * item.right:.0f} %, "
+                f"a wrong one in {100.0 * item.wrong:.1f} %"
+            )
         typer.echo(f"{place:<3} {item.name}: {item.seconds:.3g} s, {outlook}")
 
 
@@ -151,11 +154,7 @@ def close(
         )
     for item in found.to_dict()["rounds"]:
         causes = ", ".join(item["effects"]) or "no effect"
-        say(
-            f"round {item['round']}: {item['verdict']} ({causes}); {item['experiment']}".rstrip(
-                "; "
-            )
-        )
+        say(f"round {item['round']}: {item['verdict']} ({causes}). {item['experiment']}".rstrip())
     say(f"{found.ending.value.replace('_', ' ')} after {found.bench_seconds:.3g} s of bench time")
     if json:
         content = found.to_dict()

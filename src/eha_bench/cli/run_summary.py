@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from eha_bench.cli.terminal import Colour, columns, more, paint
@@ -15,6 +16,7 @@ SHOWN: Final = 5
 """Lines of a kind before the rest is only counted."""
 
 _TRIALS: Final = 20
+_NUMBER: Final = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 _COLOURS: Final = {
     Status.PASSED: Colour.GOOD,
     Status.FAILED: Colour.BAD,
@@ -46,9 +48,12 @@ def summary_lines(
     """
     rows = limit_rows(result, trials or {})
     rejected = worst_first(rows)
+    scored = [row for row in rejected if row.status is not ScoreStatus.NOT_SCORED]
+    unscored = [row for row in rejected if row.status is ScoreStatus.NOT_SCORED]
+    lines = [*_limits(scored, colour=colour), *_unscored(unscored, colour=colour)]
     parts = [
         _stops(result, verbose=verbose, colour=colour),
-        _limits(rejected, verbose=verbose, colour=colour),
+        _first(lines, verbose=verbose),
         _trials(result, verbose=verbose, colour=colour),
         [_verdict(result, colour=colour)],
     ]
@@ -76,14 +81,39 @@ def _stops(result: Result, *, verbose: bool, colour: bool) -> list[str]:
     return _first(lines, verbose=verbose)
 
 
-def _limits(rejected: tuple[ScoreRow, ...], *, verbose: bool, colour: bool) -> list[str]:
+def _limits(rejected: Sequence[ScoreRow], *, colour: bool) -> list[str]:
     """A line a limit that was not kept: `overshoot failed  42.9 %  (≤ 40 %, 2.9 points over)`."""
     cells = columns([_limit_cells(row) for row in rejected], right=(2,))
     lines = []
     for row, (trial, metric, value, rest) in zip(rejected, cells, strict=True):
         painted = paint(metric, _SCORE_COLOURS[row.status], on=colour)
         lines.append(f"{trial}  {painted}  {value}  {rest}".rstrip())
-    return _first(lines, verbose=verbose)
+    return lines
+
+
+def _unscored(rows: Sequence[ScoreRow], *, colour: bool) -> list[str]:
+    """A line a trial and reason, with all metrics that have no value for it.
+
+    Reasons that differ in their numbers alone are one; each number is then a range.
+    """
+    together: dict[tuple[str, str], list[ScoreRow]] = {}
+    for row in rows:
+        together.setdefault((row.trial, _NUMBER.sub("#", row.reason)), []).append(row)
+    lines = []
+    for (trial, _), alike in together.items():
+        names = ", ".join(dict.fromkeys(row.metric_id for row in alike))
+        words = paint(f"{names} not scored", _SCORE_COLOURS[ScoreStatus.NOT_SCORED], on=colour)
+        alone = f" ({alike[0].limit})" if len(alike) == 1 else ""
+        lines.append(f"{trial}  {words}: {_one_reason([row.reason for row in alike])}{alone}")
+    return lines
+
+
+def _one_reason(reasons: Sequence[str]) -> str:
+    """Return reasons that differ in their numbers alone as one, with a range for each number."""
+    found = zip(*(_NUMBER.findall(reason) for reason in reasons), strict=True)
+    ends = [(min(numbers, key=float), max(numbers, key=float)) for numbers in found]
+    spans = iter(low if float(low) == float(high) else f"{low} to {high}" for low, high in ends)
+    return _NUMBER.sub(lambda _: next(spans), reasons[0])
 
 
 def _limit_cells(row: ScoreRow) -> tuple[str, str, str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from eha_bench.experiment.response import Bench, Responses
 
 _POINTS = 800
 _OUTSIDE = 0.05
+_SHORT_S = 0.1
 
 
 def words_of(candidate: Candidate, plan: Plan) -> str:
@@ -28,12 +29,22 @@ def words_of(candidate: Candidate, plan: Plan) -> str:
         "chirp": "a chirp of {amplitude} from {f_start} to {f_stop}",
         "multisine": "a multisine of {amplitude} from {f_min} to {f_max}",
         "prbs": "a random binary sequence between {low} and {high}, {bit} a bit",
-    }[signal["kind"]].format(**signal, most=_most(signal.get("levels", ())))
+    }[signal["kind"]].format(**_readable(signal), most=_most(signal.get("levels", ())))
     piston, bypass = candidate.setup
-    setup = "piston locked" if piston is Piston.LOCKED else "free to move"
+    setup = "piston locked" if piston is Piston.LOCKED else "free motion"
     if bypass is Bypass.OPEN:
         setup += ", bypass open"
     return f"{phrases}, {setup}, {candidate.seconds:.3g} s"
+
+
+def _readable(signal: Mapping[str, object]) -> dict[str, object]:
+    """Return a signal's keys with times below 0.1 s in ms."""
+    found = dict(signal)
+    for key, value in signal.items():
+        amount, _, unit = value.partition(" ") if isinstance(value, str) else ("", "", "")
+        if unit == "s" and 0.0 < float(amount) < _SHORT_S:
+            found[key] = f"{1000.0 * float(amount):.3g} ms"
+    return found
 
 
 def _most(levels: Sequence[object]) -> str:
@@ -45,6 +56,7 @@ def _most(levels: Sequence[object]) -> str:
 def sentence_of(proposal: Proposal) -> str:
     """Say what a proposal is worth."""
     what = "; then ".join(trial.words for trial in proposal.trials)
+    what = what[:1].upper() + what[1:]
     seconds = f"{proposal.bench_seconds:.3g} s of bench time"
     near = sorted({
         room.channel for trial in proposal.trials for room in trial.rooms if room.used > NEAR
@@ -53,18 +65,19 @@ def sentence_of(proposal: Proposal) -> str:
     if proposal.odds is not None:
         right, wrong = proposal.odds.right, proposal.odds.wrong
         short = "" if right >= proposal.asked else (
-            f" (less than the {proposal.asked:.0%} asked for)"
+            f" (less than the {100.0 * proposal.asked:.0f} % asked for)"
         )  # fmt: skip
         return (
-            f"{what}: {seconds} name the right one of {', '.join(proposal.rivals)} in "
-            f"{right:.0%}{short}, a wrong one in {wrong:.1%}.{close}"
+            f"{what}. With {seconds} the diagnosis then names the right one of "
+            f"{', '.join(proposal.rivals)} in {100.0 * right:.0f} % of cases{short} and a wrong "
+            f"one in {100.0 * wrong:.1f} %.{close}"
         )
     worst = proposal.widths[0]
     after = max(proposal.widths, key=lambda item: item.after)
     return (
-        f"{what}: {seconds} narrow the interval of {worst.parameter} from "
-        f"+-{worst.before:.2g} to +-{worst.after:.2g} of its value; the widest is then "
-        f"{after.parameter}, +-{after.after:.2g}.{close}"
+        f"{what}. {seconds} reduce the interval of {worst.parameter} from "
+        f"± {100.0 * worst.before:.2g} % to ± {100.0 * worst.after:.2g} % of its value; the "
+        f"widest is then {after.parameter}, ± {100.0 * after.after:.2g} %.{close}"
     )
 
 

@@ -113,7 +113,7 @@ def permitted(plant: Plant, vectors: Sequence[np.ndarray], covered: Covered,
     return Permitted(
         dict.fromkeys(setups, command),
         dict.fromkeys(setups, _both(channels, ends)),
-        f"what {path.name} permits",
+        f"the limits are those of {path.name}",
     )
 
 

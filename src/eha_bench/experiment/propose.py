@@ -167,7 +167,7 @@ class _Search:
         if not self.plan.command:
             return self._ending(
                 Ending.NONE_PERMITTED,
-                f"{self.permitted.words}, and that leaves the command no room at all: "
+                f"{self.permitted.words}, and they leave the command no room: "
                 "give a --safety file that permits more",
             )
         screened = self._screened()
@@ -197,10 +197,10 @@ class _Search:
         if not self.question.complete:
             return "the diagnosis was interrupted: run `eha-bench diagnose` again"
         rival = self.rivals[0]
+        left = f"no rival of '{rival.id}' is left" if rival.id != "none" else "no effect is missing"
         return (
-            f"'{rival.id}' has no rival left in these data, and every parameter is known within "
-            f"{self.within:.0%}: nothing is open. With more recordings, run "
-            "`eha-bench diagnose` again"
+            f"nothing is open: {left}, and every parameter is known within "
+            f"{100.0 * self.within:.0f} %. With more recordings, run `eha-bench diagnose` again"
         )
 
     def _worst(self, covariance: FloatArray) -> float:
@@ -333,10 +333,12 @@ class _Search:
             why = (
                 f"nothing permitted within {self.budget:g} s separates "
                 f"{' and '.join(item.id for item in self.rivals)}: the best of {self.tried} "
-                f"experiments would name the right one in {expected.right:.0%}"
+                f"experiments would name the right one in {100.0 * expected.right:.0f} % of cases"
             )
             if sensor is not None:
-                why += f"; log {sensor.channel} as well and it would in {sensor.right:.0%}"
+                why += (
+                    f"; log {sensor.channel} as well and it would in {100.0 * sensor.right:.0f} %"
+                )
             return replace(self._ending(Ending.NONE_PERMITTED, why), odds=expected, sensor=sensor)
         if len(chosen) == 1:
             chosen = [self._gentlest(chosen[0], layout, expected)]

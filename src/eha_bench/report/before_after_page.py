@@ -15,7 +15,10 @@ from eha_bench.core.score import Score, ScoreStatus
 from eha_bench.core.units import factor_and_offset
 from eha_bench.report.diagnosis_text import where, words_of
 from eha_bench.report.engineering import (
+    DisplayUnit,
     channel_name,
+    decimals_for,
+    display_unit,
     limit_text,
     metric_name,
     number,
@@ -134,9 +137,9 @@ def _covered(diagnosis: Mapping[str, Any]) -> list[Fact]:
     covered = diagnosis["covered"] or {}
     found = []
     if covered.get("seconds"):
-        found.append(Fact("Fitted to", quantity(float(covered["seconds"]), "s")))
+        found.append(Fact("Fitted recordings", quantity(float(covered["seconds"]), "s")))
     if covered.get("rate"):
-        found.append(Fact("Readings", f"{number(float(covered['rate']), 0)} a second"))
+        found.append(Fact("Sample rate", quantity(float(covered["rate"]), "Hz")))
     for setup in covered.get("setups", []):
         words = ", ".join(f"{key} {setup[key]}" for key in ("piston", "bypass") if setup.get(key))
         found.append(Fact("Setup", words))
@@ -162,13 +165,21 @@ def _errors(errors: Mapping[str, Any]) -> list[ErrorRow]:
         if before is None or after is None:
             continue
         floor = item["noise_floor"]
+        # one unit a row, so that its numbers compare at a glance
+        shown = display_unit(unit, (before, floor or 0.0))
+        noise = _NOTHING if floor is None else _error(floor, shown)
         rows.append(
             ErrorRow(
-                channel_name(channel), quantity(before, unit), quantity(after, unit),
-                _NOTHING if floor is None else quantity(floor, unit), after > before,
+                channel_name(channel), _error(before, shown), _error(after, shown), noise,
+                after > before,
             )
         )  # fmt: skip
     return rows
+
+
+def _error(value: float, unit: DisplayUnit) -> str:
+    amount = unit.difference(value)
+    return number(amount, decimals_for(amount)) + unit.suffix
 
 
 def _effects(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -278,7 +289,10 @@ def _links(content: BeforeAfter, path: Path) -> list[tuple[str, str]]:
         ("Revised model", content.diagnosis_folder / str(content.diagnosis["model"])),
         ("Tuning", content.tuning_folder / "tuning.html"),
         ("Tuned gains", content.tuning_folder / str(content.tuning["controller"])),
-        *(("Result", folder / "report.html") for folder in content.result_folders),
+        *(
+            (f"Result in {folder.name}", folder / "report.html")
+            for folder in content.result_folders
+        ),
     ]
     folder = path.resolve().parent
     return [

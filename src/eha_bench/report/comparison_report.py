@@ -145,6 +145,8 @@ def headline(comparison: Comparison) -> str:
             parts.append(f"{count} {verb}{word}")
     total = comparison.compared
     text = f"Of {total} metric{'' if total == 1 else 's'} {', '.join(parts)}" if parts else ""
+    if total > 1 and found[Verdict.SAME] == total:
+        text = f"All {total} metrics are the same"
     left = found[Verdict.NOT_COMPARED]
     if left:
         also = f"{left} could not be compared"

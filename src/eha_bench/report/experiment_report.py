@@ -108,6 +108,9 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
 
 
 def _percent(share: float, decimals: int = 0) -> str:
+    least = 10.0**-decimals
+    if 0.0 < 100.0 * share < 0.5 * least:
+        return f"< {least:g} %"
     return f"{number(100.0 * share, decimals)} %"
 
 
@@ -146,7 +149,7 @@ def scene_of_trial(trial: PlannedTrial) -> Scene:
     """Return a panel for each channel: each rival's prediction with the edges of its band."""
     values: dict[str, FloatArray] = {"reference": trial.reference}
     units: dict[str, str] = {"reference": ""}
-    panels = [_panel("Requirement", "", [("reference", "reference", "reference", False)], values)]
+    panels = [_panel("Command", "", [("reference", "reference", "reference", False)], values)]
     channels = list(next(iter(trial.bands.values())))
     for channel in channels:
         unit = trial.units.get(channel, "")
@@ -160,8 +163,10 @@ def scene_of_trial(trial: PlannedTrial) -> Scene:
         panels.append(_panel(channel_name(channel), unit, curves, values))
     if trial.parts.any():
         values[_APART], units[_APART] = trial.parts, ""
-        label = "collected distance of the nearest two rivals"
-        panels.append(_panel("Where they part", "", [(_APART, label, "reference", False)], values))
+        label = "distance of the nearest two rivals, summed over time"
+        panels.append(
+            _panel("Separation of the rivals", "", [(_APART, label, "reference", False)], values)
+        )
     return Scene(Recording(trial.time, values, units), tuple(panels))
 
 

@@ -68,7 +68,10 @@ def write_probability_page(
         "limits": [_row(found, place) for place in range(len(found.limits))],
         "unknowns": [
             UnknownRow(
-                item.key, f"{item.share:.0%}", f"{item.lower.value:.2f}", f"{item.upper.value:.2f}"
+                item.key,
+                f"{100.0 * item.share:.0f} %",
+                f"{item.lower.value:.2f}",
+                f"{item.upper.value:.2f}",
             )
             for item in found.unknowns
         ],

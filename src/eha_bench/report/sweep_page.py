@@ -103,7 +103,9 @@ def write_sweep_page(sweep: Sweep, command: tuple[str, ...]) -> Path:
             Fact("Points", f"{len(places)} of {len(sweep.points)}"),
             Fact("Design", sweep.file.name),
             *(
-                Fact(name.replace("_", " "), digest[:12], code=True)
+                Fact(
+                    f"{name.removesuffix('_sha256').capitalize()}, SHA-256", digest[:12], code=True
+                )
                 for name, digest in sweep.space.case.simulator.identity.digests.items()
             ),
         ],
@@ -131,7 +133,8 @@ def _headline(sweep: Sweep, margins: FloatArray) -> str:
     if sweep.passed:
         best = sweep.best
         assert best is not None
-        return f"The largest least margin is {sweep.results[best].margin:+.1%} of its limit."
+        least = number(sweep.results[best].margin, 3, sign=True)
+        return f"The best point keeps every limit with a margin of {least} or more."
     never = [
         limit.key for k, limit in enumerate(sweep.limits) if not bool(np.any(margins[:, k] >= 0.0))
     ]
@@ -155,7 +158,7 @@ def _best(sweep: Sweep, place: int) -> dict[str, Any]:
     return {
         "place": place,
         "rows": rows,
-        "margin": f"{found.margin:+.3f}",
+        "margin": number(found.margin, 3, sign=True),
         "passed": found.passed,
         "worst": _nearest(sweep, place),
     }
@@ -188,9 +191,9 @@ def _limit_row(sweep: Sweep, k: int, margins: FloatArray, factors: list[Axis]) -
         trial=limit.trial,
         metric=f"{name} ({channel_name(limit.channel)})" if limit.channel else name,
         limit=limit_text(limit.text),
-        kept=f"{float(np.mean(kept)):.0%}" if own.size else "",
+        kept=f"{100.0 * float(np.mean(kept)):.0f} %" if own.size else "",
         alone=alone,
-        best=f"{float(scored.max()):+.3f}".replace("-", "−") if scored.size else number(math.nan),
+        best=number(float(scored.max()) if scored.size else math.nan, 3, sign=True),
         look="passed" if kept.all() else "failed" if not kept.any() else "warned",
         bars=tuple(kept_bars(axis, own) for axis in factors),
     )

@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
+from eha_bench.report.engineering import number
 
 _WIDTH: Final = 920
 _MOST_BINS: Final = 12
@@ -91,7 +92,7 @@ def heat_svg(x: Axis, y: Axis, margins: FloatArray) -> Markup:
         for column in range(len(across)):
             value = float(best[row, column])
             title = f"{across[column]}, {name}: " + (
-                f"{value:+.3f}" if math.isfinite(value) else "nothing scored"
+                number(value, 3, sign=True) if math.isfinite(value) else "nothing scored"
             )
             parts.append(
                 f'<rect x="{left + wide * column:.1f}" y="{at:.1f}" width="{wide - 1:.1f}" '
@@ -161,13 +162,15 @@ def pareto_svg(x: Axis, y: Axis, passed: BoolArray) -> Markup:
     best = front(x.values, y.values)
     line = "L".join(f"{across[place]:.1f} {up[place]:.1f}" for place in best)
     parts.append(f'<path d="M{line}" fill="none" stroke="var(--text)" stroke-width="1.5"/>')
+    frame = f"M{left - 8} {top}V{height - bottom + 8}H{_WIDTH - 12}"
+    parts.append(f'<path d="{frame}" fill="none" stroke="var(--axis)"/>')
     for axis, ends in ((x, (left, _WIDTH - 20)), (y, (height - bottom, top))):
         low, high = float(axis.values[finite].min()), float(axis.values[finite].max())
         for value, at in ((low, ends[0]), (high, ends[1])):
             place_ = (
-                (at, height - bottom + 16, "middle") if axis is x else (left - 6, at + 4, "end")
+                (at, height - bottom + 24, "middle") if axis is x else (left - 14, at + 4, "end")
             )
-            parts.append(_text(place_[0], place_[1], f"{value:+.3f}", place_[2]))
+            parts.append(_text(place_[0], place_[1], number(value, 3, sign=True), place_[2]))
     parts.append(_text(0.5 * (left + _WIDTH), height - 8, f"margin of {x.name}", "middle"))
     parts.append(_text(left + 4, top + 2, f"margin of {y.name}", "start"))
     return Markup("".join([*parts, "</svg>"]))
@@ -190,17 +193,17 @@ def kept_bars(axis: Axis, margins: FloatArray) -> Markup:
     places, names = axis.bins()
     width = 100.0 / len(names)
     parts = []
-    for number, name in enumerate(names):
-        own = margins[places == number]
+    for k, name in enumerate(names):
+        own = margins[places == k]
         share = float(np.mean(own >= 0.0)) if own.size else 0.0
         tall = 12.0 * share
         parts.append(
-            f'<rect x="{width * number:.1f}" y="0" width="{width - 1:.1f}" height="12" '
+            f'<rect x="{width * k:.1f}" y="0" width="{width - 1:.1f}" height="12" '
             f'fill="var(--vermilion)" fill-opacity="0.35"><title>{escape(name)}: kept by '
-            f"{share:.0%}</title></rect>"
-            f'<rect x="{width * number:.1f}" y="{12 - tall:.1f}" width="{width - 1:.1f}" '
+            f"{100.0 * share:.0f} %</title></rect>"
+            f'<rect x="{width * k:.1f}" y="{12 - tall:.1f}" width="{width - 1:.1f}" '
             f'height="{tall:.1f}" fill="var(--blue)"><title>{escape(name)}: kept by '
-            f"{share:.0%}</title></rect>"
+            f"{100.0 * share:.0f} %</title></rect>"
         )
     title = ", ".join(
         f"{name} {float(np.mean(margins[places == k] >= 0.0)) if (places == k).any() else 0.0:.0%}"

@@ -56,7 +56,12 @@ def write_tuning_page(found: Tuned, out: Path, facts: tuple[Fact, ...]) -> Path:
             for k, limit in enumerate(found.limits)
         ],
         "unknowns": [
-            (item.key, f"{item.share:.0%}", f"{item.lower.value:.2f}", f"{item.upper.value:.2f}")
+            (
+                item.key,
+                f"{100.0 * item.share:.0f} %",
+                f"{item.lower.value:.2f}",
+                f"{item.upper.value:.2f}",
+            )
             for item in (after.unknowns if after else ())
         ],
         "never": [named[k] for k in clash.never] if clash else [],

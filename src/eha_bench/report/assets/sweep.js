@@ -10,6 +10,7 @@ document.addEventListener("DOMContentLoaded", () => {
   const count = data.points.length, brushes = new Map();
   const axes = [...data.factors, data.margins[0], ...data.axes.map((place) => data.margins[place])];
   const format = (axis, value) => (axis.words.length ? axis.words[Math.round(value)] : String(Number(value.toPrecision(4)))).replace(/^-/, drawing.MINUS);
+  const fixed = (value) => (value > 0 ? "+" : "") + value.toFixed(3).replace(/^-/, drawing.MINUS);
   const scaled = (axis, value) => (axis.log ? Math.log(value) : value);
   const range = (axis) => {
     const found = axis.values.filter((value) => value !== null).map((value) => scaled(axis, value));
@@ -88,7 +89,7 @@ document.addEventListener("DOMContentLoaded", () => {
             fill: !known ? "var(--grid)" : margin >= 0 ? "var(--blue)" : "var(--vermilion)",
             "fill-opacity": !known ? 1 : Math.min(1, 0.2 + (0.8 * Math.abs(margin)) / FULL),
           });
-          cell.append(svg("title", {}, `${other}, ${name}: ${known ? margin.toFixed(3) : "no point"}`));
+          cell.append(svg("title", {}, `${other}, ${name}: ${known ? fixed(margin) : "no point"}`));
           picture.append(cell);
         });
       });
@@ -171,7 +172,7 @@ document.addEventListener("DOMContentLoaded", () => {
       const front = places.toSorted((a, b) => x.values[b] - x.values[a] || y.values[b] - y.values[a]).filter((place) => y.values[place] > most && ((most = y.values[place]), true));
       if (front.length) picture.append(svg("path", { d: `M${front.map((place) => at(place).join(" ")).join("L")}`, fill: "none", stroke: "var(--text)", "stroke-width": 1.5 }));
       const [xs, ys] = [x, y].map((axis) => (axis.range ??= range(axis)));
-      picture.append(text(left, height - bottom + 16, xs[0].toFixed(3), "middle"), text(WIDTH - 20, height - bottom + 16, xs[1].toFixed(3), "end"), text(left - 6, height - bottom + 4, ys[0].toFixed(3), "end"), text(left - 6, top + 8, ys[1].toFixed(3), "end"), text((left + WIDTH) / 2, height - 8, `margin of ${x.label}`, "middle"), text(left + 4, top + 2, `margin of ${y.label}`, "start"));
+      picture.append(svg("path", { d: `M${left - 8} ${top}V${height - bottom + 8}H${WIDTH - 12}`, fill: "none", stroke: "var(--axis)" }), text(left, height - bottom + 24, fixed(xs[0]), "middle"), text(WIDTH - 20, height - bottom + 24, fixed(xs[1]), "end"), text(left - 14, height - bottom + 4, fixed(ys[0]), "end"), text(left - 14, top + 8, fixed(ys[1]), "end"), text((left + WIDTH) / 2, height - 8, `margin of ${x.label}`, "middle"), text(left + 4, top + 2, `margin of ${y.label}`, "start"));
       canvas.replaceChildren(picture);
     };
     pareto.replaceChildren(tools, canvas);
@@ -180,27 +181,28 @@ document.addEventListener("DOMContentLoaded", () => {
 
   // The table: the best of the points that are left.
   const body = document.querySelector("#sweep-points tbody");
-  const told = document.getElementById("sweep-count"), said = told.cloneNode(true);
+  const caption = document.getElementById("sweep-count"), first = caption.cloneNode(true);
   const rows = [...body.children];
   const list = () => {
     if (!brushes.size) {
-      told.replaceChildren(...said.cloneNode(true).childNodes);
+      caption.replaceChildren(...first.cloneNode(true).childNodes);
       body.replaceChildren(...rows);
       return;
     }
     const least = data.margins[0].values, value = (place) => least[place] ?? -Infinity;
     const kept = data.points.map((_, place) => place).filter(inside).sort((a, b) => data.passed[b] - data.passed[a] || value(b) - value(a));
-    told.textContent = `${kept.length} of ${count} points within, ${kept.filter((place) => data.passed[place]).length} of them pass.`;
+    caption.textContent = `${kept.length} of ${count} points within, ${kept.filter((place) => data.passed[place]).length} of them pass.`;
     body.replaceChildren(...kept.slice(0, ROWS).map((place) => {
       const known = rows.find((row) => Number(row.dataset.point) === data.points[place]);
       if (known) return known;
       const row = make("tr", data.passed[place] ? "passed" : "failed"), head = make("th");
       const link = data.reports[data.points[place]];
       if (link) { const anchor = make("a", "", data.points[place]); anchor.href = link; head.append(anchor); } else head.textContent = data.points[place];
-      row.append(head, ...data.factors.map((axis) => make("td", "num", format(axis, axis.values[place]))));
-      row.append(make("td", "num margin", least[place] === null ? "\u2013" : least[place].toFixed(3).replace("-", drawing.MINUS)));
+      const cell = (look, words, label) => { const made = make("td", look, words); if (label) made.dataset.label = label; return made; };
+      row.append(head, ...data.factors.map((axis) => cell("num", format(axis, axis.values[place]), axis.name)));
+      row.append(cell("num margin", least[place] === null ? "\u2013" : fixed(least[place]), "Least margin"));
       const lowest = data.margins.slice(1).reduce((found, margin) => (margin.values[place] !== null && (found === null || margin.values[place] < found.values[place]) ? margin : found), null);
-      row.append(make("td", "", lowest ? lowest.label : ""), make("td", "", data.passed[place] ? "\u2713 passed" : "\u2715 failed"));
+      row.append(cell("", lowest ? lowest.label : "", "Least of"), cell("verdict-cell", data.passed[place] ? "\u2713 passed" : "\u2715 failed"));
       return row;
     }));
   };
