@@ -1,7 +1,7 @@
 """``python -m benchmarks.next_experiment``: how often the next experiment leads to the right name.
 
 A machine with a hidden effect (`fixtures.rigs`, equations of its own) makes one slow recording.
-Where its diagnosis leaves candidates that cannot be told apart, `eha_bench.next_experiment` is
+Where its diagnosis leaves candidates that cannot be distinguished, `eha_bench.next_experiment` is
 asked for the experiment that would tell them, within limits; the machine runs it, and both
 recordings are diagnosed. Counted: right single names, wrong ones, what was stated beside what
 happened, broken limits, bench seconds.

@@ -21,7 +21,7 @@ _FILE = re.compile(r'^```\w+ title="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOT
 
 
 def bench(*arguments: str | Path, where: Path, accepted: tuple[int, ...] = (0,)) -> None:
-    """Run `eha-bench` in a folder; exits with what it said where it leaves with another status."""
+    """Run `eha-bench` in a folder; exits with its message where its status is another."""
     command = [sys.executable, "-m", "eha_bench", *map(str, arguments)]
     done = subprocess.run(command, cwd=where, capture_output=True, text=True, check=False)
     if done.returncode not in accepted:

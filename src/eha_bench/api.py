@@ -85,7 +85,7 @@ def run(
         retries: how often a trial is run again whose infrastructure failed (not its limits).
         time_limit: s after which the run stops.
         workers: number of processes, dask://host:port or ray://host:port, for simulated targets.
-        progress: told at the start of every trial.
+        progress: called at the start of every trial.
 
     Raises:
         EhaBenchError: bad input, or the folder cannot be used.
@@ -143,7 +143,7 @@ def sweep(
         out: folder that gets points.parquet, sweep.json and sweep.html.
         resume: do only what an earlier, interrupted sweep of the same left undone.
         workers: number of processes, dask://host:port or ray://host:port.
-        progress: told after every point.
+        progress: called after every point.
 
     Raises:
         EhaBenchError: bad input, or the folder cannot be used.
@@ -183,7 +183,7 @@ def probability(
             parameters that are drawn beside: oil between cold and hot, a load.
         draws: machines that are drawn. seed: of the draws.
         workers: number of processes, dask://host:port or ray://host:port.
-        progress: told after every draw.
+        progress: called after every draw.
 
     Raises:
         EhaBenchError: bad input, or the posterior of another model.
@@ -239,7 +239,7 @@ def tune(  # noqa: PLR0913 - as the options of the command
         draws: machines that the best is proven on. candidates: gains that are tried in all.
         robust: `worst` or `cvar` in place of P(pass). seed: of search and draws.
         workers: number of processes, dask://host:port or ray://host:port.
-        progress: told after every generation.
+        progress: called after every generation.
 
     Raises:
         EhaBenchError: bad input, or the posterior of another model.
@@ -276,7 +276,7 @@ def tune(  # noqa: PLR0913 - as the options of the command
 
 
 def check_posterior(suite: Given, posterior: str | Path, target: Given | None = None) -> None:
-    """Raise an InputError where P(pass) of a suite on a target cannot be told by a posterior."""
+    """Raise an InputError where a posterior gives no P(pass) of a suite on a target."""
     loaded = load_suite(suite)
     case = judged_only(case_of(loaded, target_for(loaded, target)))
     read_posterior(Path(posterior), case.simulator.model)
@@ -418,7 +418,7 @@ def write_reports(
 
 
 def tell_step_summary(summary: str) -> None:
-    """Append to GitHub's step summary; where that cannot be done, that is said and no verdict."""
+    """Append to GitHub's step summary; a failure to do so is a note and no verdict."""
     try:
         append_step_summary(summary)
     except InputError as error:

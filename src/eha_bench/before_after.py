@@ -1,7 +1,7 @@
 """`eha-bench before-after`: one page from recordings to the machine's result with tuned gains.
 
 Each folder says by itself what it is: of `diagnose` (diagnosis.json), of `tune` (tuning.json) or of
-`run` (result.json). What is told of the machine holds only where they belong together, so that is
+`run` (result.json). The page is true only where they belong together, so that is
 looked at: the gains were tuned for the revised model, and the later result was made with them.
 """
 

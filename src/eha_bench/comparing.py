@@ -108,7 +108,7 @@ def history(
         diagnose: nightly.yaml whose `diagnose` says which causes are followed; estimates of the
             nights are kept in `<site>/causes`.
         workers: number of processes, dask://host:port or ray://host:port, that judge the metrics.
-        progress: told the stage of the causes' estimation and the part of it done.
+        progress: called with the stage of the estimation and the share of it done.
 
     Raises:
         InputError: there is no result, nightly.yaml is wrong, or the site cannot be written.
@@ -166,7 +166,7 @@ def ab(
         warm_up: passes through the suite that are not scored.
         resume: go on with an earlier, interrupted run.
         workers: number of processes, dask://host:port or ray://host:port, for simulated targets.
-        progress: told at the start of every run.
+        progress: called at the start of every run.
 
     Raises:
         EhaBenchError: bad input, or the folder cannot be used.

@@ -146,4 +146,4 @@ def test_too_few_nights_are_said(tmp_path: Path, cli: Cli) -> None:
     night(tmp_path, 0, "  leakage: 2e-15 m^3/(s*Pa)")
     done = cli("history", tmp_path / "nights", "--diagnose", tmp_path / "nightly.yaml")
     assert done.returncode == 0, done.stderr
-    assert "no cause can be told yet" in done.stderr
+    assert "no cause can be named yet" in done.stderr

@@ -1,4 +1,4 @@
-"""Plants declared from data sheets, held against measurements of real machines."""
+"""Plants declared from data sheets, compared with measurements of real machines."""
 
 import json
 from pathlib import Path

@@ -109,7 +109,7 @@ def test_parameters_reach_defaults_limits_and_whole_blocks(tmp_path: Path) -> No
         ("{pressure: {15 MPa: 3}}", "matrix.pressure.15 MPa", "expected further parameters"),
         ("{pressure: {15 MPa: {a: 1}, 20 MPa: {}}}", "matrix.pressure", "'a' does not go with"),
         ("{pressure: {15 MPa: {a-b: 1}}}", "matrix.pressure.15 MPa.a-b", "not a name"),
-        ("{pressure: [1], p: {x: {pressure: 2}}}", "matrix.p", "is there twice"),
+        ("{pressure: [1], p: {x: {pressure: 2}}}", "matrix.p", "is given twice"),
         ("{2x: [1]}", "matrix.2x", "not a name"),
         ("[pressure]", "matrix", "expected named parameters"),
     ],

@@ -42,7 +42,7 @@ def test_each_unit_is_held_against_its_own_first_nights(tmp_path: Path) -> None:
     told = json.loads(found.to_json())["units"][0]["targets"][2]
     assert (told["target"], told["odd"]) == ("rig-3", True)
     page = (tmp_path / "history" / "units.html").read_text(encoding="utf-8")
-    assert "rig-3 moved otherwise than the others" in page
+    assert "rig-3 changed differently from the others" in page
     assert page.count("<polyline") == 4
     assert "units.html" in (tmp_path / "history" / "index.html").read_text(encoding="utf-8")
 

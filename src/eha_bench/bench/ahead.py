@@ -142,7 +142,7 @@ def _hurried(stopping: Stopping) -> Iterator[None]:
 
 @contextmanager
 def ahead(jobs: Sequence[Job], workers: Workers) -> Iterator[Callable[[Target], Target]]:
-    """Give what turns a target of the jobs into one that runs them ahead; with `HERE`, none does.
+    """Yield a function that makes a target run the jobs ahead; with `HERE`, it changes nothing.
 
     Raises:
         InputError: a target can run one trial at a time only.

@@ -32,7 +32,7 @@ class Circumstances:
             self._temperatures.append(float(np.nanmean(logged)))
 
     def recorded(self) -> dict[str, str]:
-        """Return `recorded`, the earliest instant as ISO 8601 in UTC; empty where nobody knows."""
+        """Return `recorded`, the earliest instant as ISO 8601 in UTC; empty where unknown."""
         if not self._instants:
             return {}
         first = datetime.fromtimestamp(min(self._instants), UTC)

@@ -115,7 +115,7 @@ def run_interleaved(
         resume: go on with an earlier, interrupted run of the same plan.
         workers: simulate runs ahead, several at a time, to the same results; those beyond the last
             pair that was needed are dropped.
-        progress: told at the start of every run.
+        progress: called at the start of every run.
 
     Raises:
         EhaBenchError: the suite cannot run on a target, or `out` cannot be used.

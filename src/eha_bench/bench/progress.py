@@ -13,4 +13,4 @@ class Progress(Protocol):
 
 
 def silent(done: int, total: int, what: str) -> None:
-    """Progress that nobody listens to."""
+    """Progress without a listener."""

@@ -104,10 +104,10 @@ def score_recordings(
     Args:
         paths: recordings of any format that can be read.
         suite: what they are scored by; None for recordings of our own, which carry their trial.
-        channels: channels.yaml for somebody else's log.
+        channels: channels.yaml for a foreign log.
         trial: id of the suite's trial that they all belong to; otherwise the recording's own
             metadata or its file name says so.
-        progress: told at the start of every recording.
+        progress: called at the start of every recording.
 
     Returns:
         The result, and for each (trial id, repeat) the trial it was scored by.

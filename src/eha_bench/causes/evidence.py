@@ -59,7 +59,7 @@ class Evidence:
             the causes, zero where the night is blind to one.
         point: key -> value where the parabola touches, SI: where the next night begins.
         cost: there. size: number of residuals.
-        oil_temperature: K, NaN where nobody logged it.
+        oil_temperature: K, NaN where it was not logged.
         failed: why there is none, "" where there is.
     """
 
@@ -159,7 +159,7 @@ def evidence_of(
 
 
 def _oil_temperature(runs: Sequence[Run]) -> float:
-    """Return the mean logged oil temperature of runs, K; NaN where nobody logged it."""
+    """Return the mean logged oil temperature of runs, K; NaN where it was not logged."""
     found = []
     for run in runs:
         try:

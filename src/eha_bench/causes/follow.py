@@ -61,7 +61,7 @@ def causes_behind(
     Args:
         history: of the metrics. folder: that its nights' paths are relative to.
         site: folder of the history, beside which estimates are kept.
-        settings: what is followed. progress: told the stage and the part of it done.
+        settings: what is followed. progress: called with the stage and the share of it done.
     """
     newest = history.nights[-1]
     group = (newest.suite, newest.target)
@@ -134,7 +134,7 @@ def _evidence(
 
 
 class _Followed:
-    """Nights that told of the causes, and what follows from them together."""
+    """Nights with estimates of the causes, and what follows from them."""
 
     def __init__(
         self,
@@ -159,7 +159,7 @@ class _Followed:
         """Return trends, and what wears."""
         count = len(self._nights)
         if count < FEWEST:
-            note = f"{count} nights told of the causes; {FEWEST} are needed"
+            note = f"{count} nights could be used; {FEWEST} are needed"
             return Causes(*group, untold=untold, notes=(note,))
         healthy = min(count, self._settings.healthy)
         found, courses = self._courses(healthy)
@@ -300,14 +300,14 @@ class _Followed:
             )
         blind = [trend.name for trend in trends if not trend.values.size]
         if blind:
-            notes.append(f"these runs say nothing of {', '.join(blind)}")
+            notes.append(f"these runs do not determine {', '.join(blind)}")
         if self._settings.case is None:
             notes.append("no suite is named under 'diagnose': no limit is followed to")
         if self._unnamed:
             notes.append(
                 "the machine changed, and no followed cause explains it alone (at best "
                 f"{self._unnamed}): two causes at once, one that is not followed, or oil that "
-                "nobody logged"
+                "was not logged"
             )
         if self._missed:
             limits = "; ".join(self._missed)

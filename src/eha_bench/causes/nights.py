@@ -35,7 +35,7 @@ class NightRuns:
 
 
 def runs_of(night: Night, folder: Path, settings: CauseSettings) -> NightRuns:
-    """Return the runs of a night that can be held against a model; recordings are read later.
+    """Return the runs of a night that can be compared with a model; recordings are read later.
 
     Args:
         night: which. folder: that its path is relative to. settings: what is followed.

@@ -41,7 +41,7 @@ class Course:
     """What a cause did, in its steps.
 
     Attributes:
-        at: (n,) places of the nights that told of it. values: (n,). judged: what was found.
+        at: (n,) places of the nights with an estimate. values: (n,). judged: what was found.
         since, earliest, latest: places of the night from which on it left the healthy level.
         moved: newest level less the healthy one; 0 where it did not move.
     """

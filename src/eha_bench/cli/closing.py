@@ -1,4 +1,4 @@
-"""`eha-bench predict`, `calibrate` and `diagnose`: a model held against recordings."""
+"""`eha-bench predict`, `calibrate` and `diagnose`: a model compared with recordings."""
 
 from __future__ import annotations
 

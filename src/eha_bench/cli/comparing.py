@@ -198,7 +198,7 @@ def history(
             say(event_sentence(event))
     if found.causes is not None:
         for night in untold_sentence(found.causes)[:1]:
-            say(f"note: told of no cause: {night}")
+            say(f"note: no cause estimated: {night}")
         for wear in found.causes.wear:
             say(wear_sentence(wear))
     say(headline(found))

@@ -21,7 +21,7 @@ _NEAR = 20
 
 
 _MOST = 5
-"""Mistakes of one input that are told before the rest is counted."""
+"""Mistakes of one input that are listed before the rest is counted."""
 
 _NO_ROOM = "; make room, or name a folder on another disk"
 _WAYS_OUT = {
@@ -115,7 +115,7 @@ def write_out(out: Path, text: str) -> None:
 
 
 class TerminalProgress:
-    """A progress bar on a terminal; silent where nobody watches (CI, a pipe)."""
+    """A progress bar on a terminal; silent without a terminal (CI, a pipe)."""
 
     def __init__(self) -> None:
         self._bar = None

@@ -19,7 +19,7 @@ def export_fmu(
     from eha_bench.targets.fmu.export import export_fmu as export
 
     path = export(model, out, fmi)
-    say("whoever runs it needs a Python with eha-bench: see docs/fmu.md")
+    say("running it needs a Python with eha-bench: see docs/fmu.md")
     typer.echo(str(path))
 
 

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 class LimitMissed(Exception):
-    """An acceptance limit was not kept, or nothing could be said of it."""
+    """An acceptance limit was not kept, or it could not be judged."""
 
 
 class RunStopped(Exception):
-    """A run came to no end, so that nothing can be said of the trial's limits."""
+    """A run came to no end, so the trial's limits cannot be judged."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

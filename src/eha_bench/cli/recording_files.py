@@ -62,7 +62,7 @@ def export(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Of any format read.")],
     target: Annotated[Path, typer.Argument(metavar="FILE", help="Ends in .csv, .parquet or .mf4.")],
     channels: Annotated[
-        Path | None, typer.Option("--channels", help="channels.yaml of somebody else's log.")
+        Path | None, typer.Option("--channels", help="channels.yaml of a foreign log.")
     ] = None,
     max_memory: MaxMemory = None,
     max_time: MaxTime = None,

@@ -95,7 +95,7 @@ def clear(
     if not isinstance(opened, CanTarget):
         raise InputError(f"'{target}' is no rig and has no latch")
     if not by.strip():
-        raise InputError("nobody is named who inspected the rig", hint="give a name: --by NAME")
+        raise InputError("no person is named who inspected the rig", hint="give a name: --by NAME")
     say(opened.clear(by))
 
 

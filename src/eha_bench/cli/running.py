@@ -188,7 +188,7 @@ def score(
         ),
     ] = None,
     channels: Annotated[
-        Path | None, typer.Option("--channels", help="channels.yaml of somebody else's log.")
+        Path | None, typer.Option("--channels", help="channels.yaml of a foreign log.")
     ] = None,
     trial: Annotated[
         str | None,

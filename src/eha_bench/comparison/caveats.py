@@ -107,4 +107,4 @@ def _kind(target: str) -> str:
 
 
 def _listed(names: frozenset[str]) -> str:
-    return " and ".join(f"'{name}'" for name in sorted(names)) or "(not said)"
+    return " and ".join(f"'{name}'" for name in sorted(names)) or "(unknown)"

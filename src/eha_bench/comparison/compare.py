@@ -76,7 +76,7 @@ def compare_sides(
             rate that each look may use, by the number of pairs; see `sequential`.
 
     Raises:
-        InputError: the two ran on different targets, and nobody said that this is meant.
+        InputError: the two ran on different targets, and that was not declared as intended.
     """
     if not across_targets:
         check_targets(baseline, candidate)

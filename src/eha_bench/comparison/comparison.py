@@ -44,7 +44,7 @@ class Compared:
 
     Attributes:
         trial, metric, channel, unit: what is compared.
-        better: which value is the better one, in words; "" where nobody knows.
+        better: which value is the better one, in words; "" where unknown.
         baseline, candidate: the values of the two sides.
         difference, low, high: candidate minus baseline with its 95 % interval (not corrected);
             of the distances from the aim where the metric has one.

@@ -15,7 +15,7 @@ class Direction:
     """Which way is better, and where the best value lies if it lies in between.
 
     Attributes:
-        better: as for a metric; UNKNOWN where nobody says.
+        better: as for a metric; UNKNOWN where not declared.
         aim: the value that distances are taken from; NaN where the value itself counts.
     """
 
@@ -24,7 +24,7 @@ class Direction:
 
     @property
     def words(self) -> str:
-        """For people, e.g. `lower` or `nearer to 0.011`; "" where nobody knows."""
+        """For people, e.g. `lower` or `nearer to 0.011`; "" where unknown."""
         return f"nearer to {self.aim:g}" if math.isfinite(self.aim) else self.better.value
 
 

@@ -31,7 +31,7 @@ ONE_RUN = "one run a side"
 
 _LAST_DIGIT = 1e-9
 _NORMAL = 1.959963984540054
-_ALIKE = 0.3  # correlation of neighbours from which on it is said
+_ALIKE = 0.3  # correlation of neighbours from which on it is noted
 _SURE = 0.75  # and how probable it has to be
 _TINY = float(np.finfo(float).tiny)
 

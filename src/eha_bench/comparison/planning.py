@@ -22,7 +22,7 @@ def more_repeats(
 ) -> int | None:
     """Return how many more repeats on each side decide with a probability of 80 %.
 
-    Supposes that the difference seen is the true one. None where that cannot be told: nothing is
+    Supposes that the difference seen is the true one. None where that is unknown: nothing is
     known of the scatter, the difference is at its margin, or more than `MOST` would be needed.
 
     Args:

@@ -76,7 +76,7 @@ class Side:
         return frozenset(result.target for result, _ in self.results)
 
     def definitions(self, trial: str) -> frozenset[str]:
-        """Return digests of what was run under a trial's id; empty where nobody knows."""
+        """Return digests of what was run under a trial's id; empty where unknown."""
         if trial not in self._definitions:
             runs = self.runs.get(trial, ())
             known = frozenset(run.trial.definition for run in runs if run.trial.definition)

@@ -8,7 +8,7 @@ from enum import StrEnum
 class Verdict(StrEnum):
     """What the candidate is to the baseline, in one metric of one trial.
 
-    `changed` is a difference of a metric of which nobody said which value is better;
+    `changed` is a difference of a metric without a better direction;
     `not_compared` one that must not be compared (another trial, another unit, nothing scored).
     """
 

@@ -5,7 +5,7 @@
 D is k_d dy/dt behind a first-order low-pass of `filter_time`: the derivative is of the measurement,
 so that a step of the reference does not kick, and filtered, because noise is multiplied by it. The
 integral does not wind up: while the command is at its limit it is led back within the tracking time
-T_t (back-calculation), sqrt(T_i T_d) where nothing is said, T_i without a derivative. Integral and
+T_t (back-calculation), sqrt(T_i T_d) by default, T_i without a derivative. Integral and
 derivative are discretised by forward and backward differences.
 
 Source: Astrom, Hagglund, Advanced PID Control, ISA 2006, sections 3.3 to 3.5 (set-point weight,

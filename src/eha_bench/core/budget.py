@@ -119,4 +119,4 @@ def _together(parts: Iterable[Contribution]) -> Contribution:
 
 
 UNSAID = Budget()
-"""The budget of a value of which nobody said what moves it."""
+"""The budget of a value without known contributions."""

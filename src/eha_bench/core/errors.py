@@ -125,7 +125,7 @@ class SafetyStop(TargetFault):
 
 
 class Mistakes:
-    """Collects what is wrong in several parts of one input, so that all of it can be told at once.
+    """Collects what is wrong in several parts of one input, so that all of it is reported at once.
 
     Each part is looked at within `with mistakes:`; in the end `tell` raises what was found.
     """

@@ -48,7 +48,7 @@ class FileKind:
     use: str = ""
 
     def __post_init__(self) -> None:
-        """Call a kind by its name where nothing else is said."""
+        """Call a kind by its name by default."""
         object.__setattr__(self, "title", self.title or self.name)
 
 

@@ -53,7 +53,7 @@ class Bounds:
 
 
 class Repeats(StrEnum):
-    """Which of a trial's repeats a limit is held against."""
+    """Which of a trial's repeats a limit is applied to."""
 
     ALL = "all"
     WORST = "worst"

@@ -1,7 +1,7 @@
 """Content of a YAML file that still knows where each of its values was written.
 
 A trial is put together from `defaults`, its own keys and the matrix's parameters; whatever is wrong
-with it must be told with the line that the user has to change.
+with it must be reported with the line that the user has to change.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class Measure:
         value: SI; NaN when it cannot be computed.
         low, high: bounds of the 95 % interval; NaN when unknown.
         reason: why there is no value, or the convention used.
-        budget: what the interval is made of; empty where nobody said.
+        budget: what the interval is made of; empty where unknown.
     """
 
     value: float

@@ -23,7 +23,7 @@ class Sensor:
     """What is known of a sensor.
 
     Attributes:
-        resolution: smallest step of its reading, SI; 0 where nobody said.
+        resolution: smallest step of its reading, SI; 0 where unknown.
         uncertainty: standard uncertainty of its calibration, SI, common to all samples.
         relative: the same as a share of the reading.
     """
@@ -59,7 +59,7 @@ class Sensor:
 
     @staticmethod
     def of(metadata: Mapping[str, str], channel: str) -> Sensor:
-        """Return what metadata say of a channel's sensor; what is no number counts as not said."""
+        """Return what metadata say of a channel's sensor; what is no number counts as missing."""
 
         def number(key: str) -> float:
             try:

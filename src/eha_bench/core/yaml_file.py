@@ -368,7 +368,7 @@ def _location(detail: Any) -> tuple[int | str, ...]:
 
 
 def _rank(detail: Any) -> tuple[bool, int]:
-    # A misspelt key is told first (it is why another one is missing), then the deepest problem
+    # A misspelt key is reported first (it is why another one is missing), then the deepest problem
     # (of a union's alternatives the one that came furthest).
     return detail["type"] != "extra_forbidden", -len(detail["loc"])
 

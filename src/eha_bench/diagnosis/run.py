@@ -154,7 +154,7 @@ def calibrate(
 ) -> Calibration:
     """Estimate the parameters under `calibrate` on all training runs by simulation error.
 
-    How friction behaves at rest is estimated as well, and said in the notes; it keeps its declared
+    How friction behaves at rest is estimated as well, and noted; it keeps its declared
     value where the data do not determine it. Ctrl-C ends the fit and keeps what was found until
     then (`complete` is False).
 

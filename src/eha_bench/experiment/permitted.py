@@ -106,7 +106,7 @@ def permitted(plant: Plant, vectors: Sequence[np.ndarray], covered: Covered,
             command = command.within(file.channels[name])
     setups = [key for key in file.setups if _can(plant, key)] or list(asked)
     if math.isinf(command.low) or math.isinf(command.high):
-        # nobody says how much it may be: as much as it has been
+        # no limit is given: as much as it has been
         for own in asked.values():
             command = own if math.isinf(command.low) else _widest(command, own)
     channels = {name: item for name, item in file.channels.items() if name != plant.command}

@@ -17,7 +17,7 @@ from eha_bench.experiment.response import Bench, respond
 from eha_bench.targets.sensors import RIG_SENSORS
 
 _SHARE = 1e-3
-"""Noise of a sensor that nobody has described, as a share of what it would read."""
+"""Noise of a sensor without a description, as a share of what it would read."""
 
 
 def advice(

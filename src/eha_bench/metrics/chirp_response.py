@@ -31,7 +31,7 @@ def chirp_points(
     """Return points in bands that do not overlap, over every sweep that the recording holds.
 
     Raises:
-        NotScored: the recording ends before the sweep has begun, or samples have no value.
+        NotScored: the recording ends before the sweep has started, or samples have no value.
     """
     points = []
     for sweep in sweeps:

@@ -52,7 +52,7 @@ class Crossing:
         return own.scaled(1.0 / self.slope) + between("interpolation", self.between)
 
     def interval(self, level: Budget, noise: Noise) -> tuple[float, float]:
-        """Return where the response cannot be told from the level, at 95 % (s).
+        """Return where the response cannot be distinguished from the level, at 95 % (s).
 
         That is the interval by inversion (Fieller), which a curved approach to the level makes
         lopsided; where the polynomial's window ends first, the straight line goes on.

@@ -39,7 +39,7 @@ class FormulaMetric(Metric):
         self._score = score
 
     def applies(self, trial: Trial) -> bool:  # noqa: ARG002 - the base class asks for it
-        """Whether anything can be said: what the inputs cannot have, they say themselves."""
+        """Whether the metric applies: inputs that do not report that themselves."""
         return True
 
     def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:  # noqa: ARG002 - the base class asks for it

@@ -88,7 +88,7 @@ def _half(noise: Noise, transit: float, height: float) -> int:
 
 
 def _flat(local: Fit, place: float, spread: Spread, quantile: float) -> tuple[float, float]:
-    """Return where around a place the slope cannot be told from zero (Fieller's interval)."""
+    """Return where around a place the slope may be zero (Fieller's interval)."""
 
     def reach(times: FloatArray) -> FloatArray:
         return quantile * np.sqrt(spread.variances(local.derivatives(times)))

@@ -25,7 +25,7 @@ class Metric(ABC):
 
     Attributes:
         spec: id, description, unit and default channel.
-        by_default: whether it is computed where nobody asked for it, on every trial it applies to.
+        by_default: whether it is computed where it was not requested, on every trial it applies to.
     """
 
     spec: MetricSpec

@@ -1,4 +1,4 @@
-"""Frequency response by periodic signals: noise and nonlinear distortion told apart, line by line.
+"""Frequency response by periodic signals: noise and nonlinear distortion separated, line by line.
 
 Noise differs from period to period, distortion by a nonlinearity only from one realisation of the
 phases to the next: R. Pintelon and J. Schoukens, System Identification: A Frequency Domain

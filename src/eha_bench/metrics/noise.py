@@ -77,7 +77,7 @@ class Noise:
     band: float = 0.0
 
     def __post_init__(self) -> None:
-        """Take the slow part for as well known as the whole where nobody said."""
+        """Take the slow part for as well known as the whole by default."""
         if math.isnan(self.slow):
             object.__setattr__(self, "slow", self.freedom)
 

@@ -52,7 +52,7 @@ class PressureDecay(Metric):
     def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
         """Return the fastest fall over the holds; negative where the pressure only rises."""
         if (recording.unit(channel) or unit_of(channel)) != "Pa":
-            recording[channel]  # what is not there is said first
+            recording[channel]  # a missing channel is reported first
             raise NotScored(f"{channel} is not a pressure")
         if trial.mode.unit == "Pa":
             raise NotScored(
@@ -99,7 +99,7 @@ def _holds(line: Timeline, trial: Trial) -> list[slice]:
 
 
 def _fall(line: Timeline, data: Samples, window: slice) -> _Fall | None:
-    """Return how fast the pressure falls in a window; None where it is not told from zero."""
+    """Return how fast the pressure falls in a window; None where it is not distinct from zero."""
     values = data.values[window]
     if values.size < _FEWEST:
         raise NotScored(f"{values.size} sample(s) in the latter half of a hold, {_FEWEST} needed")

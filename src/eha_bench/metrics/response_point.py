@@ -16,7 +16,7 @@ class ResponsePoint:
         variance: of `response`, both parts together, distortion included where it is known.
         freedom: degrees of freedom of the variance (0: unknown, no interval).
         coherence: share of the channel's power at this frequency that the reference explains.
-        noise: standard deviation of `response` by noise alone; NaN where it is not told apart.
+        noise: standard deviation of `response` by noise alone; NaN where it is not separated.
         distortion: root mean square of what nonlinearity adds to `response`; NaN likewise.
     """
 

@@ -53,7 +53,7 @@ def all_metrics() -> dict[str, Metric]:
 def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
     """Return the scores that the trial's limits and `scores` ask for, then those by default.
 
-    What cannot be computed is a score without a value, its reason said; a limit on it is then
+    What cannot be computed is a score without a value, with its reason; a limit on it is then
     'not_scored', which a gate rejects.
 
     Args:

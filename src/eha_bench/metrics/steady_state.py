@@ -50,7 +50,7 @@ class HoldingCurrent(Metric):
     """Mean motor current while the final level is held, in A.
 
     Friction sticks: which current holds a level depends on how it was reached, so the value is
-    that of this recording; a drift along the window is said.
+    that of this recording; a drift along the window is noted.
     """
 
     spec = spec_of("holding_current")

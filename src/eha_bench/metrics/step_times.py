@@ -21,7 +21,7 @@ RESPONDED = 0.95
 """Share of the step at which a response counts as there."""
 
 MOVED = 0.05
-"""Share of the step at which a response counts as begun."""
+"""Share of the step at which a response counts as started."""
 
 
 class RiseTime(StepMetric):

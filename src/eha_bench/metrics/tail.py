@@ -18,7 +18,7 @@ _PREDICTED = 1e-3  # what prediction may leave of the movement
 
 
 def asymptote(window: FloatArray, noise: float) -> float | None:
-    """Return the level that (n,) samples decay to, or None where that cannot be told.
+    """Return the level that (n,) samples decay to, or None where it is not determined.
 
     `noise` is the standard deviation of the samples' white part.
     """

@@ -29,7 +29,7 @@ neutral value the effect is off. Defaults are typical sizes, from which a search
 unit depends on the place (`{effort}`: N or N*m), they are shares of what is usual there. The
 formulas and their sources are in each effect's file in `src/eha_bench/plants/effects`.
 
-Written by `python -m eha_bench.plants.catalogue effects`; a test holds this page to the code.
+Written by `python -m eha_bench.plants.catalogue effects`; a test compares this page with the code.
 """
 
 _ELEMENTS = """\
@@ -37,11 +37,11 @@ _ELEMENTS = """\
 
 What a `plant.yaml` is made of ([how to write one](how-to/plant.md)). A node holds state; an element
 joins nodes, and adds torque, force or flow to their balances. Units are SI; a file may use any of
-the same dimension. Where a unit depends on what turns and what slides, `{effort}` is N*m or N,
+the same dimension. Where a unit depends on rotation and translation, `{effort}` is N*m or N,
 `{speed}` rad/s or m/s, `{damping}` N*m*s/rad or N*s/m, and so on. The equations stand in each
 element's file in `src/eha_bench/plants/elements`.
 
-Written by `python -m eha_bench.plants.catalogue elements`; a test holds this page to the code.
+Written by `python -m eha_bench.plants.catalogue elements`; a test compares this page with the code.
 """
 
 
@@ -134,7 +134,7 @@ def _section(effect: Effect) -> Iterator[str]:
         by = f"; by `{action.chosen_by}` also {', '.join(more)}" if more else ""
         balance = f": {own[0]}{by}" if own else by
         yield f"* acts on `{role}` ({role_summary(role)}){balance}"
-    yield f"* told apart by: {effect.separate}"
+    yield f"* distinguished by: {effect.separate}"
     yield f"* source: {effect.source}"
     yield ""
     yield "| parameter | unit | default | range | |"

@@ -173,7 +173,7 @@ class Plant:
             is no session.
         references: those of `inputs` that a controller inside the plant follows: one of them may
             stand in a session for `command`, which that controller then gives.
-        resting_inputs: what inputs are where nobody gives them, SI; 0 for the rest.
+        resting_inputs: what inputs are by default, SI; 0 for the rest.
         derived_channels: channels that `derived` gives from all outputs, in a session's order.
         can_lock: whether the setup `piston: locked` means something.
         has_bypass: whether the setup `bypass: open` does.

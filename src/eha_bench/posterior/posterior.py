@@ -116,7 +116,7 @@ class Posterior:
     """What recordings left unknown of a machine.
 
     Attributes:
-        components: explanations that the data cannot tell apart, what was found first.
+        components: explanations that the data cannot distinguish, what was found first.
         per_run: what differs from run to run, by recorded run, SI.
         remainder: channel -> root mean square of what was left unexplained beyond the noise, SI.
         notes: what draws leave out, one sentence each. source: the file.

@@ -192,7 +192,7 @@ def _method_notes(
 
 
 def _linear(own: Stamps, values: Column, stamps: Stamps, policy: Gaps) -> Column:
-    """Interpolate; NaN outside of the samples and, unless told otherwise, inside long gaps."""
+    """Interpolate; NaN outside of the samples and, by default, inside long gaps."""
     epoch = int(own[0])
     result = np.interp(
         seconds(stamps, epoch), seconds(own, epoch), values, left=np.nan, right=np.nan

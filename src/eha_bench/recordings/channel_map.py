@@ -1,4 +1,4 @@
-"""`channels.yaml`: how somebody else's log becomes channels in SI."""
+"""`channels.yaml`: how a foreign log becomes channels in SI."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ class TimeColumn(StrictModel):
 
 
 class Repair(StrictModel):
-    """What may be repaired; nothing is unless it is said here."""
+    """What may be repaired; by default nothing."""
 
     duplicates: Duplicates = Duplicates.ERROR
     steps_back: StepsBack = StepsBack.ERROR

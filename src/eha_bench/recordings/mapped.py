@@ -1,4 +1,4 @@
-"""Reads somebody else's log as its channel map says."""
+"""Reads a foreign log by its channel map."""
 
 from __future__ import annotations
 
@@ -339,7 +339,7 @@ def _missing_topic(
 
 
 def _metadata(source: Source) -> dict[str, str]:
-    """Metadata of somebody else's log; keys carry the record's name where there are several."""
+    """Metadata of a foreign log; keys carry the record's name where there are several."""
     records = source.metadata()
     if sample.is_own(records):
         return dict(records.get(sample.METADATA, {}))
@@ -351,7 +351,7 @@ def _metadata(source: Source) -> dict[str, str]:
 
 
 def unmapped(source: Source) -> RecordingError:
-    """Return the error for a log that nobody says how to read."""
+    """Return the error for a log without a channel map."""
     topics = source.topics()
     for topic in topics:
         encoding = topic.encoded.encoding if topic.encoded else ""

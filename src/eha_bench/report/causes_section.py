@@ -53,7 +53,7 @@ class CausesView:
 
 
 def causes_view(causes: Causes | None) -> CausesView | None:
-    """Return the section; None where nobody asked for the causes."""
+    """Return the section; None where causes were not requested."""
     if causes is None:
         return None
     said = {item.trend.name: item for item in causes.wear}

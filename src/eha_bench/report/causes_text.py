@@ -33,7 +33,7 @@ def wear_sentence(wear: Wear) -> str:
         share = f"{100.0 * min(wear.share, 1.0):.0f}\N{NO-BREAK SPACE}%"
         parts.append(f"explains {share} of the change")
     if wear.rivals:
-        parts.append(f"not to be told from {', '.join(wear.rivals)}")
+        parts.append(f"not distinguishable from {', '.join(wear.rivals)}")
     return "; ".join(part for part in parts if part)
 
 
@@ -52,7 +52,7 @@ def left_words(wear: Wear) -> str:
 
 
 def causes_line(history: History) -> str:
-    """Return what stands of the causes in a headline; "" where nobody asked."""
+    """Return what stands of the causes in a headline; "" where not requested."""
     causes = history.causes
     if causes is None:
         return ""
@@ -62,11 +62,11 @@ def causes_line(history: History) -> str:
     if causes.wear:
         names = ", ".join(item.trend.name for item in causes.wear)
         return f"{names} moves, not far enough to matter"
-    return "no cause moves" if causes.trends else "no cause can be told yet"
+    return "no cause moves" if causes.trends else "no cause can be named yet"
 
 
 def untold_sentence(causes: Causes) -> tuple[str, ...]:
-    """Return nights that told of no cause, a sentence each, the newest first."""
+    """Return nights without an estimate, a sentence each, the newest first."""
     return tuple(
         f"{moment(night.started) or night.path}: {why}" for night, why in reversed(causes.untold)
     )

@@ -82,7 +82,7 @@ def comparison_page(comparison: Comparison) -> str:
 def limits_turned(comparison: Comparison) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return limits that only the candidate missed, and those that only the baseline missed.
 
-    A limit counts as missed where any repeat missed it; each is told as `trial: metric, limit`.
+    A limit counts as missed where any repeat missed it; each is given as `trial: metric, limit`.
     """
     before, after = (_missed(side) for side in (comparison.baseline, comparison.candidate))
     newly = tuple(text for key, text in after.items() if text and before.get(key) == "")

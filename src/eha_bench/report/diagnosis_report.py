@@ -90,7 +90,7 @@ class RunView:
 
 @dataclass(frozen=True)
 class SetView:
-    """Candidates that the data cannot tell apart, each with what would separate it."""
+    """Candidates that the data cannot distinguish, each with what would separate it."""
 
     names: str
     experiments: tuple[tuple[str, str], ...]

@@ -226,7 +226,7 @@ def unknown_text(found: Unknown) -> str:
         named.append(f"{found.description[:1].upper()}{found.description[1:]}.")
     if found.period > 0.0:
         unit = {"time": "s", "shaft_angle": "rad"}.get(next(iter(found.variables), ""), "")
-        named.append(f"It comes again every {quantity(found.period, unit)}.")
+        named.append(f"It repeats every {quantity(found.period, unit)}.")
     return " ".join(named)
 
 

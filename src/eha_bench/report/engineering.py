@@ -17,7 +17,7 @@ _NOTHING: Final = "\N{EN DASH}"
 
 @dataclass(frozen=True)
 class DisplayUnit:
-    """A unit for the eye: shown value = `factor` * SI value + `offset`; `symbol` may be ""."""
+    """A unit for display: shown value = `factor` * SI value + `offset`; `symbol` may be ""."""
 
     symbol: str
     factor: float = 1.0

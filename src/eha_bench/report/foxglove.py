@@ -21,7 +21,7 @@ from eha_bench.report.engineering import channel_name
 from eha_bench.report.panels import colour_of, grouped, heading_of
 from eha_bench.suites import load_suite
 
-# As in report.css for a dark page, which is how Foxglove looks unless told otherwise.
+# As in report.css for a dark page, Foxglove's default.
 _COLOURS: Final = {
     "reference": "#aab4c0",
     "blue": "#58aef0",

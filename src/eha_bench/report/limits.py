@@ -64,7 +64,7 @@ class ScoreRow:
         severity: relative excess over the limit, for ordering; infinite where there is no value.
         at_risk: whether it is kept and hardly: less than a twentieth of the limit is left (of a
             band, a tenth of half its width), its interval reaches beyond, or the suite warns.
-        own: whether its channel is the one that the trial is about, which need not be said again.
+        own: whether its channel is the one that the trial is about, which need not be repeated.
     """
 
     trial: str
@@ -148,7 +148,7 @@ def _badness(row: ScoreRow) -> tuple[int, float]:
 
 
 def limit_of(score: Score, trial: Trial | None) -> AcceptanceLimit | None:
-    """Return the limit that a score is held against, or None where the trial does not tell."""
+    """Return the limit that a score is judged by, or None where the trial does not say."""
     if trial is None or not score.limit:
         return None
     for limit in trial.limits:
@@ -251,7 +251,7 @@ def _margin(
     share = abs(left) / abs(limit) if limit else math.inf
     text = number(abs(unit.difference(left)), decimals)
     if unit.symbol:
-        # a difference of two percentages is told in points, a share of the limit in per cent
+        # a difference of two percentages is given in points, a share of the limit in per cent
         text += f"\N{NO-BREAK SPACE}{'points' if unit.symbol == '%' else unit.symbol}"
     word = "left" if left >= 0.0 else ("short" if limit == bounds.low else "over")
     # Of a limit in per cent, a share in per cent would only confuse.

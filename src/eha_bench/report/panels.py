@@ -77,7 +77,7 @@ _LEAST_SPANS: Final = {
 
 
 _FEWEST: Final = 50
-"""Samples of which noise can be told from movement."""
+"""Samples of which noise can be distinguished from movement."""
 _WHITE: Final = 1.0
 
 
@@ -112,7 +112,7 @@ def panels_of(recording: Recording, followed: str = "") -> tuple[Panel, ...]:
 
     Args:
         recording: what was measured.
-        followed: the channel that should follow `reference`; "" where nobody knows.
+        followed: the channel that should follow `reference`; "" where unknown.
     """
     drawn = [name for name in recording if np.isfinite(recording[name]).any()]
     return tuple(

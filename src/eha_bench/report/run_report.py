@@ -120,7 +120,7 @@ def write_report(
         folder: where `result.json` and the recordings that it names lie; must exist.
         result: what to show.
         recordings: (trial id, repeat) -> a function that reads the recording, called once; a
-            recording that is not there or cannot be read is said on the page.
+            recording that is not there or cannot be read is named on the page.
         trials: by id; a trial that is not there is shown without its levels and limits.
     """
     limits = limit_rows(result, trials)

@@ -31,7 +31,7 @@ class Scene:
     """What a plot shows.
 
     Attributes:
-        recording: time in s on the clock of the trial's signal (its own clock where nobody knows
+        recording: time in s on the clock of the trial's signal (its own clock where unknown
             where the signal lies), cut to the scored part with a margin.
         panels: channels that are drawn together, from top to bottom; empty if there is nothing.
         marks: levels, limits, bands and measured points on the same clock.

@@ -36,7 +36,7 @@ from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import State, Trend
 
 INDEX_NAME: Final = "index.html"
-_ALIKE: Final = 1.4  # widening from which on it is said: nights correlated by a third
+_ALIKE: Final = 1.4  # widening from which on it is noted: nights correlated by a third
 _DATE: Final = 10
 _MOST_EVENTS: Final = 30
 _KELVIN: Final = 273.15
@@ -221,7 +221,7 @@ def _event(
 
 
 def _oil(before: Night, after: Night) -> str:
-    """Return the oil's temperature before and after; "" where nobody logged it."""
+    """Return the oil's temperature before and after; "" where it was not logged."""
     both = [
         "?" if night.oil_temperature is None else f"{night.oil_temperature - _KELVIN:.1f}"
         for night in (before, after)

@@ -89,7 +89,7 @@ def _headline(odd: set[str]) -> str:
     if not odd:
         return "No unit changed differently from the others"
     listed = ", ".join(sorted(odd))
-    return f"{listed} moved otherwise than the others"
+    return f"{listed} changed differently from the others"
 
 
 def _style(names: Sequence[str], name: str) -> tuple[str, str]:

@@ -2,7 +2,7 @@
 
 It watches over itself as a real one does: no command for longer than its watchdog allows, a
 pressure, speed or current beyond its own limits, or an open emergency stop take the torque off,
-and it stays in fault until it is told to reset.
+and it stays in fault until it is reset.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ class Faults:
             self._torque_at = now
 
     def update(self, now: float) -> list[str]:
-        """Let the faults of this moment act; return those that have just begun."""
+        """Let the faults of this moment act; return those that have just started."""
         started, self._active = [], {}
         for fault in self._faults:
             if fault.start == -math.inf:

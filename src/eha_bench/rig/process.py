@@ -121,7 +121,7 @@ def _check_command(drive: Drive, plant: RealPlant) -> None:
     """Refuse a model whose plant is commanded by something else than the drive.
 
     Raises:
-        InputError: as said.
+        InputError: see above.
     """
     if drive.command is not None and command_of(drive.command) != plant.command:
         raise InputError(
@@ -135,7 +135,7 @@ def _check_faults(faults: Sequence[Fault], plant: RealPlant) -> None:
     """Refuse a fault of something that the plant does not have.
 
     Raises:
-        InputError: as said.
+        InputError: see above.
     """
     for fault in faults:
         if fault.kind is FaultKind.OVER_PRESSURE and "pressure_a" not in plant.states:

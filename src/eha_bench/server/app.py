@@ -41,7 +41,7 @@ def application(folder: Path, rules: Rules, watch: Watch) -> ASGIApp:
     Args:
         folder: the results; only read.
         rules: who may ask.
-        watch: of the same folder; begun and ended with the application.
+        watch: of the same folder; started and stopped with the application.
     """
     pages = _Pages(folder, watch)
 

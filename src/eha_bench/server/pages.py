@@ -90,7 +90,7 @@ def live_page(run: RunOn) -> str:
 
 
 def compare_page(folder: Path, baseline: str, candidate: str) -> str:
-    """Return the page of two runs held against each other.
+    """Return the page of two runs compared.
 
     Raises:
         InputError: one of them is no run below the folder, or they cannot be compared.

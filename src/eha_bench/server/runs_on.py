@@ -12,7 +12,7 @@ from typing import Final
 RECENT: Final = 10.0
 """Seconds since the last byte of a recording after which its run counts as ended."""
 
-_ABANDONED: Final = 2 * 86_400.0  # s since a recording was begun: no trial lasts as long
+_ABANDONED: Final = 2 * 86_400.0  # s since a recording was started: no trial lasts as long
 _RECORDINGS: Final = "recordings"
 _RESULT: Final = "result.json"
 

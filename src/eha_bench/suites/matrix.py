@@ -108,7 +108,7 @@ def _check_names(parameters: list[list[Case]], matrix: Located) -> None:
                 )
         for name in everywhere:
             if name in owner or (name != own and name in matrix.value):
-                raise matrix.at(own).error(f"parameter '{name}' is there twice")
+                raise matrix.at(own).error(f"parameter '{name}' is given twice")
             owner[name] = own
 
 

@@ -51,7 +51,7 @@ def suite_schema() -> dict[str, Any]:
 
 
 def _offer_signals(definitions: dict[str, Any], names: list[str], trial: str) -> None:
-    """Make the trial's signal a union told apart by `kind`."""
+    """Make the trial's signal a union distinguished by `kind`."""
     alternatives = {
         definitions[name]["properties"]["kind"].get("const", name): {"$ref": f"#/$defs/{name}"}
         for name in names

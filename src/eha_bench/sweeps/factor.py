@@ -69,7 +69,7 @@ class Factor(ABC):
 
     @abstractmethod
     def declared(self, case: Case) -> Value | None:
-        """Return the value that a case has as it stands; None where it cannot be told."""
+        """Return the value that a case has as it stands; None where it is unknown."""
 
     @staticmethod
     @abstractmethod

@@ -36,7 +36,7 @@ from eha_bench.sweeps.sweep import time_left
 SUMMARY: Final = "probability.json"
 SCHEMA_VERSION: Final = 1
 _FEWEST: Final = 12
-"""Draws below which nothing is said of what each unknown costs."""
+"""Fewest draws for a statement on each unknown."""
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ def probability(
         case: suite, model and controllers. posterior: of that model. draws: how many.
         seed: of the draws. conditions: that they are run in.
         bands: whether what the channels do is kept, too.
-        workers: where draws are run. progress: told after every draw.
+        workers: where draws are run. progress: called after every draw.
 
     Raises:
         InputError: the suite has no limit.

@@ -108,7 +108,7 @@ def span_of(content: Located, read: Reader) -> Span:
         if not found:
             raise content.error("the list is empty", hint="name at least one value")
         if len(set(found)) < len(found):
-            raise content.error("a value stands there twice", hint="name each value once")
+            raise content.error("a value is given twice", hint="give each value once")
         return Levels(found)
     if not isinstance(content.value, dict):
         raise content.error(

@@ -145,7 +145,7 @@ def run_sweep(
     Args:
         case: suite, model and controllers. file: what varies. out: folder, or shelf of folders.
         resume: go on with what is in `out`. workers: where points are run.
-        progress: told after every point, with the time that is left.
+        progress: called after every point, with the time that is left.
 
     Raises:
         InputError: a factor that the case does not have, or `out` holds something else.

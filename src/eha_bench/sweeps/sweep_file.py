@@ -1,6 +1,6 @@
 """sweep.yaml: what is varied, how far, and at which points.
 
-design: latin_hypercube          # grid (where nothing is said), latin_hypercube, sobol
+design: latin_hypercube          # grid (the default), latin_hypercube, sobol
 points: 200                      # of the last two
 over:
 gains:
@@ -80,7 +80,7 @@ class SweepForm(StrictModel):
 
 @dataclass(frozen=True)
 class SweepFile:
-    """What a sweep.yaml says, before it is held against a suite and its target.
+    """What a sweep.yaml says, before it is checked against a suite and its target.
 
     Attributes:
         form: design, points, seed. blocks: entries by factor, for each kind.

@@ -27,7 +27,7 @@ from eha_bench.trends.tails import FURTHEST, chance_of_sum
 from eha_bench.trends.terms import Kind, Term, design, gains, pair_gains
 
 FEWEST: Final = 8
-"""Nights below which nothing is said about changes."""
+"""Fewest nights for a verdict on changes."""
 
 _MOST_TERMS: Final = 16
 _ROUNDS: Final = 8

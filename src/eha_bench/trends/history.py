@@ -48,7 +48,7 @@ class History:
         nights: all runs, in order.
         trends: of every metric of every trial, suite and target.
         problems: results that could not be read, a sentence each.
-        causes: what is behind the newest nights; None where nobody asked.
+        causes: what is behind the newest nights; None where not requested.
     """
 
     folder: str
@@ -78,7 +78,7 @@ class History:
 
     @property
     def status(self) -> str:
-        """`drifted`, `steady`, or `undecided` where nothing can be said of any metric."""
+        """`drifted`, `steady`, or `undecided` where no metric can be judged."""
         if self.drifted or (self.causes is not None and self.causes.alarms):
             return "drifted"
         known = self.of(State.STEADY) or self.of(State.ONE_NIGHT_OUT)

@@ -53,7 +53,7 @@ class Night:
     """One run: where its result is (relative to the folder that is watched), and what was run.
 
     `started` is when it was recorded (of recordings that were scored later, not when they were);
-    `oil_temperature` in K is None where nobody logged it.
+    `oil_temperature` in K is None where it was not logged.
     """
 
     id: int

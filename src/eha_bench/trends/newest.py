@@ -1,7 +1,7 @@
 """Whether the newest nights together left the level, from the eighth night on.
 
 A step has to be found while it is news: two nights after it, long before a search over all nights
-can place it. The newest nights are held against all before them as a step of a first-order
+can place it. The newest nights are compared with all before them as a step of a first-order
 autoregression, its scatter and the likeness of its nights averaged out on a grid (Box and Tiao
 1973, section 2.4). The nights' own intervals, where there are any, bound the scatter from below,
 so that few nights that lie close together by chance raise no alarm. One wild night counts as little

@@ -37,7 +37,7 @@ class Specimen:
         moved: (n,) the level of each night less `first`; a share of it where `Kin.relative`.
         change: of the median of the newest nights from `first`, likewise; NaN with too few nights.
         low, high: its 95 % interval.
-        odd: whether it moved otherwise than the others, by more than chance and what matters.
+        odd: whether it changed differently from the others, by more than chance and what matters.
     """
 
     trend: Trend
@@ -110,10 +110,10 @@ def _specimen(trend: Trend, *, relative: bool) -> Specimen:
 
 
 def _marked(specimens: list[Specimen], family: int, *, relative: bool) -> list[Specimen]:
-    """Return the units, those marked that moved otherwise than the others."""
+    """Return the units, those marked that changed differently from the others."""
     changed = [one for one in specimens if math.isfinite(one.change)]
     if len(changed) < 3:
-        return specimens  # of two nobody knows which is the odd one
+        return specimens  # of two units neither can be called different
     marked = []
     for one in specimens:
         others = [other for other in changed if other is not one]

@@ -1,6 +1,6 @@
-"""Slow swings told from drifts: a season that comes back, not a wear that goes on.
+"""Slow swings, distinguished from drifts: a season that comes back, not a wear that goes on.
 
-A harmonic of a period that was seen to come round is held against steps and kinks: it takes four
+A harmonic of a period that was seen to come round is compared with steps and kinks: it takes four
 numbers, they take two each, and the better of the two by Schwarz' criterion (1978,
 doi:10.1214/aos/1176344136) is what the series is taken for. What is left beside the swing is judged
 for changes as any other series.

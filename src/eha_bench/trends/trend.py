@@ -121,7 +121,7 @@ class Trend:
 
     @property
     def worse(self) -> bool | None:
-        """Whether the shift is for the worse; None where nobody knows which value is better."""
+        """Whether the shift is for the worse; None where no direction is declared."""
         if self.state is State.LOST:
             return True
         now = float(self.values[-1]) if self.values.size else math.nan

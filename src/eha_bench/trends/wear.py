@@ -56,7 +56,7 @@ class CauseTrend:
 
     Attributes:
         name, unit: of the cause. healthy: its value on the first nights.
-        nights: (n) those that told of it. values, deviations: (n,) if it alone changed; its
+        nights: (n) those with an estimate of it. values, deviations: (n,) if it alone changed; its
             standard deviation by the night's own noise and by how machines vary.
         line: (n,) its course. state: what the newest night is in it, in words.
     """
@@ -132,7 +132,7 @@ class Causes:
     Attributes:
         suite, target: whose nights. trends: of every cause, those that moved first.
         wear: causes that move, at most one for what began together.
-        untold: nights that told of no cause, each with why.
+        untold: nights without an estimate, each with why.
         notes: what was taken out, and what could not be.
     """
 

@@ -2,7 +2,7 @@
 
 The first search finds where all limits are kept at all, or what contradicts what; the second makes
 P(pass) as large as possible on a few draws, the same for all candidates; the last step takes its
-best and the gains as they are to all draws. Only these figures are told.
+best and the gains as they are to all draws. Only these figures are reported.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def tune(
         case: suite, model and controllers. file: what may be changed. posterior: of the model;
             None tunes for the model as it stands. effort: how much is tried. aim: another one
             than P(pass). conditions: that machines are run in. workers: where candidates are run.
-            progress: told after each generation.
+            progress: called after each generation.
 
     Raises:
         InputError: a gain that no controller has, an empty range, gains that no limit follows, or

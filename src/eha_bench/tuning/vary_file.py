@@ -32,7 +32,7 @@ class VaryForm(StrictModel):
 
 @dataclass(frozen=True)
 class VaryFile:
-    """What a vary.yaml says, before it is held against controllers.
+    """What a vary.yaml says, before it is checked against controllers.
 
     Attributes:
         entries: by gain. path: the file. sha256: digest of its text.

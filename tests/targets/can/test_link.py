@@ -1,4 +1,4 @@
-"""What answers a tick is told apart by age; what does not come is missed."""
+"""What answers a tick is distinguished by age; what does not come is missed."""
 
 import math
 import time

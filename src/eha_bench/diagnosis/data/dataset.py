@@ -1,4 +1,4 @@
-"""dataset.yaml: the recordings a model is held against (contract, section 4)."""
+"""dataset.yaml: the recordings that a model is compared with (contract, section 4)."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class RunEntry(StrictModel):
 
 
 class DatasetFile(StrictModel):
-    """dataset.yaml: a model, and the recordings it is held against."""
+    """dataset.yaml: a model, and the recordings that it is compared with."""
 
     model: Annotated[str, Field(description="model.yaml, relative to this file")]
     channels: Annotated[
@@ -181,7 +181,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A model and the runs it is held against.
+    """A model and the runs that it is compared with.
 
     Attributes:
         model: declared model.
@@ -404,7 +404,7 @@ def _topics_reader(part: _Read, fewest: int) -> Callable[[], tuple[Recording, ..
 
 
 def _checked(recording: Recording, part: _Read, fewest: int) -> Recording:
-    """Return a recording that a model can be held against.
+    """Return a recording that a model can be compared with.
 
     Raises:
         RecordingError: it has too few samples, or is longer than a day.

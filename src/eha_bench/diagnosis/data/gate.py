@@ -1,7 +1,7 @@
 """The data gate: what of a recording may be believed, and how noisy each channel is.
 
 Noise is estimated from the recording itself (`noise`), never assumed. Channels that do not move,
-stretches that stand still or are clipped, and gaps are said and left out.
+stretches that stand still or are clipped, and gaps are noted and left out.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Measured:
         input_noise: channel -> standard deviation of the noise of an input that was measured, SI;
             what was asked for is exact, and not in here.
         colours: channel -> colour of its noise, where that is not white.
-        wander: channel -> how its zero wanders, where that was told.
+        wander: channel -> how its zero wanders, where that was found.
         start: angle of the shaft at the first sample. roles: what the channels are.
         first: channel -> its first reading as logged, whether it may be believed or not.
         taken: channel -> (n,) s that its samples were taken after their ticks; without: at them.

@@ -148,7 +148,7 @@ def _rests(measured: Measured, span: slice, readings: Mapping[str, FloatArray]) 
         return False
     if any(name in readings for name in roles.turning):
         return True
-    # nobody says whether the shaft turns, but for what turns it
+    # nothing says whether the shaft turns, except what drives it
     drives = {*roles.acting, *roles.acting.values()}
     turned = [name for name in measured.inputs if name in drives]
     if turned:

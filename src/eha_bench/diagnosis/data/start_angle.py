@@ -1,8 +1,8 @@
 """Where the shaft stands when a run begins.
 
-What turns with the shaft acts by its angle, and a speed does not say where an angle begins. So the
+Effects of the shaft's angle need the angle, and a speed does not say where an angle begins. So the
 angle at the first sample is an unmeasured initial state of each run. It shows only relative to the
-phase of what turns: the first run is taken to begin at zero, and the others relative to it.
+phase of those effects: the first run is taken to begin at zero, and the others relative to it.
 """
 
 from __future__ import annotations
@@ -29,4 +29,4 @@ class StartAngle:
 
 
 KNOWN = StartAngle()
-"""All runs begin alike: the phase of what turns says where."""
+"""All runs begin alike: the phase of effects of the angle says where."""

@@ -82,7 +82,7 @@ def on_ticks(
 
     Args:
         topics: recordings whose time has a common zero.
-        inputs: channels that drive a model. outputs: channels that are held against it.
+        inputs: channels that drive a model. outputs: channels that are compared with it.
     """
     if len(topics) == 1:
         return Sampled(topics[0])

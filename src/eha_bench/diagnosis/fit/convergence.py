@@ -24,7 +24,7 @@ NEAR = 2.0
 MOST = 2.0
 """Residual over its floor from which no interval is given: it would be one of another model."""
 FAR = 3.0
-"""Factor from which a parameter that has moved is told."""
+"""Factor from which a parameter that has moved is reported."""
 _AT = 1e-3
 """Distance from a bound, in scales, that is none."""
 

@@ -48,7 +48,7 @@ class SeenNoise:
 
 
 NOTHING_SEEN = SeenNoise({}, {})
-"""What is said where some run shows its sensors' noise alone."""
+"""The note where some run shows its sensors' noise alone."""
 
 
 def noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:

@@ -1,4 +1,4 @@
-"""The shaft's angle where each run begins, told by what turns with the shaft in the run itself.
+"""The shaft's angle where each run begins, estimated from effects of the angle in the run.
 
 A run's angle moves the residuals of that run only, so all runs are moved at once and each is read
 by itself: the angle is scanned over one period, and then refined by Gauss-Newton steps. Its spread

@@ -1,4 +1,4 @@
-"""Zeros that wander, told from what a fitted model leaves, and a problem that knows of them.
+"""Drifting zeros, estimated from what a fitted model leaves, and a problem that knows of them.
 
 A little that is slow and that no balance and no effect explains may as well be the sensors' own. So
 it is asked only then; an effect that a drifting zero could imitate has had its turn before.

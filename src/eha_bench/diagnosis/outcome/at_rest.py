@@ -1,4 +1,4 @@
-"""Friction at rest in a calibration: told where it was estimated, declared where it cannot be.
+"""Friction at rest in a calibration: noted where it was estimated, declared where it cannot be.
 
 How friction behaves at rest is fitted although no model lists it under `calibrate`: a diagnosis
 would name an effect for it otherwise. A calibration promises only what is listed, so it says what

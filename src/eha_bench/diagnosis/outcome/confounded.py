@@ -1,6 +1,6 @@
 """What recordings change together from run to run, so that no run tells which of both matters.
 
-Friction that is said to grow with pressure may as well fall with speed, where every run at a higher
+Friction that seems to grow with pressure may as well fall with speed, where every run at a higher
 pressure moved more slowly. Within a run both may hardly change; so runs are compared, by ranks
 (Spearman, Am. J. Psychol. 15 (1904) 72): the usual pressure, and the usual speed while something
 moves.

@@ -123,7 +123,7 @@ class Diagnosis:
         verdict: effect, none or unknown.
         effects: what was added, the strongest first.
         unknown: where something acts that nothing known explains; always there with that verdict.
-        equivalent: sets of candidates that these data cannot tell apart.
+        equivalent: sets of candidates that these data cannot distinguish.
         separate: effect's id -> the experiment that would tell it from its look-alikes.
         ranking: all candidates, the best first.
         train, holdout, unseen: channel -> errors; unseen runs are held out and of another kind.
@@ -139,7 +139,7 @@ class Diagnosis:
             what the errors are computed from. Not in diagnosis.json: `predict` gives them again.
         complete: False where it was interrupted, or a stage failed.
         failed: the stage that failed, if any: what was found before it stands.
-        rivals: what was found, and what it was held against, each as a model with its covariance.
+        rivals: what was found, and its rivals, each as a model with its covariance.
         covered: where the training recordings have been.
         lateness: clock of a log -> s by which its stamps are late by always the same: mundane.
         seconds: how long it took.

@@ -3,7 +3,7 @@
 A diagnosis begins where readings begin that may be believed (`first_state`). A prediction begins
 at the first sample as it was logged (`first_sample`): that a channel stands still for a while, or
 has no other reading, says nothing against its first one. One that never changes while others do is
-dead, and tells nothing. What no reading tells is assumed, and said.
+dead, and tells nothing. What no reading tells is assumed, and noted.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class FirstSample:
 def first_state(measured: Measured, model: Model) -> dict[str, float]:
     """Return the state at the first reading of each channel that may be believed.
 
-    One sample carries its sensor's noise. Where it cannot be told from rest (speeds of nothing,
-    both pressures at the charge pressure that the model declares), rest is taken.
+    One sample carries its sensor's noise. Where it cannot be distinguished from rest (speeds of
+    zero, both pressures at the charge pressure that the model declares), rest is taken.
     """
     readings = {}
     for name in measured.outputs:
@@ -133,7 +133,7 @@ def _amount(name: str, value: float, plant: Plant) -> str:
 
 
 def _state(measured: Measured, model: Model, readings: Mapping[str, float]) -> dict[str, float]:
-    """Return the state behind first readings, at rest where noise cannot be told from it."""
+    """Return the state behind first readings; rest where they differ from it by noise only."""
     state: dict[str, float] = {}
     if not model.plant.states:
         return state

@@ -127,7 +127,7 @@ def _with_its_own(measured: Measured, model: Model) -> Measured:
 
 
 def _at_its_angle(measured: Measured, model: Model) -> Measured:
-    """Return a run whose shaft begins where what turns in the model shows it in the run."""
+    """Return a run with the start angle that effects of the angle in the model show."""
     vector = model.vector()
     noise = pooled_noise([measured], measured.outputs)
     if not noise or not counts_on(model.plant.layout, vector):
@@ -145,10 +145,10 @@ def predict(
     """Simulate every run of a dataset freely, from its inputs and its first sample.
 
     Channels that nothing among the inputs drives are left out. What the log does not tell of a
-    run's start is assumed at rest, and said in its notes. No first sample says at which angle
+    run's start is assumed at rest, and noted. No first sample says at which angle
     the shaft stands: where the model has something on that is periodic in it, and the run shows
     clearly that it does not begin at zero, that one number is estimated from the run. What the
-    model has under `per_run` is estimated from the first part of each run, and said.
+    model has under `per_run` is estimated from the first part of each run, and noted.
 
     Args:
         dataset: dataset.yaml, a dict of what it would hold, or as loaded.
@@ -263,7 +263,7 @@ def _errors(
 
 
 def _believed(name: str, measured: Measured, recording: Recording) -> FloatArray | None:
-    """Return what of a channel may be held against its prediction, (n,) with NaN, or None."""
+    """Return what of a channel may be compared with its prediction, (n,) with NaN, or None."""
     if name in measured.outputs:
         return measured.column(name)
     if name in measured.still:

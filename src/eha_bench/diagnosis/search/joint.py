@@ -73,7 +73,7 @@ def _best(search: Search) -> Nearby | None:
     near = Near.here(search, search.problem.at_step(COARSE))
     starts = all_starts(layout, search.fit.vector, search.declared, search.keys)
     turning = [effect.id for effect in layout.effects if is_periodic(effect)]
-    # what turns is scanned for at length: only where that was worth it before
+    # effects of the shaft's angle are scanned for at length: only where that was worth it before
     seen = {trial.candidate for trials in search.looks for trial in trials}
     own = [start for start in starts if start.candidate in turning and start.candidate in seen]
     still = near.promising([s for s in starts if s.candidate not in turning], _STARTS)

@@ -37,7 +37,7 @@ BENT = 0.3
 """Excess, as a share of the noise's cost, from which calibrated parameters imitate it."""
 _BEGAN_WRONGLY = 1.5
 _STRETCH = 0.5
-"""Length of the windows over which what turns is fitted before whole runs, s."""
+"""Length of the windows over which effects of the shaft's angle are fitted before whole runs, s."""
 _WORTH = 0.1
 """Least share of the short windows' excess that is worth a fit over long ones."""
 
@@ -137,12 +137,13 @@ class Nearby:
 
 
 class Near:
-    """The search over windows of 0.1 s, begun again from the declared parameters where it is bent.
+    """The search over windows of 0.1 s, restarted from the declared parameters where it is bent.
 
     Where much is missing, a calibration over long windows bends the parameters until they imitate
     it, and candidates tried from there stay caught. Over short windows an error has no time to
     grow: parameters stay near where they belong, and what a candidate does is nearly linear. Where
-    little is missing the parameters stay; there, short windows only hold the phase of what turns.
+    little is missing the parameters stay; there, short windows only hold the phase of
+    effects of the shaft's angle.
 
     Args:
         search: with what has been added. coarse: its problem at a coarse step.

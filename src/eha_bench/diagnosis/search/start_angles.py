@@ -1,4 +1,4 @@
-"""Lets runs begin at angles of their own, where what turns with the shaft shows only that way.
+"""Lets runs begin at angles of their own, where effects of the shaft's angle show only that way.
 
 The scan says what a count gains with one phase, and with a phase in each run. Where the latter
 explain significantly more than any count does with one phase, the best few are fitted over short
@@ -50,7 +50,7 @@ def with_own_angles(search: Search, near: Near, starts: Sequence[Start]) -> Near
         search: so far. near: its short windows. starts: of what is periodic in the shaft's angle.
     """
     if counts_on(search.problem.plant.layout, search.fit.vector):
-        # what turns there already says where runs begin
+        # effects of the angle already determine where runs begin
         return near
     waves = near.waves(starts)
     more = len(angles_of(near.problem)) - 1

@@ -53,7 +53,7 @@ _WORTH = 0.02
 """Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
 outputs move by a seventh of the noise."""
 _MOSTLY = 0.3
-"""Share of the excess that may be left before the scan of what turns with the shaft is worth it."""
+"""Share of the excess that may be left before effects of the shaft's angle are worth a scan."""
 _LEAST = 5.0
 """Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 

@@ -2,7 +2,7 @@
 
     B(t) = B_0 exp(-r t)
 
-of what turns, of what slides, or of both; with `oil` the laminar leakage grows as well as the
+of rotating parts, of sliding parts, or of both; with `oil` the laminar leakage grows as well as the
 viscosity falls, L(t) = L_0 exp(r t). Warming of a machine that dissipates constantly starts out
 linear in time, and viscosity falls exponentially with temperature (Reynolds' law), hence the
 exponential. Time counts from the start of the recording.
@@ -22,12 +22,12 @@ _SHAFT, _ROD, _OIL = 1.0, 2.0, 3.0
 
 
 def turning(coefficient: float, t: float, rate: float, part: float) -> float:
-    """Return the viscous friction of what turns after a time, N*m*s/rad."""
+    """Return the viscous friction of rotating parts after a time, N*m*s/rad."""
     return coefficient if part == _ROD else coefficient * math.exp(-rate * t)
 
 
 def sliding(coefficient: float, t: float, rate: float, part: float) -> float:
-    """Return the viscous friction of what slides after a time, N*s/m."""
+    """Return the viscous friction of sliding parts after a time, N*s/m."""
     return coefficient if part == _SHAFT else coefficient * math.exp(-rate * t)
 
 

@@ -22,7 +22,7 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
 
 KIND = ElementKind(
     id="weight",
-    summary="The weight of what moves with a rod, along its axis.",
+    summary="The weight of the parts that move with a rod, along its axis.",
     ports=(Port("on", (NodeKind.TRANSLATION,)),),
     parameters=(_GRAVITY,),
     anatomy=_anatomy,

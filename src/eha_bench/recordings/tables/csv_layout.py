@@ -118,7 +118,7 @@ def _first_row(table: list[tuple[int, list[str]]], cells: int) -> int:
     """Return which line is the first whose cells are of the kinds that the table's cells are."""
     lines = [(k, line) for k, (_, line) in enumerate(table) if len(line) == cells]
     telling = [(k, line) for k, line in lines if any(map(_is_number, line))]
-    if not telling:  # no number at all: the names are all that can be told from the rest
+    if not telling:  # no number at all: the names are all that can be distinguished from the rest
         return lines[0][0] + 1
     kinds = Counter(tuple(map(_is_number, line)) for _, line in telling)
     usual = max(kinds, key=lambda kind: (kinds[kind], sum(kind)))

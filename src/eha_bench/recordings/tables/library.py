@@ -1,4 +1,4 @@
-"""Reading with somebody else's library: its errors become a sentence, its time is limited."""
+"""Reading with a third-party library: its errors become a sentence, its time is limited."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ _WITH_UNIT = re.compile(r"(?P<name>[^\[\](),]*[^\[\](),\s])\s*[\[(](?P<unit>[^\[
 _NONE = ("", "-", "1", "none", "None")
 """How files write that a column has no unit."""
 _CLOCKS = ("time", "timestamp", "t")
-"""Names of a column of times; the latter two only where their unit is said."""
+"""Names of a column of times; the latter two only where their unit is given."""
 
 
 def named_unit(column: str) -> tuple[str, str | None]:
@@ -47,7 +47,7 @@ def described(
         if clock is not None and clock.column in (column, columns[column]):
             continue
         if often[name] > 1:
-            name = column  # noqa: PLW2901  # two of one name are told apart by their groups
+            name = column  # noqa: PLW2901  # two of one name are distinguished by their groups
         if unit is None and name not in CHANNELS:
             unsaid.append(column)
             continue

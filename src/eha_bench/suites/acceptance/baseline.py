@@ -1,4 +1,4 @@
-"""The result that relative limits are held against: `<= 105 % of baseline`."""
+"""The result that relative limits refer to: `<= 105 % of baseline`."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def judgement(
 def _check_applies(
     metric: str, entry: Located, trial: str, signal: Signal | None, own: Specs
 ) -> None:
-    """Raise an InputError for a limit that nothing in the trial could ever be held against."""
+    """Raise an InputError for a limit that nothing in the trial can ever be judged by."""
     needs = named(metric, own, entry.place()).needs
     if needs is None or signal is None or needs.met_by(signal):
         return

@@ -1,4 +1,4 @@
-"""The reference as somebody else's log holds it."""
+"""The reference as a foreign log holds it."""
 
 from __future__ import annotations
 

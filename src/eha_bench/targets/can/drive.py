@@ -141,7 +141,7 @@ class Drive:
 
     @property
     def command(self) -> ControlMode | None:
-        """The mode in which the drive does as it is told: a current, a voltage, a valve's command.
+        """The mode in which the drive passes a command on: a current, a voltage, a valve's command.
 
         It is none that is measured: a mode whose channel is measured is closed by the drive.
         """

@@ -1,4 +1,4 @@
-"""One exchange a tick: the Sync goes out, the drive's answers come in, told apart by age."""
+"""One exchange a tick: the Sync goes out, the drive's answers come in, distinguished by age."""
 
 from __future__ import annotations
 

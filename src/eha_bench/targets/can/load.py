@@ -102,7 +102,7 @@ class _Reader:
             return None
         where = self.place((key,))
         folder = Path(where.file).resolve().parent
-        # what is wrong with the DBC is told by its reader
+        # the DBC's reader reports what is wrong with it
         return folder / name if key == "dbc" else yaml_file.named_file(folder, name, where)
 
     def error(self, what: str, keys: Sequence[int | str], hint: str = "") -> InputError:

@@ -39,7 +39,7 @@ _CLOSE_TIMEOUT = 1.5
 _END_TIMEOUT = 0.3
 _OPEN_TIMEOUT = 30.0
 _STALLED = 0.09
-"""Seconds without a byte taken after which a recorder is said to have stalled."""
+"""Seconds without a byte taken after which a recorder counts as stalled."""
 
 
 class Recorder:

@@ -75,7 +75,7 @@ class WordFile(StrictModel):
 
 
 class ControlWordFile(StrictModel):
-    """What the drive is told; the signal stands in every command message."""
+    """What commands the drive; the signal stands in every command message."""
 
     signal: str
     enable: Annotated[list[WordFile], Field(min_length=1)]

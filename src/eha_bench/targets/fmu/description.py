@@ -1,4 +1,4 @@
-"""What an FMU says of itself: read before anything runs, and held against target.yaml."""
+"""What an FMU says of itself: read before anything runs, and checked against target.yaml."""
 
 from __future__ import annotations
 

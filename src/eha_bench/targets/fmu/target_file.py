@@ -40,7 +40,7 @@ class BypassFile(StrictModel):
 
 
 class SetupFile(StrictModel):
-    """How the FMU is told what a trial's setup says."""
+    """How a trial's setup reaches the FMU."""
 
     piston: PistonFile | None = None
     bypass: BypassFile | None = None
