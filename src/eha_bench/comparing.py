@@ -172,7 +172,9 @@ def ab(
         EhaBenchError: bad input, or the folder cannot be used.
     """
     if repeats < 1:
-        raise InputError(f"{repeats} repeats are too few", hint="give 1 or more; 10 tell a lot")
+        raise InputError(
+            f"{repeats} repeats are too few", hint="give 1 or more; 10 are usually enough"
+        )
     if seed < 0:
         raise InputError(f"a seed of {seed} is negative", hint="give 0 or more")
     loaded = load_suite(suite)

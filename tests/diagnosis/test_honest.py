@@ -69,8 +69,8 @@ def test_a_curve_that_worsens_both_is_no_model():
         (0.5, GOOD, 0.5, "is at its bound, 0.5"),
         (0.02, replace(GOOD, explained_out=-0.06, gain_out=-300.0), 0.5, "explains nothing"),
         (0.02, replace(GOOD, p_value=0.94), 0.5, r"its gain may be chance \(p 0.94\)"),
-        (0.02, replace(GOOD, share_out=0.1), 50.0, "explains only 10% of"),
-        (0.02, replace(GOOD, share_out=0.22), 0.5, "explains only 22% of"),
+        (0.02, replace(GOOD, share_out=0.1), 50.0, "explains only 10 % of"),
+        (0.02, replace(GOOD, share_out=0.22), 0.5, "explains only 22 % of"),
         # of a measured machine much remains
         (0.02, replace(GOOD, share_out=0.22), 50.0, ""),
     ],

@@ -222,7 +222,7 @@ def test_an_effect_beside_a_remainder_stands_where_nothing_else_explains_as_much
     if verdict is Verdict.EFFECT:
         assert found.fit is search.fit is with_it
         assert len(search.effects) == 1
-        assert "30%" in found.notes[-1]
+        assert "30 %" in found.notes[-1]
     else:
         assert search.fit is search.base
         assert not search.effects

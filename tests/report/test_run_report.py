@@ -139,7 +139,7 @@ def test_a_recording_that_cannot_be_read_is_said(sample: SampleRun, tmp_path: Pa
     loaders = {**sample.recordings, ("knee_sine-1Hz", 0): torn}
     text = write_report(tmp_path, only(sample, 5, 6), loaders, sample.trials).read_text("utf-8")
     assert "No plot: the file ends in the middle of a record." in text
-    assert "No plot: the recording is not there." in text
+    assert "No plot: the recording is missing." in text
 
 
 def test_trials_may_be_unknown(sample: SampleRun, tmp_path: Path) -> None:

@@ -161,7 +161,7 @@ def test_before_the_history_is_worked_out_the_page_comes_again(tmp_path):
     watch = Watch(tmp_path)
     client = TestClient(application(tmp_path, Rules(), watch), base_url="http://127.0.0.1")
     waiting = client.get("/")
-    assert "Working it out" in waiting.text
+    assert "Computing" in waiting.text
     assert waiting.headers["refresh"] == "2"
     with client:  # the application begins the watch, and ends it
         for _ in range(200):
@@ -202,7 +202,7 @@ def test_a_recording_of_which_nothing_can_be_read_yet_is_said(served):
     place.mkdir(parents=True)
     (place / "step-0.mcap").write_bytes(b"\x89MCAP0\r\n")
     served.watch.refresh()
-    assert "Nothing can be read yet" in served.text("/live/tonight")
+    assert "Nothing to show yet" in served.text("/live/tonight")
 
 
 def test_loop_health_counts_late_ticks():

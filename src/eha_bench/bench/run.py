@@ -99,7 +99,7 @@ class _Run:
             stopped = [f"{t.reason}; " for t in result.trials if t.status is Status.FAULT]
             raise _NotSaved(
                 f"{''.join(stopped[-1:])}the result cannot be written ({error.strerror})",
-                hint="make room; the recordings read up to where the disk was full",
+                hint="make room; the recordings are readable up to where the disk was full",
             ) from error
         return result
 

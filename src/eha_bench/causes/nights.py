@@ -58,7 +58,7 @@ def runs_of(night: Night, folder: Path, settings: CauseSettings) -> NightRuns:
         runs.append(_run(log, f"{item.id}-{item.repeat}", settings))
         digests.append(item.sha256 or f"{log.stat().st_size}-{log.stat().st_mtime_ns}")
     if not runs:
-        return NightRuns(night, (), "", why or "no run that is followed came to its end")
+        return NightRuns(night, (), "", why or "no followed run finished")
     return NightRuns(night, tuple(runs), " ".join(digests))
 
 

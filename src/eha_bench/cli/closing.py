@@ -31,7 +31,7 @@ def predict(
         str,
         typer.Option(
             "--model",
-            help="model.yaml to simulate, or a shipped one by its name.",
+            help="model.yaml to simulate, or the name of a shipped one.",
             autocompletion=complete_models,
         ),
     ],
@@ -120,7 +120,7 @@ def _leave_if_failed(failed: FailedStage | None, out: Path) -> None:
     """Say which stage failed, and leave with the status of a bug."""
     if failed is not None:
         say(failed.trace.rstrip())
-        say(f"eha-bench: the stage '{failed.stage}' failed; what was found before it is in {out}")
+        say(f"eha-bench: the stage '{failed.stage}' failed; earlier findings are in {out}")
         raise typer.Exit(BUG)
 
 
@@ -135,8 +135,8 @@ def _say_verdict(found: Diagnosis) -> None:
     if found.unknown and found.unknown.equation is None:
         say(f"  {found.unknown.description}")
     elif found.unknown:
-        variables = ", ".join(found.unknown.variables) or "nothing that was measured"
-        say(f"  something in the {found.unknown.equation} equation, by {variables}")
+        variables = ", ".join(found.unknown.variables) or "no measured variable"
+        say(f"  unknown effect in the {found.unknown.equation} equation, depends on {variables}")
     for group in found.equivalent:
         say(f"  these data do not distinguish: {', '.join(group)}")
     _say_errors(found.holdout, "held-out")

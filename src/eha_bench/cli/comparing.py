@@ -30,7 +30,7 @@ def compare(
     baseline: Annotated[
         Path, typer.Argument(help="Result folder, baseline file, or folder of several.")
     ],
-    candidate: Annotated[Path, typer.Argument(help="The same, for the results that are judged.")],
+    candidate: Annotated[Path, typer.Argument(help="Results to judge, given in the same ways.")],
     out: Annotated[
         Path, typer.Option("--out", help="Folder for comparison.html, .json and .md.")
     ] = Path("reports/comparison"),
@@ -39,7 +39,7 @@ def compare(
         bool, typer.Option("--markdown", help="Print the summary for a merge request.")
     ] = False,
     across_targets: Annotated[
-        bool, typer.Option("--across-targets", help="Compare different rigs on purpose.")
+        bool, typer.Option("--across-targets", help="Allow a comparison of different rigs.")
     ] = False,
     strict: Strict = False,
     verbose: Verbose = False,
@@ -70,19 +70,19 @@ def ab(  # noqa: PLR0913, PLR0917 - the options of a command
     ],
     b: Annotated[
         str,
-        typer.Option("--b", help="Candidate target, the same.", autocompletion=complete_targets),
+        typer.Option(
+            "--b", help="Candidate target, given in the same ways.", autocompletion=complete_targets
+        ),
     ],
     repeats: Annotated[int, typer.Option("--repeats", help="Pairs of runs, at most.")] = 10,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder (default: reports/<suite>-ab/<time>).")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the order of A and B.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the order of A and B.")] = 0,
     warm_up: Annotated[
-        int, typer.Option("--warm-up", min=0, help="Passes through the suite, not scored.")
+        int, typer.Option("--warm-up", min=0, help="Warm-up passes through the suite, not scored.")
     ] = 1,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with an interrupted run.")
-    ] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Finish an interrupted run.")] = False,
     workers: Workers = "",
     json: Json = False,
     strict: Strict = False,
@@ -149,7 +149,7 @@ def history(
         bool, typer.Option("--rebuild", help="Rebuild the index from the results.")
     ] = False,
     only_worse: Annotated[
-        bool, typer.Option("--only-worse", help="Exit with 0 where a drift is for the better.")
+        bool, typer.Option("--only-worse", help="Exit with 0 for a drift to the better.")
     ] = False,
     config: Annotated[
         Path | None,

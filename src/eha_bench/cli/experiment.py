@@ -12,6 +12,7 @@ import typer
 
 from eha_bench.cli.console import TerminalProgress, say
 from eha_bench.core.errors import InputError
+from eha_bench.core.per_cent import per_cent
 
 _HUNDRED = 100
 NONE, FAULT = 1, 3
@@ -116,8 +117,8 @@ def _rank(diagnosis: Path, logs: list[Path], channels: str, within: float, *, js
         outlook = f"{item.reached:.2g} of what is needed"
         if isfinite(item.right):
             outlook = (
-                f"names the right one in {100.0 * item.right:.0f} %, "
-                f"a wrong one in {100.0 * item.wrong:.1f} %"
+                f"names the right one in {per_cent(item.right)}, "
+                f"a wrong one in {per_cent(item.wrong, 1)}"
             )
         typer.echo(f"{place:<3} {item.name}: {item.seconds:.3g} s, {outlook}")
 

@@ -31,7 +31,7 @@ def init(
     ] = Path(),
     plant: Annotated[
         str,
-        typer.Option("--plant", help="Plant that it is for.", autocompletion=complete_projects),
+        typer.Option("--plant", help="Plant of the project.", autocompletion=complete_projects),
     ] = "eha_knee",
 ) -> None:
     """Write a project that runs at once: suite, target, controller, channels, dataset, CI file.

@@ -26,7 +26,7 @@ class LimitMissed(Exception):
 
 
 class RunStopped(Exception):
-    """A run came to no end, so the trial's limits cannot be judged."""
+    """A run did not finish, so the trial's limits cannot be judged."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -136,7 +136,7 @@ class LimitItem(pytest.Item):
             pytest.exit("the suite was interrupted")
         if stopped or not runs:
             why = stopped[0].reason if stopped else "an earlier trial stopped the run"
-            raise RunStopped(f"{self.trial.id} came to no end: {why}")
+            raise RunStopped(f"{self.trial.id} did not finish: {why}")
         missed = [line for run in runs for line in self._missed(run)]
         if missed:
             raise LimitMissed("\n".join(missed))

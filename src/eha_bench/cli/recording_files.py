@@ -59,8 +59,12 @@ def channels(
 
 
 def export(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Of any format read.")],
-    target: Annotated[Path, typer.Argument(metavar="FILE", help="Ends in .csv, .parquet or .mf4.")],
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="Recording of any readable format.")
+    ],
+    target: Annotated[
+        Path, typer.Argument(metavar="FILE", help="File to write; ends in .csv, .parquet or .mf4.")
+    ],
     channels: Annotated[
         Path | None, typer.Option("--channels", help="channels.yaml of a foreign log.")
     ] = None,

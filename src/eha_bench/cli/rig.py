@@ -38,12 +38,15 @@ def rig(
         ),
     ] = None,
     watchdog: Annotated[
-        str, typer.Option("--watchdog", help="Longest time without a command.")
+        str,
+        typer.Option(
+            "--watchdog", help="Longest time without a command before the watchdog stops the drive."
+        ),
     ] = "20 ms",
     log: Annotated[
         Path | None, typer.Option("--log", help="The drive's own log (JSON lines).")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of noise and lost frames.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and lost frames.")] = 0,
     priority: Annotated[
         int,
         typer.Option(

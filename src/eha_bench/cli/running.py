@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Suite = Annotated[
     str,
     typer.Argument(
-        help="Suite to run: a YAML file, or a shipped one by its name.",
+        help="Suite to run: a YAML file, or the name of a shipped one.",
         autocompletion=complete_suites,
     ),
 ]
@@ -78,13 +78,11 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         ),
     ] = None,
     out: Out = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Do only what an interrupted run left undone.")
-    ] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Finish an interrupted run.")] = False,
     retries: Annotated[
         int,
         typer.Option(
-            "--retries", min=0, help="How often a trial is repeated whose infrastructure failed."
+            "--retries", min=0, help="Number of repeats of a trial whose infrastructure failed."
         ),
     ] = 0,
     time_limit: Annotated[
@@ -178,7 +176,7 @@ def say_probability(found: Probability) -> None:
 
 
 def score(
-    recordings: Annotated[list[Path], typer.Argument(help="Recordings, of any format read.")],
+    recordings: Annotated[list[Path], typer.Argument(help="Recordings of any readable format.")],
     suite: Annotated[
         str | None,
         typer.Option(

@@ -13,17 +13,20 @@ from eha_bench.cli.console import say
 def serve(
     folder: Annotated[Path, typer.Argument(help="Folder of result folders; it is only read.")],
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="0: any that is free.")
+        int, typer.Option("--port", min=0, max=65535, help="Port to listen on; 0: any free one.")
     ] = 8765,
     host: Annotated[
-        str, typer.Option("--host", help="Name or address to listen on; elsewhere with a token.")
+        str,
+        typer.Option(
+            "--host", help="Name or address to listen on; other than this machine: with a token."
+        ),
     ] = "127.0.0.1",
     token: Annotated[
         str,
         typer.Option(
             "--token",
             envvar="EHA_BENCH_TOKEN",
-            help="What browsers must show (default: none on this machine, else a new one).",
+            help="Token that browsers must send (default: none on this machine, else a new one).",
         ),
     ] = "",
 ) -> None:

@@ -38,9 +38,7 @@ def sweep(
         Path | None,
         typer.Option("--out", help="Folder (default: reports/<suite>-sweep/<time>)."),
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Do only what an interrupted sweep left undone.")
-    ] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Finish an interrupted sweep.")] = False,
     workers: Workers = "",
     point: Annotated[
         int | None,

@@ -57,7 +57,7 @@ def tune(  # noqa: PLR0913, PLR0917 - the options of a command
             "P(pass).",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of search and draws.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of search and draws.")] = 0,
     workers: Workers = "",
     json: Annotated[
         bool, typer.Option("--json", help="Print tuning.json on standard output.")

@@ -69,7 +69,7 @@ def _check(loaded: Sequence[tuple[Result, Path]], *, failed: bool) -> None:
             raise InputError(f"the run is {result.status.value}: no baseline", where=where)
         if result.status is Status.FAILED and not failed:
             raise InputError(
-                "the run missed limits", where=where, hint="take it all the same with --failed"
+                "the run missed limits", where=where, hint="accept it anyway with --failed"
             )
         if (result.suite, result.target) != (first.suite, first.target):
             raise InputError(

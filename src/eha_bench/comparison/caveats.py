@@ -19,7 +19,7 @@ def check_targets(baseline: Side, candidate: Side) -> None:
         raise InputError(
             f"not the same rig: the baseline ran on {_listed(baseline.targets)}, the candidate "
             f"on {_listed(candidate.targets)}",
-            hint="compare them on purpose with --across-targets",
+            hint="allow it with --across-targets",
         )
 
 
@@ -52,7 +52,7 @@ def _caveats(baseline: Side, candidate: Side) -> Iterator[str]:
         stopped = sum(not run.usable for runs in side.runs.values() for run in runs)
         if stopped:
             runs = "run" if stopped == 1 else "runs"
-            yield f"{stopped} {runs} of the {name} did not come to an end and are left out."
+            yield f"{stopped} {runs} of the {name} did not finish and are left out."
     if baseline.targets != candidate.targets:
         yield (
             f"Different targets: {_listed(baseline.targets)} in the baseline, "

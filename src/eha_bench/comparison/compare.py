@@ -112,7 +112,7 @@ def _trial(
         if not runs:
             problem = problem or f"the trial is missing in the {name}"
         elif not ended:
-            problem = problem or f"no run of the {name} came to its end ({runs[0].trial.reason})"
+            problem = problem or f"no run of the {name} finished ({runs[0].trial.reason})"
     problem = problem or trial_problem(baseline, candidate, trial)
     if not keys:  # nothing was scored, but that must be told
         return [Compared(trial, "", "", "", reason=problem or "nothing was scored")]
@@ -366,7 +366,7 @@ def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) 
         return replace(item, verdict=_worse_or_better(found.difference, pair.direction))
     if item.p_same <= ALPHA:
         return replace(item, verdict=Verdict.SAME)
-    differs = "there is a difference, but it is not shown to be as large as what matters"
+    differs = "there is a difference, but it is may be smaller than what matters"
     if item.p_difference <= ALPHA:
         item = replace(item, reason="; ".join(part for part in (differs, item.reason) if part))
     more = more_repeats(

@@ -101,7 +101,7 @@ def kind_of(path: Path) -> FileKind:
             )
     known = "; ".join(f"{kind.name} ({', '.join(sorted(kind.keys))})" for kind in kinds())
     raise InputError(
-        "is of no known kind",
+        "has no known kind",
         where=Place(file=str(path), line=1),
-        hint=f"the kind follows from one of these keys: {known}",
+        hint=f"the kind is given by one of these keys: {known}",
     )

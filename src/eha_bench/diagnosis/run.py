@@ -436,7 +436,7 @@ class _Closing:
         return Decision(Verdict.UNKNOWN, self.search.fit, (note,), Unknown(None, (), note))
 
     def _stopped(self) -> Decision:
-        note = "interrupted during the search: it names what was found until then"
+        note = "interrupted during the search: it names the causes found until then"
         verdict = Verdict.EFFECT if self.search.effects else Verdict.UNKNOWN
         if self.search.excess_base.significance < _NOTHING:
             verdict = Verdict.NONE

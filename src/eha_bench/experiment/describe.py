@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.core.per_cent import per_cent
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.experiment.candidates import Candidate, Plan
 from eha_bench.experiment.decision import Layout, distances
@@ -65,12 +66,12 @@ def sentence_of(proposal: Proposal) -> str:
     if proposal.odds is not None:
         right, wrong = proposal.odds.right, proposal.odds.wrong
         short = "" if right >= proposal.asked else (
-            f" (less than the {100.0 * proposal.asked:.0f} % asked for)"
+            f" (less than the {per_cent(proposal.asked)} asked for)"
         )  # fmt: skip
         return (
             f"{what}. With {seconds} the diagnosis then names the right one of "
-            f"{', '.join(proposal.rivals)} in {100.0 * right:.0f} % of cases{short} and a wrong "
-            f"one in {100.0 * wrong:.1f} %.{close}"
+            f"{', '.join(proposal.rivals)} in {per_cent(right)} of cases{short} and a wrong "
+            f"one in {per_cent(wrong, 1)}.{close}"
         )
     worst = proposal.widths[0]
     after = max(proposal.widths, key=lambda item: item.after)

@@ -24,6 +24,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import checkpoint
+from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.outcome.rival import Standing
 from eha_bench.experiment.candidates import Candidate, Plan, candidates, unit_of_level, varied
@@ -200,7 +201,7 @@ class _Search:
         left = f"no rival of '{rival.id}' is left" if rival.id != "none" else "no effect is missing"
         return (
             f"nothing is open: {left}, and every parameter is known within "
-            f"{100.0 * self.within:.0f} %. With more recordings, run `eha-bench diagnose` again"
+            f"{per_cent(self.within)}. With more recordings, run `eha-bench diagnose` again"
         )
 
     def _worst(self, covariance: FloatArray) -> float:
@@ -333,12 +334,10 @@ class _Search:
             why = (
                 f"nothing permitted within {self.budget:g} s separates "
                 f"{' and '.join(item.id for item in self.rivals)}: the best of {self.tried} "
-                f"experiments would name the right one in {100.0 * expected.right:.0f} % of cases"
+                f"experiments would name the right one in {per_cent(expected.right)} of cases"
             )
             if sensor is not None:
-                why += (
-                    f"; log {sensor.channel} as well and it would in {100.0 * sensor.right:.0f} %"
-                )
+                why += f"; log {sensor.channel} as well and it would in {per_cent(sensor.right)}"
             return replace(self._ending(Ending.NONE_PERMITTED, why), odds=expected, sensor=sensor)
         if len(chosen) == 1:
             chosen = [self._gentlest(chosen[0], layout, expected)]
@@ -508,7 +507,7 @@ class _Search:
             return self._ending(
                 Ending.NONE_PERMITTED,
                 f"no permitted experiment of {self.budget:g} s narrows the interval of {name} "
-                f"below its present {before:.0%}",
+                f"below its present {per_cent(before)}",
             )
         return self._proposed(best[1])
 

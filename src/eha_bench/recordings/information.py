@@ -137,7 +137,7 @@ def _described(file: Path) -> RecordingInformation:
         *source.notes,
         *source.skipped(),
         *([problem] if problem else []),
-        *([f"the values of {unseen} of {len(topics)} topics were not looked at"] * bool(unseen)),
+        *([f"the values of {unseen} of {len(topics)} topics were not read"] * bool(unseen)),
     )
     return RecordingInformation(
         path=str(file),

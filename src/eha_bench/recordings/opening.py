@@ -47,7 +47,7 @@ def refuse_special(path: Path) -> None:
     """
     if not stat.S_ISREG(path.stat().st_mode):
         raise RecordingError(
-            "this is a pipe or a device, no file",
+            "this is a pipe or a device, not a file",
             where=Place(file=str(path)),
             hint="write it to a file first",
         )

@@ -208,7 +208,7 @@ def _figure(
     sides = (comparison.baseline, comparison.candidate)
     first, second = (_typical(side.runs.get(trial, ()), items) for side in sides)
     if not (first and first.recording and second and second.recording):
-        return None, "No plot: the recordings of one side are not there."
+        return None, "No plot: the recordings of one side are missing."
     try:
         scene = overlay(
             (read(first.recording), read(second.recording)),
@@ -218,7 +218,7 @@ def _figure(
     except (EhaBenchError, OSError) as error:
         return None, f"No plot: {error}."
     if scene is None:
-        return None, "No plot: the two recordings have nothing in common."
+        return None, "No plot: the two recordings have no channel in common."
     title = f"{trial}: baseline repeat {first.trial.repeat}, candidate {second.trial.repeat}"
     view = figure_of(scene, key=key, title=title, points=_STATIC_POINTS, static_panels=1)
     return view, ""

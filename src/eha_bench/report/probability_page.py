@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.core.per_cent import per_cent
 from eha_bench.report.engineering import (
     channel_name,
     display_unit,
@@ -69,7 +70,7 @@ def write_probability_page(
         "unknowns": [
             UnknownRow(
                 item.key,
-                f"{100.0 * item.share:.0f} %",
+                per_cent(item.share),
                 f"{item.lower.value:.2f}",
                 f"{item.upper.value:.2f}",
             )

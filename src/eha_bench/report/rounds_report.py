@@ -30,10 +30,10 @@ class RoundRow:
 _WORDS = {
     "settled": ("passed", "Settled", "Nothing is left open."),
     "none_permitted": (
-        "undecided", "Not settled", "No permitted experiment would tell more.",
+        "undecided", "Not settled", "No permitted experiment would separate the causes further.",
     ),
-    "out_of_rounds": ("undecided", "Not settled", "All rounds were made."),
-    "stopped": ("fault", "Stopped", "A run did not come to its end."),
+    "out_of_rounds": ("undecided", "Not settled", "The permitted number of rounds was reached."),
+    "stopped": ("fault", "Stopped", "A run did not finish."),
 }  # fmt: skip
 
 

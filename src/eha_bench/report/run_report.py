@@ -293,7 +293,7 @@ def _run_view(
     missing, notes = "", run.notes
     try:
         if load is None:
-            missing = "No plot: the recording is not there."
+            missing = "No plot: the recording is missing."
         else:
             recording = load()
             figure, small, missing = _figure(recording, run, trial, key, share, first)

@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.finite import finite_or_none
+from eha_bench.core.per_cent import per_cent
 from eha_bench.report.engineering import channel_name, limit_text, metric_name, number
 from eha_bench.report.page import Fact, write_page
 from eha_bench.report.sweep_plots import (
@@ -191,7 +192,7 @@ def _limit_row(sweep: Sweep, k: int, margins: FloatArray, factors: list[Axis]) -
         trial=limit.trial,
         metric=f"{name} ({channel_name(limit.channel)})" if limit.channel else name,
         limit=limit_text(limit.text),
-        kept=f"{100.0 * float(np.mean(kept)):.0f} %" if own.size else "",
+        kept=per_cent(float(np.mean(kept))) if own.size else "",
         alone=alone,
         best=number(float(scored.max()) if scored.size else math.nan, 3, sign=True),
         look="passed" if kept.all() else "failed" if not kept.any() else "warned",

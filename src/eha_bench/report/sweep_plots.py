@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
+from eha_bench.core.per_cent import per_cent
 from eha_bench.report.engineering import number
 
 _WIDTH: Final = 920
@@ -200,14 +201,17 @@ def kept_bars(axis: Axis, margins: FloatArray) -> Markup:
         parts.append(
             f'<rect x="{width * k:.1f}" y="0" width="{width - 1:.1f}" height="12" '
             f'fill="var(--vermilion)" fill-opacity="0.35"><title>{escape(name)}: kept by '
-            f"{100.0 * share:.0f} %</title></rect>"
+            f"{per_cent(share)}</title></rect>"
             f'<rect x="{width * k:.1f}" y="{12 - tall:.1f}" width="{width - 1:.1f}" '
             f'height="{tall:.1f}" fill="var(--blue)"><title>{escape(name)}: kept by '
-            f"{100.0 * share:.0f} %</title></rect>"
+            f"{per_cent(share)}</title></rect>"
         )
+    shares = [
+        float(np.mean(margins[places == k] >= 0.0)) if (places == k).any() else 0.0
+        for k in range(len(names))
+    ]
     title = ", ".join(
-        f"{name} {float(np.mean(margins[places == k] >= 0.0)) if (places == k).any() else 0.0:.0%}"
-        for k, name in enumerate(names)
+        f"{name} {per_cent(share)}" for name, share in zip(names, shares, strict=True)
     )
     return Markup(
         f'<svg class="gauge" viewBox="0 0 100 12" preserveAspectRatio="none" role="img" '

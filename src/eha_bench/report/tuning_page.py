@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from eha_bench.core.per_cent import per_cent
 from eha_bench.report.engineering import limit_text, metric_name, number
 from eha_bench.report.page import Fact, write_page
 from eha_bench.tuning.tune import Tuned, finite_least
@@ -58,7 +59,7 @@ def write_tuning_page(found: Tuned, out: Path, facts: tuple[Fact, ...]) -> Path:
         "unknowns": [
             (
                 item.key,
-                f"{100.0 * item.share:.0f} %",
+                per_cent(item.share),
                 f"{item.lower.value:.2f}",
                 f"{item.upper.value:.2f}",
             )

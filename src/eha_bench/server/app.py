@@ -123,14 +123,14 @@ class _Pages:
         name = request.path_params["name"]
         run = self._run_on(name)
         if run is None:
-            what = "No such run is going on"
+            what = "No such run is in progress"
             return page(message_page(what, "Its report is among the runs once it has ended."), 404)
         began = monotonic()
         try:
             with self._reading:
                 text = live_page(run)
         except EhaBenchError as error:
-            text = message_page("Nothing can be read yet", str(error))
+            text = message_page("Nothing to show yet", str(error))
         return page(text, again=max(_AGAIN, _SHARE * (monotonic() - began)))
 
     def _run_on(self, name: str) -> RunOn | None:
@@ -149,7 +149,7 @@ class _Pages:
             found = inside(self._folder, name)
             answer = None if found is None else stored(found)
         if answer is None and area == SITE and site is None:
-            return page(message_page("The trends are being worked out"), 503, again=_AGAIN)
+            return page(message_page("The trends are being computed"), 503, again=_AGAIN)
         if answer is None:
             raise HTTPException(404)
         return answer
@@ -161,7 +161,7 @@ def _number(text: str) -> int:
 
 def _missing(_: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 404
-    return page(message_page("There is nothing here"), status)
+    return page(message_page("Page not found"), status)
 
 
 def _failed(_: Request, error: Exception) -> Response:

@@ -77,7 +77,7 @@ class Guard:
             name = headers.get("host", "").lower()
             bare = name.rpartition(":")[0] if name.rpartition(":")[2].isdigit() else name
             if bare not in self._rules.hosts:
-                return PlainTextResponse("this server is not called so\n", 400)
+                return PlainTextResponse("unknown host name\n", 400)
             return None
         return self._by_token(scope, headers)
 

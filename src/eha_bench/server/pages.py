@@ -110,7 +110,7 @@ def _verdict(state: State) -> tuple[str, str, str, str]:
         return (*VERDICTS[state.history.status], headline(state.history))
     if state.problem:
         return (*_OTHER, "No history yet", f"The folder {state.problem}.")
-    return (*_OTHER, "Working it out", "The results are being read; this page reloads by itself.")
+    return (*_OTHER, "Computing", "The results are being read; this page reloads by itself.")
 
 
 def _row(folder: Path, night: Night, baseline: str | None) -> RunRow:

@@ -82,7 +82,9 @@ def _own(name: object, entry: Located, before: dict[str, OwnMetric], all_: list[
             f"'{name}' is no name for a metric", hint="letters, digits and _, no digit first"
         )
     if name in METRICS or name in plugins.names("metrics") or name in (*STATISTICS, *FUNCTIONS):
-        raise entry.error(f"'{name}' is something else already", hint="choose another name")
+        raise entry.error(
+            f"'{name}' is already the name of something else", hint="choose another name"
+        )
     content = {"expression": entry.value} if isinstance(entry.value, str) else entry.value
     form = validate(OwnMetricFile, content, "", places=entry.place)
     where = entry.place(("expression",)) if isinstance(entry.value, dict) else entry.place()

@@ -548,7 +548,11 @@ def _clock(
     uneven = float(np.std(steps[steps <= 5.0 * usual]) / usual) if steps.size else 0.0
     if uneven > 0.3:
         notes.append(
-            Note("{run}: the sampling period varies by {uneven:.0%}", run=run.name, uneven=uneven)
+            Note(
+                "{run}: the sampling period varies by {uneven:.0f} %",
+                run=run.name,
+                uneven=100.0 * uneven,
+            )
         )
     holes = _long_holes(missing, time, 10.0 * usual)
     telling = [k for k in map(int, jumps) if steps[k - 1] > 0.05 or not _held_across(inputs, k)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN, is_unexplained
@@ -62,12 +63,12 @@ def decide(
     share = 1.0 - max(rest.total, 0.0) / before
     notes = [
         *earlier,
-        f"what remains is {max(rest.relative, 0.0):.1%} above the noise "
-        f"({max(search.excess_base.relative, 0.0):.1%} before)",
+        f"the error that remains is {per_cent(max(rest.relative, 0.0), 1)} above the noise "
+        f"({per_cent(max(search.excess_base.relative, 0.0), 1)} before)",
     ]
     if search.effects and (not unexplained or share >= _EXPLAINED):
         if unexplained:
-            notes.append("what was found does not explain everything: something else is missing")
+            notes.append("the causes found do not explain everything: something else is missing")
         return Decision(Verdict.EFFECT, search.fit, tuple(notes), None)
     if not unexplained:
         if rest.relative > REST_RELATIVE:
@@ -104,8 +105,12 @@ def _beside_a_remainder(
     if not (much and there and found.unknown.share < _BEATEN * share):
         return found
     search.restore(known)
-    text = f"{names}: {share:.0%} of it is explained; more is missing in the {place} balance, and "
-    text += f"a curve of one variable would explain {max(found.unknown.share, 0.0):.0%} of it"
+    text = (
+        f"{names}: {per_cent(share)} of it is explained; more is missing in the {place} balance, "
+    )
+    text += (
+        f"and a curve of one variable would explain {per_cent(max(found.unknown.share, 0.0))} of it"
+    )
     return Decision(Verdict.EFFECT, search.fit, (*notes, text), None)
 
 
@@ -151,9 +156,11 @@ def _learned(
         text += f" and depends on {template.variable}"
         if period:
             text += f", periodic with {period:.4g} (SI)"
-        text += f"; a learned curve explains {share:.0%} of the excess"
+        text += f"; a learned curve explains {per_cent(share)} of the excess"
     else:
-        text += f"; a curve of {template.variable} explains {max(share, 0.0):.0%} of the excess, "
+        text += (
+            f"; a curve of {template.variable} explains {per_cent(max(share, 0.0))} of the excess, "
+        )
         text += "so it depends on several variables, or on the past"
     when = (
         times_of(search.problem, fit, search.declared_vector) if template.variable == "time" else ()

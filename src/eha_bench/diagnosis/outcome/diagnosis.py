@@ -101,7 +101,7 @@ class FailedStage:
     @property
     def note(self) -> str:
         """Say it in one sentence."""
-        return f"the stage '{self.stage}' failed ({self.error}): what was found before it stands"
+        return f"the stage '{self.stage}' failed ({self.error}): earlier findings stand"
 
     def to_dict(self) -> dict[str, str]:
         """Return it as it stands in JSON."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.fit.baseline import COARSE, Baseline, friction_at_rest_of
 from eha_bench.diagnosis.fit.candidates import LEARNED
@@ -225,7 +226,7 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
         place = order.get(item.candidate, len(order) + (0 if item.refitted else 1))
         reason = "added" if item.candidate in order else _why(item, best)
         if item.candidate in same:
-            reason = "fits as well as what was added"
+            reason = "fits as well as the effect that was added"
         line = RankLine(item.candidate, item.score, item.p_value, error, reason)
         lines.append((place, -item.score, line))
     return tuple(line for _, _, line in sorted(lines, key=lambda entry: entry[:2]))
@@ -237,11 +238,12 @@ def _why(item: Ranked, best: float) -> str:
         if item.score < 0.005:
             return "its simulated response does not resemble the residual"
         return (
-            f"one simulation predicts that it takes {item.score:.1%} of the excess; "
-            "others promise more, so it was not refitted"
+            f"one simulation predicts that it explains {per_cent(item.score, 1)} of the excess "
+            "error; others promise more, so it was not refitted"
         )
     if item.score <= 0.0:
         return "refitted with all parameters, it is no better on runs left out of the fit"
-    behind = f", where the best takes {min(best, 1.0):.1%}" if best > item.score else ""
+    behind = f", where the best explains {per_cent(min(best, 1.0), 1)}" if best > item.score else ""
     chance = "" if item.p_value < 1e-3 else f"; by chance with a probability of {item.p_value:.2g}"
-    return f"refitted, it takes {item.score:.1%} of the excess on runs left out{behind}{chance}"
+    share = per_cent(item.score, 1)
+    return f"refitted, it explains {share} of the excess error on runs left out{behind}{chance}"

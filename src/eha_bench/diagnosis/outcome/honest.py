@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite, isnan, sqrt
 
+from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
@@ -57,7 +58,7 @@ def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
     least = limits.least_share(search.excess_base, 0)
     if alone and min(found.share, found.share_out) < least:
         share = max(min(found.share, found.share_out), 0.0)
-        return f"it explains only {share:.0%} of the remainder without it"
+        return f"it explains only {per_cent(share)} of the error without it"
     return ""
 
 

@@ -302,7 +302,7 @@ def _answered(source: GroupedTable, question: Mapping[str, Any]) -> tuple[Mappin
         case {"seconds": str(group)}:
             return _written(source.exact_seconds[group])
         case _:
-            raise RecordingError("nobody asks that")
+            raise RecordingError("unknown request")
 
 
 def _only_dbc(files: list[str]) -> ChannelMap:

@@ -39,7 +39,7 @@ const drawing = (() => {
     charts.append(bar, ...telling.map((item) => item.element));
     if (quiet.length) {
       const fold = make("details", "quiet");
-      fold.append(make("summary", "", `Hardly moving: ${quiet.map((item) => item.data.heading).join(", ")}`), ...quiet.map((item) => item.element));
+      fold.append(make("summary", "", `Almost constant: ${quiet.map((item) => item.data.heading).join(", ")}`), ...quiet.map((item) => item.element));
       charts.append(fold);
     }
     charts.append(hint, spoken);

@@ -165,7 +165,7 @@ class Hold:
         if latch is not None:
             raise Latched(
                 f"the rig '{self._name}' is latched: {latch}",
-                hint="look at the rig, then clear it with `eha-bench clear TARGET --by NAME`",
+                hint="inspect the rig, then clear it with `eha-bench clear TARGET --by NAME`",
             )
 
     def arm(self, trial: str) -> None:

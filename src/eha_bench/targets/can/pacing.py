@@ -18,6 +18,7 @@ from typing import Self
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.core.per_cent import per_cent
 
 _LOCK_ALL = 1 | 2 | 4
 """MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT: every page once it is used."""
@@ -184,5 +185,5 @@ class LoopHealth:
             (self.late, frames, late, "frames late"),
         ):
             if count > share * of:
-                found.append(f"{count} of {of} {what} (at most {share:.2%})")
+                found.append(f"{count} of {of} {what} (at most {per_cent(share, 2)})")
         return ", ".join(found)

@@ -212,8 +212,10 @@ class TrialRun:
         if confirmed:
             return ""
         if failed:
-            return f"the safe state could not be commanded ({failed}); the drive's watchdog holds"
-        return "the drive did not say that its torque is off; its watchdog holds"
+            return (
+                f"the safe state could not be commanded ({failed}); the drive's watchdog takes over"
+            )
+        return "the drive did not confirm that its torque is off; its watchdog takes over"
 
     def _with_fault_code(self, reason: str) -> str:
         """Return the reason with the drive's own code, which may come with its next heartbeat."""
