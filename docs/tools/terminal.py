@@ -46,17 +46,17 @@ COMMANDS = {
     "sweep": "eha-bench sweep step.yaml --over sweep.yaml --target target.yaml --out swept",
     "before": "eha-bench run step.yaml --target target.yaml --out before",
     "tune": "eha-bench tune step.yaml --model diagnosis/revised.yaml --controller controller.yaml"
-    " --vary gains.yaml --out tuned --candidates 24 --draws 40",
+    " --vary gains.yaml --out tuned --candidates 16 --draws 20",
     "p-pass": "eha-bench run step.yaml --target tuned/target.yaml --posterior"
-    " diagnosis/diagnosis.json --draws 40 --out after",
+    " diagnosis/diagnosis.json --draws 20 --out after",
     "before-after": "eha-bench before-after diagnosis tuned before after --out before_after.html",
+    "next": "eha-bench next diagnosis --out next.yaml",
     "close": "eha-bench close dataset.yaml --target rig.yaml --out loop --safety first.yaml"
     " --budget 3s",
-    "next": "eha-bench next loop/round-1/diagnosis --out next.yaml --safety first.yaml --budget 3s",
 }
 """What is recorded, in the order in which it is run."""
 
-ELSEWHERE = frozenset({"close", "next"})
+ELSEWHERE = frozenset({"close"})
 """What is run in the project of docs/how-to/next.md: a machine with a cause that stays open."""
 
 NOT_SHOWN = frozenset({"serve", "rig", "clear", "recover", "export-fmu"})
@@ -74,7 +74,7 @@ trials:
       peak: <= 12 MPa
 """
 _SWEEP = """over:
-  gains: {pressure.k_p: [4 A/MPa, 6 A/MPa, 8 A/MPa]}
+  gains: {pressure.k_p: [4 A/MPa, 8 A/MPa]}
   parameters: {bulk_modulus: [700 MPa, 900 MPa]}
 """
 _GAINS = """vary:

@@ -155,7 +155,8 @@ def close(
         )
     for item in found.to_dict()["rounds"]:
         causes = ", ".join(item["effects"]) or "no effect"
-        say(f"round {item['round']}: {item['verdict']} ({causes}). {item['experiment']}".rstrip())
+        plan = item["experiment"][:1].upper() + item["experiment"][1:]
+        say(f"round {item['round']}: {item['verdict']} ({causes}). {plan}".rstrip())
     say(f"{found.ending.value.replace('_', ' ')} after {found.bench_seconds:.3g} s of bench time")
     if json:
         content = found.to_dict()
