@@ -31,6 +31,16 @@ def in_ci() -> bool:
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if in_ci() else "default"))
 
 
+def _seconds(item: pytest.Item) -> float:
+    """About how long a test takes by itself, where its mark says so."""
+    return max((float(mark.args[0]) for mark in item.iter_markers("slow") if mark.args), default=0)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest tests: all workers wait for one that is begun last."""
+    items.sort(key=_seconds, reverse=True)
+
+
 def find_shared_data() -> Path:
     """The folder of measured and reference data, whether or not it exists."""
     shared = os.environ.get("EHA_BENCH_SHARED")

@@ -35,7 +35,7 @@ def _part(repository: Path, shared_data: Path, tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.slow(122)
 def test_a_real_servo_is_diagnosed_and_predicts_another_kind_of_motion(
     cli, repository: Path, shared_data: Path, tmp_path: Path
 ) -> None:

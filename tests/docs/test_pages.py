@@ -11,10 +11,16 @@ PAGES = sorted(
     for page in (DOCS / "tutorial.md", *(DOCS / "how-to").glob("*.md"))
     if any(block.language in ("sh", "python") and not block.title for block in blocks_of(page))
 )
+LONGEST = {"next": 57, "plant": 53}
+"""About how many seconds a page takes by itself, of those that take long."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=pytest.mark.slow(LONGEST.get(page.stem, 0))) for page in PAGES],
+    ids=lambda page: page.stem,
+)
 def test_a_page_does_what_it_shows(page: Path, tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.run(page)

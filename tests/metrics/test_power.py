@@ -136,3 +136,19 @@ def test_motion_and_rest_are_told_apart(kit):
     assert resting.value == pytest.approx(0.05, rel=1e-2)
     still = recording.with_values({"reference": np.zeros(4000)})
     assert math.isnan(kit.measure("tracking_rms_moving", still, trial).value)
+
+
+@pytest.mark.parametrize("equal", [True, False])
+def test_a_sensor_of_the_difference_gives_the_force_of_equal_areas_only(equal):
+    from eha_bench.core.errors import MissingChannelError
+    from eha_bench.metrics.power import rod_force
+
+    areas = MODEL | ({"piston_area_b": MODEL["piston_area_a"]} if equal else {})
+    metadata = {f"model.{key}": repr(value) for key, value in areas.items()}
+    time = np.arange(10) / 1000
+    recording = Recording(time, {"pressure_difference": np.full(10, 5e6)}, metadata=metadata)
+    if equal:
+        assert rod_force(recording) == pytest.approx(np.full(10, 3e-4 * 5e6))
+    else:
+        with pytest.raises(MissingChannelError, match="pressure_a"):
+            rod_force(recording)

@@ -219,3 +219,22 @@ def test_refusal_names_the_key(tmp_path: Path, block: str, key: str, what: str) 
     assert error.where.key == f"trials.step.{key}"
     assert error.where.line == 7
     assert what in str(error)
+
+
+@pytest.mark.parametrize(
+    ("stated", "bounds", "confident", "relative"),
+    [
+        ("<= 60 ms", "<= 60 ms", False, False),
+        ("<= 60 ms with 95 % confidence", "<= 60 ms", True, False),
+        ("<= 60 ms, median of the repeats", "<= 60 ms", False, False),
+        ("0 s .. 1 s with 95 % confidence, worst of the repeats", "0 s .. 1 s", True, False),
+        ("<= 105 % of baseline (0.0413 s)", "<= 105 %", False, True),
+        (">= 95 %, <= 105 % of baseline (3e+07 Pa) with 95 % confidence, median of the repeats",
+         ">= 95 %, <= 105 %", True, True),
+    ],
+)  # fmt: skip
+def test_a_limit_is_read_as_a_result_states_it(stated, bounds, confident, relative):
+    from eha_bench.suites.acceptance.grammar import split_stated
+
+    words = split_stated(stated)
+    assert (words.bounds, words.confident, words.relative) == (bounds, confident, relative)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.metric import Better, metric_spec
-from eha_bench.suites.acceptance.grammar import parse_bounds, split_words
+from eha_bench.suites.acceptance.grammar import parse_bounds, split_stated
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,10 @@ def direction_of(metric: str, unit: str, limit: str) -> Direction:
 
 
 def _by_limit(limit: str, unit: str) -> Direction:
-    text = limit.rpartition(",")[0] if limit.endswith("of the repeats") else limit
     try:
-        words = split_words(text)
-        if words.relative or "of baseline" in words.bounds:
-            shares = words.bounds.partition("of baseline")[0]
-            bounds = parse_bounds(shares, "")
-            aimed = False
-        else:
-            bounds = parse_bounds(words.bounds, unit)
-            aimed = True
+        words = split_stated(limit)
+        aimed = not words.relative  # at a value of the baseline's, which is not known here
+        bounds = parse_bounds(words.bounds, unit if aimed else "")
     except EhaBenchError:
         return Direction(Better.UNKNOWN)
     if math.isinf(bounds.low):

@@ -18,7 +18,7 @@ from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, metric_spec
 from eha_bench.core.showing import html_table
 from eha_bench.core.workers import HERE, Workers
-from eha_bench.suites.acceptance.grammar import parse_bounds, split_words
+from eha_bench.suites.acceptance.grammar import parse_bounds, split_stated
 from eha_bench.trends.changes import FEWEST
 from eha_bench.trends.events import Event, events_of
 from eha_bench.trends.index import Entry, Index, Night
@@ -230,10 +230,9 @@ def _judged(metric: _Watched) -> Trend:
 def _bounds(entries: tuple[Entry, ...]) -> tuple[float, float]:
     """Return the newest acceptance limit in SI; infinite where there is none that is absolute."""
     text = next((entry.bound for entry in reversed(entries) if entry.bound), "")
-    text = text.rpartition(",")[0] if text.endswith("of the repeats") else text
     try:
-        words = split_words(text)
-        if not words.bounds or words.relative or "of baseline" in words.bounds:
+        words = split_stated(text)
+        if not words.bounds or words.relative:
             return -math.inf, math.inf
         bounds = parse_bounds(words.bounds, entries[-1].unit)
     except EhaBenchError:

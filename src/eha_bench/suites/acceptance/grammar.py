@@ -7,11 +7,13 @@
     quantity  := number [unit]                     a bare number is SI
 
     text      := limit ["of baseline"] ["with 95 % confidence"]
+    stated    := limit ["of baseline (" value ")"] ["with ..."] ["," which "of the repeats"]
 
 `≤`, `≥` and `±` may be written for `<=`, `>=` and `+-`. A tolerance without a centre is about 0. A
 percentage after a centre is a fraction of the centre. Bounds belong to what is accepted; `<` and
 `>` leave them out. Of the baseline, limits are shares (`95 % .. 105 % of baseline`). With
-confidence it is the whole interval that has to keep the bounds.
+confidence it is the whole interval that has to keep the bounds. A `text` stands in a suite; what a
+result states of it (`stated`) says besides what the baseline's value was, and which repeat counts.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ CONFIDENCE = 95.0
 
 _CONFIDENCE = re.compile(r"^(.*?)\s*\bwith\s+([\d.]+)\s*%\s+confidence\s*$", re.DOTALL)
 _BASELINE = re.compile(r"^(.*?)\s*\bof\s+(?:the\s+)?baseline\s*$", re.DOTALL)
+_STATED_BASELINE = re.compile(r"^(.*?)\s*\bof\s+baseline\s*\([^)]*\)(.*)$", re.DOTALL)
+_REPEATS = re.compile(r",\s*\w+ of the repeats\s*$")
 _COMPARE = re.compile(r"(<=|>=|[<>](?!=))\s*([^<>]+)")
 _SPELLINGS = {"≤": "<=", "≥": ">=", "±": "+-", "+/-": "+-", "…": ".."}
 
@@ -68,6 +72,17 @@ def split_words(text: str) -> Words:
     if match is not None:
         text, relative = match[1], True
     return Words(text.strip(), confident, relative)
+
+
+def split_stated(text: str) -> Words:
+    """Return the text of a limit as a result states it, without what stands beside its bounds.
+
+    Raises:
+        UnitError: as `split_words`.
+    """
+    text = _REPEATS.sub("", text)
+    match = _STATED_BASELINE.match(text)
+    return split_words(text if match is None else f"{match[1]} of baseline{match[2]}")
 
 
 @lru_cache(4096)
