@@ -221,7 +221,7 @@ def test_runs_that_came_to_no_end_are_left_out() -> None:
     stopped = TrialResult("step", 9, Status.FAULT, "", "", (score("rise_time", 9.0),), reason="x")
     found = compare(result(BASE), replace(faulty, trials=(*faulty.trials, stopped)))
     assert only(found).verdict is Verdict.SAME
-    assert any("did not come to an end" in caveat for caveat in found.caveats)
+    assert any("did not finish" in caveat for caveat in found.caveats)
 
 
 def test_several_results_are_repeats(tmp_path: Path) -> None:

@@ -366,7 +366,7 @@ def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) 
         return replace(item, verdict=_worse_or_better(found.difference, pair.direction))
     if item.p_same <= ALPHA:
         return replace(item, verdict=Verdict.SAME)
-    differs = "there is a difference, but it is may be smaller than what matters"
+    differs = "there is a difference, but it may be smaller than what matters"
     if item.p_difference <= ALPHA:
         item = replace(item, reason="; ".join(part for part in (differs, item.reason) if part))
     more = more_repeats(
