@@ -112,7 +112,7 @@ def cover(
     make: Callable[[int, int], Iterator[Made]], noise: Noise, count: int, seed: int
 ) -> list[Line]:
     """Score `count` recordings and count in how many of them the interval holds the truth."""
-    # every line its own luck: systems and noise are drawn anew for each kind of noise
+    # every line its own luck: systems and noise are drawn again for each kind of noise
     own = zlib.crc32(f"{make.__name__} {noise.name}".encode())
     rng = np.random.default_rng([seed, own, 1])
     found: dict[str, list[tuple[float, float, float]]] = {}

@@ -62,7 +62,7 @@ class Case:
 
 
 def c_function(folder: Path, name: str, arguments: list[Any]) -> Callable[..., None]:
-    """Return `simulate` of a C file, compiled anew."""
+    """Return `simulate` of a C file, compiled again."""
     library = folder / f"{name}.so"
     compiler = os.environ.get("CC", "cc")
     command = [compiler, "-O3", "-shared", "-fPIC", "-o", str(library)]

@@ -244,7 +244,7 @@ def _sparse(terms: tuple[Term, ...], parts: list[tuple[tuple[FloatArray, ...], F
 def _shares(
     terms: tuple[Term, ...], coefficients: FloatArray, matrix: FloatArray, wanted: FloatArray
 ) -> dict[str, float]:
-    """Return what is lost without the terms of each cause, all others fitted anew."""
+    """Return what is lost without the terms of each cause, all others fitted again."""
 
     def left(keep: NDArray[np.bool_]) -> float:
         columns = matrix[:, keep]

@@ -104,7 +104,7 @@ def history(
     Args:
         folder: every result.json below it is a run.
         out: folder of the site; `<folder>/history` if None.
-        rebuild: make the index anew from the results that are there.
+        rebuild: make the index again from the results that are there.
         diagnose: nightly.yaml whose `diagnose` says which causes are followed; estimates of the
             nights are kept in `<site>/causes`.
         workers: number of processes, dask://host:port or ray://host:port, that judge the metrics.

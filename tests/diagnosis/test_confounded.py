@@ -13,7 +13,7 @@ TIME = np.arange(0.0, 5.0, 0.01)
 
 
 def _run(pressure: float, speed: float) -> Measured:
-    """Return strokes to and fro at a speed in m/s, under a pressure in Pa."""
+    """Return strokes back and forth at a speed in m/s, under a pressure in Pa."""
     position = speed * np.abs((TIME % 2.0) - 1.0)
     values = np.column_stack([np.full(TIME.size, pressure), position])
     names = ("pressure_a", "piston_position")

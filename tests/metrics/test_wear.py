@@ -153,7 +153,7 @@ class Staircase(Triangle):
     ("pair", "channel", "reason"),
     [
         (leak(), None, "no position"),
-        (stroke(lambda x, s: s, Triangle(periods=0.6)), None, "does not go to and fro"),
+        (stroke(lambda x, s: s, Triangle(periods=0.6)), None, "does not go back and forth"),
         (stroke(lambda x, s: s, Staircase()), None, "halts"),
         (stroke(lambda x, s: s, Triangle(amplitude=0.0)), None, "does not move"),
         (stroke(lambda x, s: s), "piston_position", "is a position"),

@@ -12,7 +12,7 @@ from eha_bench.plants.network.network import element_kinds
 @pytest.mark.parametrize(("name", "page"), [("effects", effects_page), ("elements", elements_page)])
 def test_a_page_is_what_the_code_says(repository: Path, name: str, page: Callable[[], str]) -> None:
     kept = (repository / "docs" / f"{name}.md").read_text(encoding="utf-8")
-    again = f"write it anew: python -m eha_bench.plants.catalogue {name} > docs/{name}.md"
+    again = f"write it again: python -m eha_bench.plants.catalogue {name} > docs/{name}.md"
     assert kept == page(), again
 
 

@@ -396,7 +396,7 @@ def _sound(name: str, act: Callable[[], object]) -> bool:
 
 
 def forget_peak() -> int:
-    """Let the system's peak of this process' memory begin anew; return what it has, bytes."""
+    """Let the system's peak of this process' memory begin again; return what it has, bytes."""
     Path("/proc/self/clear_refs").write_text("5")
     return peak_memory()
 

@@ -55,7 +55,7 @@ def installed(folder: Path, points: str) -> Iterator[None]:
 
 
 def forget() -> None:
-    """Have the installed packages looked at anew."""
+    """Have the installed packages looked at again."""
     plugins._entry_points.cache_clear()
     plugins._group.cache_clear()
 

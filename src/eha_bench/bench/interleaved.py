@@ -107,7 +107,7 @@ def run_interleaved(
 
     Args:
         suite: its trials are run once a pair; their own `repeats` do not count.
-        openers: by side, makes the target anew for every run: only one is held at a time.
+        openers: by side, makes the target again for every run: only one is held at a time.
         out: gets a folder for each side, and the plan; an earlier run in it is set aside.
         plan: order and number of pairs.
         decided: asked after every pair whether to stop.

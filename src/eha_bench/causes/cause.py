@@ -105,7 +105,7 @@ def _of_effect(layout: Layout, effect: BoundEffect) -> Iterator[Cause]:
     """Yield an effect at each of its places, as its search would begin there."""
     phased = any(item.unit == "rad" and item.name == "phase" for item in effect.parameters)
     if phased:
-        return  # its size means nothing without an angle that every run begins at anew
+        return  # its size means nothing without an angle that every run begins at again
     places = [item for item in effect.parameters if item.name in (AT, "side")]
     seen: set[tuple[float, ...]] = set()
     for start in effect_starts(layout, effect):

@@ -56,7 +56,7 @@ class Kept:
             text = self._path(kind, made_of).read_text(encoding="utf-8")
             return made(json.loads(text))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            return None  # it is estimated anew
+            return None  # it is estimated again
 
     def _write(self, kind: str, made_of: str, content: Mapping[str, Any]) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)

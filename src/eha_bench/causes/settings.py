@@ -22,7 +22,7 @@ from eha_bench.targets.resolve import open_target
 from eha_bench.trends.nightly_file import Diagnose, load_nightly
 
 _VERSION = 1
-"""Of what is kept of a night: another one is estimated anew."""
+"""Of what is kept of a night: another one is estimated again."""
 
 
 @dataclass(frozen=True)

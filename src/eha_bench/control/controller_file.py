@@ -68,7 +68,7 @@ class ControllerSpec:
     source: tuple[str, str] = ("", "")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to other processes by name where the class is a user's: they look for it anew."""
+        """Travel to other processes by name where the class is a user's: they look for it again."""
         if not self.source[0]:
             return ControllerSpec, (self.kind, self.gains, self.places)
         return _again, (self.source, self.gains.model_dump(), self.places)

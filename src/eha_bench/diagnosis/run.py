@@ -461,7 +461,7 @@ class _Closing:
         return self.found
 
     def _without_the_weakest(self, why: str) -> Diagnosis:
-        """Decide anew without the weakest effect, with which runs never fitted are worse."""
+        """Decide again without the weakest effect, with which runs never fitted are worse."""
         search = self.search
         weakest = min(search.effects, key=lambda item: item.comparison.gain)
         self.stage = "decide"

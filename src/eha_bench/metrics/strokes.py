@@ -1,4 +1,4 @@
-"""Strokes of a motion to and fro, and how wide a loop another channel draws over them."""
+"""Strokes of a motion back and forth, and how wide a loop another channel draws over them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Loop:
-    """The loop that a channel draws over a position that goes to and fro.
+    """The loop that a channel draws over a position that goes back and forth.
 
     Attributes:
         half: half the width of the loop, forth minus back, in the channel's unit, signed.
@@ -71,7 +71,7 @@ def loop(recording: Recording, trial: Trial, channel: str) -> Loop:
     sine also inertia), h half the width of the loop.
 
     Raises:
-        NotScored: no position is asked for, it does not go to and fro, it halts on the way, or
+        NotScored: no position is asked for, it does not go back and forth, it halts on the way, or
             samples without a value.
         MissingChannelError: no such channel.
     """
@@ -122,8 +122,8 @@ def strokes(position: FloatArray, name: str = "the position") -> list[Stroke]:
     forth = sum(stroke.sense > 0 for stroke in found)
     if forth == 0 or forth == len(found):
         raise NotScored(
-            f"{name} does not go to and fro over the same travel with {_FEWEST} samples a stroke "
-            f"({forth} stroke(s) forth, {len(found) - forth} back)"
+            f"{name} does not go back and forth over the same travel with {_FEWEST} samples a "
+            f"stroke ({forth} stroke(s) forth, {len(found) - forth} back)"
         )
     for stroke in found:
         counts, _ = np.histogram(

@@ -181,7 +181,7 @@ class SignalPlant(Plant):
             )  # fmt: skip
             return
         given, true = inputs.copy(), np.empty_like(out)
-        # the row that is gone on from is read anew: what its sensors made of it is in the memory
+        # the row that is gone on from is read again: what its sensors made of it is in the memory
         is_first = fresh
         for k in range(first, last + 1):
             self.inner.advance(

@@ -1,6 +1,6 @@
 """A trend as an inline SVG: a point a night that links to its report, level, limits, changes.
 
-Written out here and not by matplotlib: a site has hundreds of these, made anew every night, and
+Written out here and not by matplotlib: a site has hundreds of these, made again every night, and
 every point is a link. The ticks are matplotlib's.
 """
 

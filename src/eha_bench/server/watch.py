@@ -96,7 +96,7 @@ class Watch:
             try:
                 self.refresh()
             except Exception as error:  # a page that is a little old is better than none
-                _LOG.warning("note: the folder could not be read anew (%s)", error)
+                _LOG.warning("note: the folder could not be read again (%s)", error)
             took = time.monotonic() - began
             self._stop.wait(max(_PAUSE, min(_SHARE * took, 60.0)))
 

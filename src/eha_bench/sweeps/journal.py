@@ -46,7 +46,7 @@ class Journal:
             raise InputError(
                 f"is of another {' and another '.join(changed)}, and cannot be resumed",
                 where=where,
-                hint="leave out --resume to start anew, or name that sweep's folder with --out",
+                hint="leave out --resume to start over, or name that sweep's folder with --out",
             )
         for line in lines[1:]:
             try:
@@ -56,7 +56,7 @@ class Journal:
                 continue  # torn where it was interrupted: that point is done again
 
     def __enter__(self) -> Self:
-        """Write anew what is known, so that a torn line is gone."""
+        """Write again what is known, so that a torn line is gone."""
         self._file: IO[str] = self._path.open("w", encoding="utf-8")
         self._write(self._header)
         for number, result in self.done.items():

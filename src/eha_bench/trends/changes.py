@@ -2,7 +2,7 @@
 
 Forward selection over steps, kinks (where a drift begins or ends) and pairs of them (a passing
 change of level, a drift that ends: neither edge explains them alone), every term's place then
-searched anew with the others held, and terms removed that are not significant. The level of a
+searched again with the others held, and terms removed that are not significant. The level of a
 test is shared between all places at which one was looked for (Bonferroni), so that a flat history
 has a false change with a probability of at most `alpha`.
 

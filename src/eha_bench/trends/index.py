@@ -1,6 +1,6 @@
 """The index of a history: one row a run and one a score, in SQLite, appended to.
 
-It is made from the result files and can be made anew from them at any time. Runs that are in it
+It is made from the result files and can be made again from them at any time. Runs that are in it
 stay in it when their folder is deleted, so that a history outlives its recordings.
 """
 
@@ -106,7 +106,7 @@ def update(file: Path, folder: Path, *, rebuild: bool = False) -> Index:
     Args:
         file: the index; made where there is none.
         folder: watched folder; every result.json below it is a run.
-        rebuild: make it anew from what is there.
+        rebuild: make it again from what is there.
 
     Raises:
         InputError: the folder is not there, the file is not an index, or cannot be written.
@@ -134,7 +134,7 @@ def update(file: Path, folder: Path, *, rebuild: bool = False) -> Index:
         raise InputError(
             f"not an index of a history ({error})",
             where=Place(file=str(file)),
-            hint="make it anew with --rebuild",
+            hint="recreate it with --rebuild",
         ) from error
 
 
@@ -148,7 +148,7 @@ def _prepare(database: sqlite3.Connection, file: Path) -> None:
         raise InputError(
             f"an index of version {version}, not {VERSION}",
             where=Place(file=str(file)),
-            hint="make it anew with --rebuild",
+            hint="recreate it with --rebuild",
         )
 
 

@@ -1,7 +1,7 @@
 """States that nobody measures, where windows begin in the midst of a run.
 
 A window needs every state at its start. What has no sensor, or a dead one, is carried there: the
-run is simulated from its beginning, and at every window's start what is measured is set anew, what
+run is simulated from its beginning, and at every window's start what is measured is set again, what
 is not stays as the simulation has it (an observer whose measured states are reset; the reduced
 observer of Luenberger, IEEE Trans. Autom. Control 16 (1971) 596, doi:10.1109/TAC.1971.1099826).
 A default would be off by megapascals, and an effect would be made up for it.

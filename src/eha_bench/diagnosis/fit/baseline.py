@@ -388,8 +388,8 @@ def _as_far_as(
 def at_rest(problem: Problem, fit: Fit) -> Fit:
     """Return a fit with friction at rest as the data ask for: sticking, or creeping at any speed.
 
-    A start state spreads otherwise where friction creeps otherwise, so the problem is prepared anew
-    for what is compared, and for what is returned.
+    The spread of start states depends on how friction creeps, so the problem is prepared again
+    for each fit that is compared, and for the one returned.
     """
     layout = problem.plant.layout
     vector = fit.vector

@@ -32,7 +32,7 @@ _SHARE = 0.02
 """The same, of what is unexplained."""
 _ROUNDS = 4
 _FAR = 1.0
-"""Fall of the cost from which slopes are computed anew, in squares of a standard deviation."""
+"""Fall of the cost from which slopes are computed again, in squares of a standard deviation."""
 _SHOWN = 30.0
 """Change of the residual by a long difference, in standard deviations of the noise."""
 _SHORT, _LONG = 0.02, 0.1
@@ -121,7 +121,7 @@ def _with_long_slopes(problem: Problem, fit: Fit) -> Fit:
     A difference of a percent of one parameter moves instants of sticking from one step to another,
     and that noise makes directions look determined in which nothing changes at all: K_T, J,
     friction, D_p, leakage and 1 / beta of a locked run can all be scaled by one factor. So the
-    slope along each eigenvector of the information matrix is taken anew between ends as far apart
+    slope along each eigenvector of the information matrix is taken again between ends as far apart
     as the residual foreseen there allows, and then once more along the weakest of what came out.
     """
     if not fit.free:
@@ -172,7 +172,7 @@ def _moved(fit: Fit, step: FloatArray) -> FloatArray:
 
 
 def _at(problem: Problem, fit: Fit) -> Fit:
-    """Return a fit as it is in a problem, with a Jacobian computed anew."""
+    """Return a fit as it is in a problem, with a Jacobian computed again."""
     residual = problem.residual(fit.vector)
     soft, _ = soften(residual, problem.soft)
     matrix = jacobian(problem, fit.vector, fit.free, residual)

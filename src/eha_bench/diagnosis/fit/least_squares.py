@@ -2,7 +2,7 @@
 
 Finite differences of 1 % or more (stick events make smaller ones noise), soft-L1 at 5 sigma, steps
 cut at the bounds by a few active-set passes. A Jacobian costs one simulation a parameter, so it is
-updated by Broyden's rule while that works, and computed anew only where it does not.
+updated by Broyden's rule while that works, and computed again only where it does not.
 
 Sources: Moré, The Levenberg-Marquardt algorithm: implementation and theory (1978),
 doi:10.1007/BFb0067700; Broyden, Math. Comp. 19 (1965) 577, doi:10.1090/S0025-5718-1965-0198670-6.
@@ -211,7 +211,7 @@ def levenberg_marquardt(
         iterations: most steps.
         tolerance: fall of the cost in one step that ends it (a cost of 1 is one sigma).
         known: columns of a Jacobian from nearby, by key, to start with.
-        refresh: how often the Jacobian may be computed anew.
+        refresh: how often the Jacobian may be computed again.
         tries: of a step from a Jacobian that is, each ten times shorter: far from the minimum a
             slope holds only nearby.
         watch: given every vector that is better than all before.

@@ -34,7 +34,7 @@ _POOR = 2.0
 _SHORTEST = 0.012
 """Length of the shortest windows, s; never less than six samples."""
 _ROUNDS = 4
-"""Times that windows of one length are fitted, and weighed anew."""
+"""Times that windows of one length are fitted, and weighed again."""
 _SETTLED = 0.95
 """Share of the mean square before from which another round is not worth it."""
 _PATIENCE = 8
@@ -101,7 +101,7 @@ def _grown(problem: Problem, vector: FloatArray, free: Sequence[Free]) -> tuple[
 
 
 def _settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
-    """Fit, and weigh start states and outliers anew, until neither changes much any more."""
+    """Fit, and weigh start states and outliers again, until neither changes much any more."""
     before = np.inf
     for _ in range(_ROUNDS):
         _weigh(short, vector)

@@ -134,7 +134,7 @@ class Diagnosis:
         convergence: how the fit of the revised model ended.
         notes: what the data gate and the search found, one sentence each.
         revised: the model with everything that was found.
-        recalibrated: the model with its own parameters estimated anew and nothing added.
+        recalibrated: the model with its own parameters estimated again and nothing added.
         replays: every run replayed freely by the declared, the recalibrated and the revised model;
             what the errors are computed from. Not in diagnosis.json: `predict` gives them again.
         complete: False where it was interrupted, or a stage failed.

@@ -2,7 +2,7 @@
 
 No effect stands whose strength is at a bound, which runs left out of the fit do not bear out, whose
 'before' is no minimum, or with which held-out or unseen runs are replayed worse than without it.
-Refusals are noted, and the others are decided anew.
+Refusals are noted, and the others are decided again.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ def _others(search: Search, item: Accepted) -> list[Accepted]:
 
 
 def without(search: Search, item: Accepted) -> Fit:
-    """Return the search's fit without one of what was added, the others fitted anew."""
+    """Return the search's fit without one of what was added, the others fitted again."""
     kept = _others(search, item)
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral

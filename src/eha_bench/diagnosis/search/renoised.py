@@ -13,7 +13,7 @@ from eha_bench.diagnosis.search.state import Search, Thresholds
 
 
 def renoised(search: Search, problem: Problem, limits: Thresholds | None = None) -> Search:
-    """Return a search with what was found fitted anew, less what is not believed there.
+    """Return a search with what was found fitted again, less what is not believed there.
 
     Args:
         search: finished. problem: the same windows, with other noise. limits: of what is believed.

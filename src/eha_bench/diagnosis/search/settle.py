@@ -23,7 +23,7 @@ _SETTLED = 0.002
 
 
 def settle(search: Search) -> None:
-    """Fit, and weigh anew by what is left, until neither changes much any more."""
+    """Fit, and weigh again by what is left, until neither changes much any more."""
     for number in range(_ROUNDS):
         refine(search, search.fit.vector)
         search.problem = refined(search.problem, search.fit.vector)
@@ -39,7 +39,7 @@ def settle(search: Search) -> None:
 
 
 def rebase(search: Search) -> None:
-    """Fit what is there without any effect anew, in the problem that these have changed."""
+    """Fit what is there without any effect again, in the problem that these have changed."""
     search.base = levenberg_marquardt(
         # what is bent this far needs no finer step
         search.problem.at_step(max(search.problem.step, STEP)),

@@ -71,7 +71,7 @@ def learn(
 
 
 def _settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
-    """Fit, and weigh anew by what is left, until that no longer falls much.
+    """Fit, and weigh again by what is left, until that no longer falls much.
 
     What the curve left before it was there reads as outliers and as wrong starts.
     """

@@ -58,7 +58,7 @@ EFFECT = Effect(
     },
     states=("bristle",),
     source="Dahl, AIAA J. 14 (1976) 1675, doi:10.2514/3.61511",
-    separate="push what rests to and fro with less than its friction, and log its position",
+    separate="push what rests back and forth with less than its friction, and log its position",
     starts=({"distance": 0.1}, {"distance": 10.0}),
     order=2,
 )

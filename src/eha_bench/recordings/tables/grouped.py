@@ -89,7 +89,7 @@ class GroupedTable(TableSource):
         return self._clocks
 
     def forget_names(self) -> None:
-        """Look at the names anew, after columns came in."""
+        """Look at the names again, after columns came in."""
         for cached in ("_by_name", "_by_path"):
             self.__dict__.pop(cached, None)
 

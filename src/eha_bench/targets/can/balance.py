@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Final
 
 _GAP: Final = 1.3
-"""Periods between two ticks above which a window begins anew: its time stamps are not sure."""
+"""Periods between two ticks above which a window begins again: its time stamps are not sure."""
 BALANCED: Final = (
     "current",
     "motor_speed",

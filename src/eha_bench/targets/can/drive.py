@@ -62,7 +62,7 @@ class Status:
         message: of the DBC.
         channels: channel -> how it is coded.
         counter: signal that repeats the Sync's counter, "" for none.
-        modulus: at which that counter begins anew.
+        modulus: at which that counter begins again.
     """
 
     message: Message

@@ -100,7 +100,7 @@ class CanTarget(Target):
                     f"{found[1].value}; the rig is set up with {fixed.piston.value} and "
                     f"{fixed.bypass.value}",
                     where=Place(file=str(self._drive.path), key="setup"),
-                    hint="set the rig up anew and say so under `setup:`",
+                    hint="set the rig up again and say so under `setup:`",
                 )
         measured = {*self._drive.channels, "pressure_difference"}
         for limit in trial.safety:
@@ -278,7 +278,7 @@ class CanTarget(Target):
             outcome = Outcome(outcome.recording, Ending.FAULT, failed)
         self._settle_latch(run, outcome)
         if outcome.ending is not Ending.COMPLETE:
-            # an adapter that came back is opened anew
+            # an adapter that came back is opened again
             self._bus.close()
             self._bus = None
         return outcome
