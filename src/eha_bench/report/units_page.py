@@ -171,7 +171,7 @@ def _plot(kin: Kin, names: Sequence[str], title: str) -> Markup:
             parts.append(
                 f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y(tick):.1f}" y2="{y(tick):.1f}" '
                 f'stroke="var(--grid)"/><text x="{_LEFT - 6}" y="{y(tick) + 4:.1f}" '
-                f'text-anchor="end" fill="var(--muted)">{tick:+.3g}{suffix}</text>'
+                f'text-anchor="end" fill="var(--muted)">{_tick(tick)}{suffix}</text>'
             )
     for at in np.unique(np.linspace(0, longest - 1, 6).astype(int)):
         parts.append(
@@ -188,3 +188,8 @@ def _plot(kin: Kin, names: Sequence[str], title: str) -> Markup:
         )
     parts.append("</svg>")
     return Markup("".join(parts))
+
+
+def _tick(value: float) -> str:
+    """Write a change at an axis: with its sign, zero without."""
+    return f"{value:+.3g}".replace("-", "\N{MINUS SIGN}") if value else "0"

@@ -6,7 +6,9 @@ document.addEventListener("DOMContentLoaded", () => {
   if (!source) return;
   const data = JSON.parse(source.textContent);
   const { make, button } = drawing;
-  const SPACE = "http://www.w3.org/2000/svg", WIDTH = 920, FULL = 0.4, BINS = 12, LINES = 2000, ROWS = 50;
+  // a phone shows a narrower picture with letters of the same size, and nothing to scroll
+  const WIDTH = Math.min(920, Math.max(340, Math.round(document.getElementById("main").clientWidth - 32)));
+  const SPACE = "http://www.w3.org/2000/svg", FULL = 0.4, BINS = 12, LINES = 2000, ROWS = 50;
   const count = data.points.length, brushes = new Map();
   const axes = [...data.factors, data.margins[0], ...data.axes.map((place) => data.margins[place])];
   const format = (axis, value) => (axis.words.length ? axis.words[Math.round(value)] : String(Number(value.toPrecision(4)))).replace(/^-/, drawing.MINUS);
@@ -97,6 +99,7 @@ document.addEventListener("DOMContentLoaded", () => {
       picture.append(text((left + WIDTH) / 2, height - 6, x.label, "middle"));
       canvas.replaceChildren(picture);
     };
+    heat.classList.add("fitted");
     heat.replaceChildren(tools, canvas);
     parts.push(draw);
   }
@@ -105,12 +108,13 @@ document.addEventListener("DOMContentLoaded", () => {
   if (parallel) {
     const tools = make("div", "tools"), canvas = make("div");
     tools.append(make("span", "hint", "Drag along an axis to keep the points within."), button("All points", "Show all points again", () => { brushes.clear(); redraw(); }));
-    const height = 320, top = 44, bottom = 24, side = 60, gap = (WIDTH - 2 * side) / Math.max(1, axes.length - 1), inner = height - top - bottom;
+    const lines = WIDTH < 600 ? axes.length : 2;  // of labels, which must not meet
+    const top = 12 + 16 * lines, height = top + 276, bottom = 24, side = 60, gap = (WIDTH - 2 * side) / Math.max(1, axes.length - 1), inner = height - top - bottom;
     const stride = Math.max(1, Math.ceil(count / LINES));
     // an outer label starts or ends at the picture's edge: centred it would be cut off
     const label = (axis, k, x) => {
       const [at, anchor] = k === 0 ? [4, "start"] : k === axes.length - 1 ? [WIDTH - 4, "end"] : [x, "middle"];
-      return text(at, top - 32 + 16 * (k % 2), axis.label, anchor);
+      return text(at, 12 + 16 * (k % lines), axis.label, anchor);
     };
     const draw = () => {
       const picture = stage(height, "Every point over all factors and margins");
@@ -148,6 +152,7 @@ document.addEventListener("DOMContentLoaded", () => {
       });
       canvas.replaceChildren(picture);
     };
+    parallel.classList.add("fitted");
     parallel.replaceChildren(tools, canvas);
     parts.push(draw);
   }
@@ -175,6 +180,7 @@ document.addEventListener("DOMContentLoaded", () => {
       picture.append(svg("path", { d: `M${left - 8} ${top}V${height - bottom + 8}H${WIDTH - 12}`, fill: "none", stroke: "var(--axis)" }), text(left, height - bottom + 24, fixed(xs[0]), "middle"), text(WIDTH - 20, height - bottom + 24, fixed(xs[1]), "end"), text(left - 14, height - bottom + 4, fixed(ys[0]), "end"), text(left - 14, top + 8, fixed(ys[1]), "end"), text((left + WIDTH) / 2, height - 8, `margin of ${x.label}`, "middle"), text(left + 4, top + 2, `margin of ${y.label}`, "start"));
       canvas.replaceChildren(picture);
     };
+    pareto.classList.add("fitted");
     pareto.replaceChildren(tools, canvas);
     parts.push(draw);
   }
