@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from eha_bench.causes.forecast import ahead_of, pace_of
-from eha_bench.trends.wear import Crossing
+from eha_bench.trends.wear import LimitCrossing
 
 
-def crossing(value: float, deviation: float = 0.0) -> Crossing:
-    return Crossing(value, deviation, "step", "response_time", "<= 60 ms")
+def crossing(value: float, deviation: float = 0.0) -> LimitCrossing:
+    return LimitCrossing(value, deviation, "step", "response_time", "<= 60 ms")
 
 
 def test_a_line_without_noise_is_drawn_on() -> None:

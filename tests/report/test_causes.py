@@ -12,7 +12,7 @@ from eha_bench.report.causes_text import causes_line, left_words, wear_sentence
 from eha_bench.report.trend_site import write_site
 from eha_bench.trends.history import History
 from eha_bench.trends.index import Night
-from eha_bench.trends.wear import Causes, CauseTrend, Crossing, Number, Wear, causes_from
+from eha_bench.trends.wear import Causes, CauseTrend, LimitCrossing, Number, Wear, causes_from
 
 NIGHTS = tuple(
     Night(k, f"{k:02d}/result.json", f"2025-01-{k + 1:02d}T02:00:00+00:00", "nightly", "rig",
@@ -32,7 +32,7 @@ def wear(name: str = "leakage", left: Number | None = None, *, alarm: bool = Tru
     return Wear(
         trend(name), ("external_leakage at all",), 0.97, NIGHTS[6], NIGHTS[5], NIGHTS[7],
         Number(2.4e-14, 2.3e-14, 2.5e-14), Number(4e-15, 3.9e-15, 4.1e-15),
-        Crossing(1e-13, 1e-15, "step", "response_time", "<= 60 ms"),
+        LimitCrossing(1e-13, 1e-15, "step", "response_time", "<= 60 ms"),
         left or Number(18.2, 16.9, 19.7), alarm, ((10, 1.0), (20, 0.02)),
     )  # fmt: skip
 

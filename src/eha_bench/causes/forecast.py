@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.trends.wear import Crossing, Number
+from eha_bench.trends.wear import LimitCrossing, Number
 
 FEWEST: Final = 4
 """Nights of a course that a line is drawn through."""
@@ -76,7 +76,7 @@ def pace_of(times: FloatArray, values: FloatArray, deviations: FloatArray) -> Pa
 
 
 @dataclass(frozen=True)
-class Ahead:
+class WearForecast:
     """What lies ahead of a cause that goes on.
 
     Attributes:
@@ -87,7 +87,7 @@ class Ahead:
     chances: tuple[tuple[int, float], ...]
 
 
-def ahead_of(pace: Pace, crossing: Crossing) -> Ahead:
+def ahead_of(pace: Pace, crossing: LimitCrossing) -> WearForecast:
     """Return how many nights are left until a cause reaches its limit; the same every time."""
     generator = np.random.default_rng(20250101)
     root = np.linalg.cholesky(pace.covariance + 1e-300 * np.eye(2))
@@ -103,4 +103,4 @@ def ahead_of(pace: Pace, crossing: Crossing) -> Ahead:
     best = side * (crossing.value - pace.level) / abs(pace.slope)
     chances = tuple((ahead, float(np.mean(left > ahead))) for ahead in _AHEAD)
     ends = (value if value < _MOST else math.inf for value in (low, high))
-    return Ahead(Number(best, *ends), chances)
+    return WearForecast(Number(best, *ends), chances)

@@ -22,7 +22,7 @@ from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.plants.model import Model
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.evaluation import evaluated, score_key
-from eha_bench.trends.wear import Crossing
+from eha_bench.trends.wear import LimitCrossing
 
 _DOUBLINGS: Final = 12
 _ROUNDS: Final = 7
@@ -95,7 +95,7 @@ class Limits:
         """Whether there is any limit that can be simulated."""
         return bool(self._limits)
 
-    def first(self, cause: Cause, towards: float) -> Crossing | None:
+    def first(self, cause: Cause, towards: float) -> LimitCrossing | None:
         """Return where a cause meets its first limit; None where it meets none within its bounds.
 
         Args:
@@ -121,7 +121,7 @@ class Limits:
         cause: Cause,
         inside: tuple[float, list[float]],
         outside: tuple[float, list[float]],
-    ) -> Crossing:
+    ) -> LimitCrossing:
         (a, left_a), (b, left_b) = inside, outside
         for _ in range(_ROUNDS):
             places = [_zero(a, p, b, q) for p, q in zip(left_a, left_b, strict=True) if q < 0.0]
@@ -144,7 +144,7 @@ class Limits:
         place, item, slope = min(found, key=lambda entry: abs(entry[0] - a))
         known = item.deviation / abs(slope) if math.isfinite(slope) and slope else 0.0
         deviation = math.hypot(known, 0.25 * abs(b - a))
-        return Crossing(place, deviation, item.trial, item.limit.metric, item.limit.text)
+        return LimitCrossing(place, deviation, item.trial, item.limit.metric, item.limit.text)
 
     def _left(self, cause: Cause, value: float) -> list[float]:
         at = cause.applied(self._healthy, value)

@@ -11,7 +11,7 @@ import typer
 from eha_bench.cli.completion import complete_targets
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
 from eha_bench.cli.running import Suite, Verbose, Workers
-from eha_bench.cli.terminal import Colour, coloured, columns, more, paint
+from eha_bench.cli.terminal import Paint, coloured, columns, more, paint
 
 if TYPE_CHECKING:
     from eha_bench.comparison.comparison import Comparison
@@ -232,11 +232,11 @@ def say_verdicts(found: Comparison, *, verbose: bool = False) -> None:
         say(f"note: {caveat}")
     missed, kept = limits_turned(found)
     for limit in missed:
-        say(f"{paint('limit newly missed', Colour.BAD, on=on)}: {limit}")
+        say(f"{paint('limit newly missed', Paint.BAD, on=on)}: {limit}")
     for limit in kept:
-        say(f"{paint('limit kept again', Colour.GOOD, on=on)}: {limit}")
-    tones = {Verdict.WORSE: Colour.BAD, Verdict.CHANGED: Colour.WARN, Verdict.BETTER: Colour.GOOD,
-             Verdict.NOT_COMPARED: Colour.QUIET, Verdict.UNDECIDED: Colour.UNSURE}  # fmt: skip
+        say(f"{paint('limit kept again', Paint.GOOD, on=on)}: {limit}")
+    tones = {Verdict.WORSE: Paint.BAD, Verdict.CHANGED: Paint.WARN, Verdict.BETTER: Paint.GOOD,
+             Verdict.NOT_COMPARED: Paint.QUIET, Verdict.UNDECIDED: Paint.UNSURE}  # fmt: skip
     for verdict, tone in tones.items():
         rows = rows_of(found.of(verdict))
         shown = rows

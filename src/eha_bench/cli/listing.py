@@ -9,7 +9,7 @@ from typing import Annotated, Final
 import typer
 
 from eha_bench.cli.console import say
-from eha_bench.cli.terminal import Colour, coloured, columns, paint
+from eha_bench.cli.terminal import Paint, coloured, columns, paint
 
 Row = tuple[str, str, str]
 """Name, a word about it (unit, kind), one sentence."""
@@ -143,7 +143,7 @@ def show(
     heading = (*_HEADINGS.get(kind, (kind, "about")), "")
     for number, cells in enumerate(columns([heading, *rows])):
         line = "  ".join(cells).rstrip()
-        typer.echo(paint(line, Colour.QUIET, on=on) if not number else line)
+        typer.echo(paint(line, Paint.QUIET, on=on) if not number else line)
     if kind == "suites":
         say("run one: eha-bench run NAME")
 

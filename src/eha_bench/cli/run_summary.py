@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from eha_bench.cli.terminal import Colour, columns, more, paint
+from eha_bench.cli.terminal import Paint, columns, more, paint
 from eha_bench.core.result import Result, Status
 from eha_bench.core.score import ScoreStatus
 from eha_bench.core.trial import Trial
@@ -18,15 +18,15 @@ SHOWN: Final = 5
 _TRIALS: Final = 20
 _NUMBER: Final = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 _COLOURS: Final = {
-    Status.PASSED: Colour.GOOD,
-    Status.FAILED: Colour.BAD,
-    Status.FAULT: Colour.BAD,
-    Status.INCOMPLETE: Colour.WARN,
+    Status.PASSED: Paint.GOOD,
+    Status.FAILED: Paint.BAD,
+    Status.FAULT: Paint.BAD,
+    Status.INCOMPLETE: Paint.WARN,
 }
 _SCORE_COLOURS: Final = {
-    ScoreStatus.FAILED: Colour.BAD,
-    ScoreStatus.UNDECIDED: Colour.UNSURE,
-    ScoreStatus.NOT_SCORED: Colour.WARN,
+    ScoreStatus.FAILED: Paint.BAD,
+    ScoreStatus.UNDECIDED: Paint.UNSURE,
+    ScoreStatus.NOT_SCORED: Paint.WARN,
 }
 _GRAVITY: Final = (Status.FAULT, Status.INCOMPLETE, Status.FAILED, Status.PASSED)
 
@@ -160,17 +160,17 @@ def _trials(result: Result, *, verbose: bool, colour: bool) -> list[str]:
         )
     lines = []
     for number, (name, verdict, limits, missing) in enumerate(columns(rows)):
-        tone = _tone(shown[number - 1], status, kept) if number else Colour.QUIET
+        tone = _tone(shown[number - 1], status, kept) if number else Paint.QUIET
         lines.append(f"{name}  {paint(verdict, tone, on=colour)}  {limits}  {missing}".rstrip())
     if len(shown) < len(names):
         lines.append(more(len(names) - len(shown)))
     return lines
 
 
-def _tone(trial: str, status: Mapping[str, Status], kept: Mapping[str, list[bool]]) -> Colour:
+def _tone(trial: str, status: Mapping[str, Status], kept: Mapping[str, list[bool]]) -> Paint:
     """Green is a trial that kept its limits, not one that has none."""
     found = status.get(trial, Status.INCOMPLETE)
-    return Colour.QUIET if found is Status.PASSED and not kept[trial] else _COLOURS[found]
+    return Paint.QUIET if found is Status.PASSED and not kept[trial] else _COLOURS[found]
 
 
 def _verdict(result: Result, *, colour: bool) -> str:
@@ -180,7 +180,7 @@ def _verdict(result: Result, *, colour: bool) -> str:
     text = f"{kept} of {len(limits)} limits kept"
     if not limits:
         text = "no limits to keep"
-        word, tone = ("not judged", Colour.WARN) if result.status is Status.PASSED else (word, tone)
+        word, tone = ("not judged", Paint.WARN) if result.status is Status.PASSED else (word, tone)
     if result.not_run:
         text += f", {len(result.not_run)} run{'s' * (len(result.not_run) > 1)} not made"
     return f"{result.suite}: {paint(word, tone, on=colour)}, {text}"

@@ -9,7 +9,7 @@ from enum import Enum
 from typing import TextIO
 
 
-class Colour(Enum):
+class Paint(Enum):
     """What a piece of text means, and the terminal's code for it."""
 
     GOOD = "32"
@@ -28,7 +28,7 @@ def coloured(stream: TextIO | None = None) -> bool:
     return (stream or sys.stderr).isatty() and os.environ.get("TERM", "") != "dumb"
 
 
-def paint(text: str, colour: Colour, *, on: bool) -> str:
+def paint(text: str, colour: Paint, *, on: bool) -> str:
     """Return text in a colour where colour is shown."""
     return f"\x1b[{colour.value}m{text}\x1b[0m" if on and text else text
 

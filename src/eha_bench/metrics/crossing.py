@@ -10,7 +10,7 @@ import numpy as np
 from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.metrics.coverage import between, coverage_factor, type_a
-from eha_bench.metrics.local import Fit, fit, half_width, holds_around
+from eha_bench.metrics.local import LocalFit, fit, half_width, holds_around
 from eha_bench.metrics.noise import Noise
 
 _PLACED = 1.12
@@ -42,7 +42,7 @@ class Crossing:
     time: float
     slope: float
     variance: float
-    around: Fit | None = None
+    around: LocalFit | None = None
     between: float = 0.0
     span: float = 0.0
 

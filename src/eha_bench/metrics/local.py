@@ -64,7 +64,7 @@ def smooth(values: FloatArray, noise: Noise, target: float, widest: int) -> Smoo
 
 
 @dataclass(frozen=True)
-class Fit:
+class LocalFit:
     """A polynomial through the samples around a place.
 
     Attributes:
@@ -127,7 +127,7 @@ def _window(time: FloatArray, centre: float, half: int, order: int) -> slice:
     return slice(first, last)
 
 
-def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: int) -> Fit:
+def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: int) -> LocalFit:
     """Fit the samples within `half` samples of `centre` (s), at least order + 1 of them."""
     window = _window(time, centre, half, order)
     stamps = time[window] - centre
@@ -136,7 +136,7 @@ def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: i
     operator: FloatArray = np.asarray(np.linalg.pinv(design), dtype=np.float64)
     coefficients = operator @ values[window]
     rest = values[window] - design @ coefficients
-    return Fit(centre, scale, coefficients, operator, float(rest @ rest))
+    return LocalFit(centre, scale, coefficients, operator, float(rest @ rest))
 
 
 def _line(
@@ -183,7 +183,7 @@ def half_width(
 
 
 def holds_around(
-    local: Fit, place: float, near: Callable[[FloatArray], BoolArray]
+    local: LocalFit, place: float, near: Callable[[FloatArray], BoolArray]
 ) -> tuple[float, float]:
     """Return how far from a place, within the window, a condition holds without a break."""
     ends = []

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eha_bench.core.arrays import BoolArray, FloatArray
-from eha_bench.metrics.local import Fit, fit, holds_around
+from eha_bench.metrics.local import LocalFit, fit, holds_around
 from eha_bench.metrics.noise import Noise, Spread
 
 _NARROWEST = 4
@@ -87,7 +87,7 @@ def _half(noise: Noise, transit: float, height: float) -> int:
     return int(min(max(half, _NARROWEST), max(_WIDEST * transit, _NARROWEST)))
 
 
-def _flat(local: Fit, place: float, spread: Spread, quantile: float) -> tuple[float, float]:
+def _flat(local: LocalFit, place: float, spread: Spread, quantile: float) -> tuple[float, float]:
     """Return where around a place the slope may be zero (Fieller's interval)."""
 
     def reach(times: FloatArray) -> FloatArray:
@@ -108,7 +108,7 @@ def _flat(local: Fit, place: float, spread: Spread, quantile: float) -> tuple[fl
     return earliest, latest
 
 
-def _curvature(local: Fit, place: float) -> float:
+def _curvature(local: LocalFit, place: float) -> float:
     x = (place - local.origin) / local.scale
     coefficients = np.polynomial.polynomial.polyder(local.coefficients, 2)
     if coefficients.size == 0:

@@ -57,7 +57,7 @@ class BeforeAfter:
 
 
 @dataclass(frozen=True)
-class ErrorRow:
+class ErrorChange:
     """A channel's error of the model as calibrated and as revised, as text."""
 
     channel: str
@@ -68,7 +68,7 @@ class ErrorRow:
 
 
 @dataclass(frozen=True)
-class LimitRow:
+class LimitChange:
     """A limit: what the machine did before and after, and what was stated."""
 
     trial: str
@@ -112,7 +112,7 @@ def write_before_after(content: BeforeAfter, path: Path) -> Path:
     return write_page(path, "before_after.html.j2", page, title=title)
 
 
-def _summary(content: BeforeAfter, rows: Sequence[LimitRow]) -> tuple[str, str, str]:
+def _summary(content: BeforeAfter, rows: Sequence[LimitChange]) -> tuple[str, str, str]:
     """Return status, verdict and one sentence."""
     stated = content.tuning["p_pass"]
     amount = f"P(pass) was stated as {_chance(stated)}." if stated else "No P(pass) was stated."
@@ -158,7 +158,7 @@ def _cause(diagnosis: Mapping[str, Any]) -> str:
     return "Something is missing from the model; what it is remains open."
 
 
-def _errors(errors: Mapping[str, Any]) -> list[ErrorRow]:
+def _errors(errors: Mapping[str, Any]) -> list[ErrorChange]:
     rows = []
     for channel, item in errors.items():
         before, after, unit = item["before"], item["after"], item["unit"]
@@ -169,7 +169,7 @@ def _errors(errors: Mapping[str, Any]) -> list[ErrorRow]:
         shown = display_unit(unit, (before, floor or 0.0))
         noise = _NOTHING if floor is None else _error(floor, shown)
         rows.append(
-            ErrorRow(
+            ErrorChange(
                 channel_name(channel), _error(before, shown), _error(after, shown), noise,
                 after > before,
             )
@@ -237,7 +237,7 @@ def _limited(run: TrialResult) -> list[Score]:
     return [score for score in run.scores if score.limit]
 
 
-def _limit_rows(content: BeforeAfter) -> list[LimitRow]:
+def _limit_rows(content: BeforeAfter) -> list[LimitChange]:
     """Return a row for each limit of the later result, or of the tuning where there is none."""
     stated = {
         (item["key"].rpartition("#")[0] or item["key"], item["limit"]): item["p_pass"]
@@ -245,7 +245,7 @@ def _limit_rows(content: BeforeAfter) -> list[LimitRow]:
     }
     if content.after is None:
         return [
-            LimitRow(key, limit_text(text), _NOTHING, _NOTHING, _chance(chance), "undecided")
+            LimitChange(key, limit_text(text), _NOTHING, _NOTHING, _chance(chance), "undecided")
             for (key, text), chance in stated.items()
         ]
     before = _judged(content.before) if content.before else {}
@@ -261,7 +261,7 @@ def _limit_rows(content: BeforeAfter) -> list[LimitRow]:
         )
         earlier = before.get((trial, metric, limit))
         rows.append(
-            LimitRow(
+            LimitChange(
                 trial, f"{metric_name(metric)} {limit_text(limit)}",
                 _values(earlier) if earlier else _NOTHING, _values(scores), _chance(chance),
                 "failed" if scores[0].status.rejects else "passed",

@@ -18,7 +18,7 @@ _MOST_UNTOLD: Final = 20
 
 
 @dataclass(frozen=True)
-class CauseView:
+class WearingCauseView:
     """A cause as a row of a table shows it."""
 
     name: str
@@ -46,7 +46,7 @@ class CausesView:
     wear: tuple[tuple[str, str, str, str], ...]
     plots: tuple[tuple[str, Markup], ...]
     others: tuple[tuple[str, Markup], ...]
-    rows: tuple[CauseView, ...]
+    rows: tuple[WearingCauseView, ...]
     chances: tuple[tuple[int, str], ...]
     untold: tuple[str, ...]
     notes: tuple[str, ...]
@@ -84,14 +84,14 @@ def _title(trend: CauseTrend) -> str:
     return f"{trend.name}, in {symbol}" if symbol else trend.name
 
 
-def _row(trend: CauseTrend, *, alarmed: bool) -> CauseView:
+def _row(trend: CauseTrend, *, alarmed: bool) -> WearingCauseView:
     unit = unit_of_cause(trend)
     newest, half = float(trend.values[-1]), 1.96 * float(trend.deviations[-1])
     moves = trend.state == "moves"
     look, sign = ("passed", "✓") if trend.state == "steady" else ("undecided", "?")
     if moves:
         look, sign = ("failed", "↗") if alarmed else ("undecided", "↗")
-    return CauseView(
+    return WearingCauseView(
         trend.name,
         number(unit.shown(trend.healthy)),
         number(unit.shown(newest)),

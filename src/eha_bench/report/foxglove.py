@@ -34,7 +34,7 @@ _COLOURS: Final = {
 
 
 @dataclass(frozen=True)
-class Series:
+class PlottedSeries:
     """A channel to plot: its message path and the unit of the values found there ("": none)."""
 
     channel: str
@@ -65,16 +65,16 @@ def layout_for(source: Path | None = None) -> dict[str, Any]:
     return layout(_mapped(source))
 
 
-def own_series(units: Mapping[str, str]) -> tuple[Series, ...]:
+def own_series(units: Mapping[str, str]) -> tuple[PlottedSeries, ...]:
     """Return where a recording of ours holds channels with these SI units."""
     message = Sample.of(units)
     return tuple(
-        Series(channel, f"{TOPIC}.{field}", units[channel])
+        PlottedSeries(channel, f"{TOPIC}.{field}", units[channel])
         for channel, field in zip(message.channels, message.fields, strict=True)
     )
 
 
-def layout(series: Sequence[Series], followed: Sequence[str] = ()) -> dict[str, Any]:
+def layout(series: Sequence[PlottedSeries], followed: Sequence[str] = ()) -> dict[str, Any]:
     """Return a layout: a plot a group of channels, one below the other.
 
     Args:
@@ -109,7 +109,7 @@ def layout(series: Sequence[Series], followed: Sequence[str] = ()) -> dict[str, 
     }
 
 
-def _plot(items: Sequence[Series], title: str) -> dict[str, Any]:
+def _plot(items: Sequence[PlottedSeries], title: str) -> dict[str, Any]:
     unit = next((item.unit for item in reversed(items) if item.unit), "")
     return {
         "title": f"{title} / {unit}" if unit else title,
@@ -156,7 +156,7 @@ def _followed(units: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(name for name in (*known, *own) if unit and units[name] == unit)
 
 
-def _mapped(source: Path) -> tuple[Series, ...]:
+def _mapped(source: Path) -> tuple[PlottedSeries, ...]:
     entries = load_channel_map(source).channels
     found = tuple(_fields(entries))
     if not found:
@@ -168,9 +168,9 @@ def _mapped(source: Path) -> tuple[Series, ...]:
     return found
 
 
-def _fields(entries: Mapping[str, Any]) -> Iterable[Series]:
+def _fields(entries: Mapping[str, Any]) -> Iterable[PlottedSeries]:
     for name, entry in entries.items():
         if entry.topic is not None:
             known = CHANNELS.get(name)
             unit = entry.unit or (known.unit if known else "")
-            yield Series(name, f"{entry.topic}.{entry.field}", unit)
+            yield PlottedSeries(name, f"{entry.topic}.{entry.field}", unit)

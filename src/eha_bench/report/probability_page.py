@@ -21,7 +21,7 @@ from eha_bench.report.engineering import (
 )
 from eha_bench.report.page import Fact, write_page
 from eha_bench.sweeps.chance import Chance
-from eha_bench.sweeps.probability import Band, Probability
+from eha_bench.sweeps.probability import Probability, ResponseBand
 
 PAGE: Final = "probability.html"
 _WIDTH: Final = 920
@@ -118,7 +118,7 @@ def _bar(chance: Chance) -> Markup:
     )
 
 
-def band_svg(band: Band) -> Markup:
+def band_svg(band: ResponseBand) -> Markup:
     """Return the band of a trial's channel over its reference, as one SVG."""
     height, left, right, top, bottom = 240, 70, 14, 12, 36
     unit = display_unit(band.unit, [float(np.nanmax(np.abs(band.middle)))])

@@ -20,7 +20,7 @@ from eha_bench.report.marks import LevelLine, Mark, Point, Role, TimeBand, TimeL
 
 
 @dataclass(frozen=True)
-class Swing:
+class SineSwing:
     """A sine of the reference and the settled answer to it; times in s, values SI.
 
     Attributes:
@@ -44,7 +44,7 @@ class Swing:
     crest: float
 
 
-def swing_of(recording: Recording, trial: Trial, line: Timeline) -> Swing | None:
+def swing_of(recording: Recording, trial: Trial, line: Timeline) -> SineSwing | None:
     """Return the trial's one sine as its metrics fitted it; None where they could not.
 
     Args:
@@ -64,7 +64,7 @@ def swing_of(recording: Recording, trial: Trial, line: Timeline) -> Swing | None
     window = line.between(start, stop)
     first = line.between(start, start + 1.0 / found.frequency)
     crest = first.start + int(np.argmax(line.reference[first]))
-    return Swing(
+    return SineSwing(
         channel=trial.channel,
         tone_start=max(tone.start, float(line.time[0])),
         start=start,
@@ -78,7 +78,7 @@ def swing_of(recording: Recording, trial: Trial, line: Timeline) -> Swing | None
 
 
 def sine_marks(
-    swing: Swing, limits: Sequence[AcceptanceLimit], scores: Sequence[Score]
+    swing: SineSwing, limits: Sequence[AcceptanceLimit], scores: Sequence[Score]
 ) -> list[Mark]:
     """Return the marks of a sine, backgrounds first."""
     own = [score for score in scores if score.channel == swing.channel]
@@ -94,7 +94,7 @@ def sine_marks(
     return found
 
 
-def _limit(swing: Swing, limit: AcceptanceLimit) -> Iterator[Mark]:
+def _limit(swing: SineSwing, limit: AcceptanceLimit) -> Iterator[Mark]:
     label = f"{metric_label(limit.metric)} {limit_text(limit.text)}"
     sides = [side for side in (limit.bounds.high, limit.bounds.low) if math.isfinite(side)]
     for number, side in enumerate(sides):
@@ -106,7 +106,7 @@ def _limit(swing: Swing, limit: AcceptanceLimit) -> Iterator[Mark]:
             yield TimeLine(limit.channel, swing.crest + late, Role.LIMIT, text)
 
 
-def _measured(swing: Swing, score: Score) -> Iterator[Mark]:
+def _measured(swing: SineSwing, score: Score) -> Iterator[Mark]:
     spread = (score.measure.high - score.measure.low) / 2.0
     value = quantity(
         score.value, score.unit, metric=score.metric, written=score.limit, spread=spread
@@ -118,7 +118,7 @@ def _measured(swing: Swing, score: Score) -> Iterator[Mark]:
         yield Point(swing.channel, swing.crest + score.value, swing.centre + swing.response, label)
 
 
-def _levels(swing: Swing, amplitude: float, role: Role, label: str) -> Iterator[LevelLine]:
+def _levels(swing: SineSwing, amplitude: float, role: Role, label: str) -> Iterator[LevelLine]:
     above, below = swing.centre + amplitude, swing.centre - amplitude
     yield LevelLine(swing.channel, above, swing.start, swing.stop, role, label)
     yield LevelLine(swing.channel, below, swing.start, swing.stop, role)

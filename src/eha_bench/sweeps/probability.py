@@ -40,7 +40,7 @@ _FEWEST: Final = 12
 
 
 @dataclass(frozen=True)
-class Band:
+class ResponseBand:
     """What a trial's controlled channel does over the draws.
 
     Attributes:
@@ -59,7 +59,7 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Unknown:
+class UncertainParameter:
     """What one unknown costs.
 
     Attributes:
@@ -85,7 +85,7 @@ class Probability:
     limits: tuple[LimitName, ...]
     draws: tuple[Draw, ...]
     results: tuple[PointResult, ...]
-    bands: tuple[Band, ...] = ()
+    bands: tuple[ResponseBand, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -103,7 +103,7 @@ class Probability:
         return Chance(int(np.sum(self.margins[:, place] >= 0.0)), len(self.results))
 
     @property
-    def unknowns(self) -> tuple[Unknown, ...]:
+    def unknowns(self) -> tuple[UncertainParameter, ...]:
         """Unknown parameters, the dearest first; nothing below a dozen draws."""
         if len(self.results) < _FEWEST:
             return ()
@@ -168,7 +168,9 @@ def _worst(item: PointResult) -> float:
     return item.margin if math.isfinite(item.margin) else -math.inf
 
 
-def _unknown(key: str, values: FloatArray, least: FloatArray, passed: BoolArray) -> Unknown:
+def _unknown(
+    key: str, values: FloatArray, least: FloatArray, passed: BoolArray
+) -> UncertainParameter:
     from scipy.stats import rankdata
 
     ranks = [rankdata(item) for item in (values, least)]
@@ -178,7 +180,7 @@ def _unknown(key: str, values: FloatArray, least: FloatArray, passed: BoolArray)
     third = max(1, values.size // 3)
     ends = (order[:third], order[-third:])
     lower, upper = (Chance(int(passed[end].sum()), int(end.size)) for end in ends)
-    return Unknown(key, share, lower, upper)
+    return UncertainParameter(key, share, lower, upper)
 
 
 def judged_only(case: Case) -> Case:
@@ -272,7 +274,7 @@ def probability(
     )
 
 
-def _bands(case: Case, found: Sequence[Evaluated]) -> tuple[Band, ...]:
+def _bands(case: Case, found: Sequence[Evaluated]) -> tuple[ResponseBand, ...]:
     bands = []
     for trial in case.suite.trials:
         curves = [item.curves[trial.id] for item in found if trial.id in item.curves]
@@ -283,7 +285,7 @@ def _bands(case: Case, found: Sequence[Evaluated]) -> tuple[Band, ...]:
         low, middle, high = np.quantile(values, (0.025, 0.5, 0.975), axis=0)
         first = curves[0]
         bands.append(
-            Band(
+            ResponseBand(
                 trial.id, trial.channel, first.unit, first.time[:size], first.reference[:size],
                 low, middle, high,
             )

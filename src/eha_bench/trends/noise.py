@@ -35,7 +35,7 @@ _DOUBT_OF_FEW: Final = 1.5
 
 
 @dataclass(frozen=True)
-class Noise:
+class NightlyNoise:
     """Standard deviation of a night, and by how much correlation widens that of a mean.
 
     Attributes:
@@ -47,12 +47,12 @@ class Noise:
     widening: float = 1.0
 
 
-def noise_of(values: FloatArray) -> Noise:
+def noise_of(values: FloatArray) -> NightlyNoise:
     """Return the noise of a series of at least two values, shape (n,)."""
     scale = float(np.abs(values).max()) or 1.0
     sigma = max(_spread(values, 1), _LAST_DIGIT * scale)
     if values.size < _LONG:  # too few to see it: `newest` looks at steps that are news
-        return Noise(sigma, math.sqrt((1.0 + _UNSEEN) / (1.0 - _UNSEEN)))
+        return NightlyNoise(sigma, math.sqrt((1.0 + _UNSEEN) / (1.0 - _UNSEEN)))
     lags = _LAGS if values.size >= _VERY_LONG else _SHORT_LAGS
     spreads = [_spread(values, lag) for lag in lags]
     alike = float(np.median([
@@ -61,7 +61,7 @@ def noise_of(values: FloatArray) -> Noise:
     doubt = _DOUBT if values.size >= _VERY_LONG else _DOUBT_OF_FEW
     alike = min(alike + doubt / math.sqrt(values.size), _MOST_CORRELATED)
     sigma = max(sigma, float(np.median(spreads)))
-    return Noise(sigma, math.sqrt((1.0 + alike) / (1.0 - alike)))
+    return NightlyNoise(sigma, math.sqrt((1.0 + alike) / (1.0 - alike)))
 
 
 def _alike(ratio: float, lag: int) -> float:

@@ -35,7 +35,7 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Crossing:
+class LimitCrossing:
     """Where a cause takes a metric to its acceptance limit first.
 
     Attributes:
@@ -94,7 +94,7 @@ class Wear:
     latest: Night
     moved: Number
     rate: Number | None
-    crossing: Crossing | None
+    crossing: LimitCrossing | None
     nights_left: Number | None
     alarm: bool
     chances: tuple[tuple[int, float], ...] = ()
@@ -229,7 +229,7 @@ def _wear_from(data: Mapping[str, Any], trend: CauseTrend, nights: Mapping[str, 
         None if rate is None else _number_from(rate),
         None
         if limit is None
-        else Crossing(
+        else LimitCrossing(
             _float(limit["reached_at"]), math.nan, str(limit["trial"]), str(limit["metric"]),
             str(limit["limit"]),
         ),
