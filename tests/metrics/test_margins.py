@@ -136,3 +136,11 @@ def test_margins_need_the_channel_that_the_reference_asks_for(kit):
     other = recording.with_values({"current": recording[kit.channel]})
     found = kit.measure("phase_margin", other, kit.trial(signal, 2.0), "current")
     assert "not what the reference asks for" in found.reason
+
+
+def test_the_margin_nearest_to_instability_counts():
+    metric = GainMargin()
+    assert metric.distance(1.5) < metric.distance(3.0)
+    assert [metric.counts(value) for value in (1.0, 1.01, math.inf, 0.5)] == [
+        False, True, False, False,
+    ]  # fmt: skip

@@ -152,3 +152,26 @@ def test_a_sensor_of_the_difference_gives_the_force_of_equal_areas_only(equal):
     else:
         with pytest.raises(MissingChannelError, match="pressure_a"):
             rod_force(recording)
+
+
+def test_a_peak_reaches_as_far_as_its_samples_noise():
+    from eha_bench.metrics.power import _Scored, largest
+
+    values = np.array([1.0, -10.0, 3.0])
+    found = largest(_Scored(np.arange(3.0), values, 2.0), "largest")
+    assert found.value == 10.0
+    # below it by what the largest of three samples is above its mean, above it by one sample's
+    assert found.low == pytest.approx(10.0 - 2.0 * math.sqrt(2.0 * math.log(3.0)))
+    assert found.high == pytest.approx(10.0 + 1.96 * 2.0)
+
+
+@pytest.mark.parametrize("metric", ["energy", "peak_power", "peak_force", "peak_joint_torque"])
+def test_every_trial_that_lasts_has_power_and_force(kit, metric):
+    from dataclasses import replace
+
+    from eha_bench.core import plugins
+
+    _, trial = run(kit, current=np.ones_like)
+    scorer = plugins.load("metrics", metric)()
+    assert scorer.applies(trial)
+    assert not scorer.applies(replace(trial, duration=0.0))

@@ -244,6 +244,8 @@ def test_holding_current_is_the_mean_of_the_end(kit):
     assert found.high - found.low < 0.05
     drifting = recording.with_values({"current": current + 5 * recording.time})
     assert "not stationary" in kit.measure("holding_current", drifting, trial, "current").reason
+    steady = kit.measure("holding_current", recording, trial, "current").reason
+    assert "not stationary" not in steady
 
 
 def test_holding_current_without_current_says_so(kit):
