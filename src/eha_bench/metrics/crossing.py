@@ -20,6 +20,11 @@ The window is placed where the noise itself puts the crossing; by simulation the
 larger than those of a window at a given place.
 """
 
+SOON = 0.25
+"""Share of the step up to which a response may just have set off, with a kink."""
+
+_STILL = 0.05  # of the step: what is no farther may not have set off yet
+_KINKED = 1.3  # as 95 % of what lies anywhere between two bounds do not reach them
 _FOLLOWED = 1.5  # of the window in which a line is straight: a cubic follows further
 _APART = 1.0  # what a cubic may be off by, against how far parabolas are from it ...
 _BENT = 1.5  # ... and, times the square of the samples a rise, against how far a straight line is
@@ -120,6 +125,11 @@ def between_samples(
     for part in (slice(start, start + 3), slice(start + 1, start + 4)):
         other = _crossed(time[part], values[part], level, line)
         apart.append(abs((line if other is None else other).time - cubic.time))
+    if float(values[start]) < _STILL and index + 3 < time.size:
+        # there may be a kink just before: what comes after it knows nothing of what was before
+        later = _crossed(time[index : index + 3], values[index : index + 3], level, line)
+        if later is not None and later.time <= float(time[index]):
+            apart.append(_KINKED * abs(later.time - cubic.time))
     weights = _lagrange(time[here], cubic.time)
     return Crossing(
         cubic.time,

@@ -19,6 +19,7 @@ _STEEP = (
 )
 _LEAST = 0.01  # of the span: what is less is as well the shape of a response that is free of noise
 _NEAR = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+_BESIDE = ((2, 1), (3, 4))  # neighbours on either side, the near and the far one
 _MOST = 0.03  # share of samples that may be spikes; more are no exceptions
 LONGEST_FILLED = 3
 """Samples in a row without a value that neighbours may stand for."""
@@ -90,11 +91,12 @@ def _instead(values: FloatArray, index: int, least: float) -> float | None:
             break
     else:
         return None
-    # a kink goes on from one side, a spike from neither
-    for near, far in ((2, 1), (3, 4)):
-        whole = near in kept and far in kept
-        if whole and abs(sample - 2.0 * float(around[near]) + float(around[far])) < 0.5 * away:
-            return None
+    # a kink goes on from one side, or lies between where both sides would go on to; a spike neither
+    before, after = (2.0 * float(around[near]) - float(around[far]) for near, far in _BESIDE)
+    if min(abs(sample - before), abs(sample - after)) < 0.5 * away:
+        return None
+    if min(before, after) <= sample <= max(before, after):
+        return None
     return float(parabola[0])
 
 

@@ -13,12 +13,13 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.coverage import between
-from eha_bench.metrics.crossing import Crossing, between_samples, refined, straight
+from eha_bench.metrics.crossing import SOON, Crossing, between_samples, refined, straight
 from eha_bench.metrics.levels import Level, histogram_levels, level
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.noise import Noise, estimate, white_noise
+from eha_bench.metrics.onset import sudden_crossing
 from eha_bench.metrics.resolution import dithering, rounding_sd
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.tail import asymptote
@@ -37,6 +38,7 @@ _EXACT = 1e-6  # noise below this share of the step: crossings are interpolated 
 _LARGEST = 1e100
 _SMALLEST = 1e-100
 _RESOLVED = 4  # samples from 25 to 75 % below which a polynomial cannot follow the response
+_PASSED = 3.5  # the same, a fraction of a sample counted
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 _PREDICTED = 0.1  # of what a tail has still to go: how well prediction knows it
 _FEW_SLOW = 15.0  # degrees of freedom of slow noise below which more of the hold is looked at ...
@@ -104,7 +106,7 @@ class StepResponse:
     @property
     def resolved(self) -> bool:
         """Whether there are enough samples between 25 and 75 % for a polynomial to follow them."""
-        return self.transit >= _RESOLVED
+        return self.transit >= _RESOLVED and self.passage >= _PASSED
 
     @property
     def landed(self) -> int:
@@ -156,11 +158,15 @@ class StepResponse:
             raise NotScored(f"the response does not reach {key} of the step")
         below = np.flatnonzero(values[: int(beyond[0])] < share)
         if below.size == 0:
-            raise NotScored(f"the response is beyond {key} of the step at the edge already")
+            return self._from_the_edge(share, key)
         index = self.origin + int(below[-1]) + 1
         guess = straight(self.time, self.smooth.values, share, index)
         if self.exact or not self.noise.known or not self.resolved:
             return self.between_samples(share, index)
+        if share <= SOON:
+            sudden = self._sudden(share, index)
+            if sudden is not None:
+                return sudden
         after = slice(self.origin, None)  # the edge may leave a kink, no polynomial follows one
         found = refined(
             self.time[after],
@@ -174,9 +180,30 @@ class StepResponse:
         missed = _MISSED * (0.5 * found.span / period / self.passage) ** 4
         return replace(found, between=missed / max(abs(found.slope), 1e-300))
 
-    def between_samples(self, share: float, index: int) -> Crossing:
-        """Return the crossing of a share of the step between samples index - 1 and index."""
+    def _from_the_edge(self, share: float, key: str) -> Crossing:
+        """Return the crossing of a share that is beyond it at the edge, as smoothing has it."""
+        at_once = int(np.argmax(self.rise[self.origin :] >= share))
+        if at_once == 0:
+            raise NotScored(f"the response is beyond {key} of the step at the edge already")
+        index = self.origin + at_once
+        sudden = self._sudden(share, index) if self.noise.known and not self.exact else None
+        return self.between_samples(share, index, self.rise) if sudden is None else sudden
+
+    def _sudden(self, share: float, index: int) -> Crossing | None:
+        """Return the crossing of a low share before sample `index` after a corner, if it has one."""
+        half = self.smooth.values[self.origin :] >= 0.5
+        stop = self.origin + int(np.argmax(half)) + 1
+        here = slice(self.origin, stop)
+        latest = float(self.time[min(index + self.smooth.half + 1, stop - 1)])
+        return sudden_crossing(self.time[here], self.rise[here], share, self.noise, latest)
+
+    def between_samples(self, share: float, index: int, read: FloatArray | None = None) -> Crossing:
+        """Return the crossing of a share of the step between samples index - 1 and index.
+
+        Of (n,) values that were read, else of the response, smoothed where samples are many.
+        """
         values = self.smooth.values if self.resolved else self.rise
+        values = values if read is None else read
         return between_samples(
             self.time,
             values,
@@ -238,7 +265,7 @@ def _step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[S
         start = edges[number - 1].time if number else float(line.time[0])
         asked = trial.signal.edges[number]
         _require_hold(line, edge, asked, trial.duration)
-        response = _respond(line, data, edge, start)
+        response = _respond(line, data, edge, start, asked.time)
         if channel == trial.channel and (response.step > 0) != (edge.after > edge.before):
             raise NotScored(
                 f"{channel} moves against the command (from {response.initial:.4g} "
@@ -291,7 +318,9 @@ def magnitude(values: FloatArray | ComplexArray) -> float:
     return largest if largest > _SMALLEST else 0.0
 
 
-def _respond(line: Timeline, channel: Samples, edge: Edge, start: float) -> StepResponse:
+def _respond(
+    line: Timeline, channel: Samples, edge: Edge, start: float, asked: float
+) -> StepResponse:
     before = initial_window(line, edge, start)
     end = final_window(line, edge)
     whole = slice(before.start, end.stop)
@@ -349,17 +378,22 @@ def _respond(line: Timeline, channel: Samples, edge: Edge, start: float) -> Step
         smooth=smooth(rise, unit, _SMOOTHED, transit // 2),
         transit=transit,
         samples_a_rise=few,
-        slack=_slack(line, edge),
+        slack=_slack(line, edge, asked),
         notes=(*_notes(line, rise, low, unit, ahead, few), *channel.notes(line, whole)),
     )
 
 
-def _slack(line: Timeline, edge: Edge) -> float:
-    """Return how much earlier the edge of a foreign log may have been: up to the sample before."""
-    if not line.how:
+def _slack(line: Timeline, edge: Edge, asked: float) -> float:
+    """Return how much earlier the edge may have been.
+
+    In a foreign log, up to the sample before. The bench's own are on a clock that knows when the
+    edge was asked for; where samples come at uneven times, the first that shows it may be later.
+    """
+    if not line.how and not line.irregular:
         return 0.0
     index = int(np.searchsorted(line.time, edge.time - 1e-3 * line.period))
-    return float(line.time[index] - line.time[index - 1]) if index > 0 else line.period
+    before = float(line.time[index - 1]) if index > 0 else edge.time - line.period
+    return edge.time - (before if line.how else min(max(before, asked), edge.time))
 
 
 def _require_measured(

@@ -26,6 +26,7 @@ SIGNAL_START = "signal_start"
 
 _FASTEST = 1e-12  # s: samples closer than this, or a longer recording, are no clock's ...
 _LONGEST = 1e12  # ... and differences and squares of their times leave the floating-point range
+_UNEVEN = 0.02  # of the period: intervals that differ by more than a clock's rounding
 _SAME_LEVEL = 0.05  # of the jump: closer than this, two sampled levels of the reference are one
 
 
@@ -48,6 +49,11 @@ class Timeline:
     period: float
     recorded: bool
     how: str
+
+    @property
+    def irregular(self) -> bool:
+        """Whether samples come at uneven times, and not only with some of them lost."""
+        return bool(np.median(np.abs(np.diff(self.time) / self.period - 1.0)) > _UNEVEN)
 
     def between(self, start: float, stop: float) -> slice:
         """Return the samples with start <= time < stop (to within a thousandth of a sample)."""
@@ -227,7 +233,8 @@ def _commanded(line: Timeline, edge: Edge) -> Edge:
         first = near.start + int(np.argmax(beyond & (window[-1] != window[0])))
         before = float(window[0])
         start = float(time[first])
-        if not line.how and first > 0 and start - float(time[first - 1]) > 1.5 * period:
+        lost_its_own = first > 0 and start - float(time[first - 1]) > 1.5 * period
+        if lost_its_own and not line.how and not line.irregular:
             # the edge's own tick is lost; the bench's clock knows when it was
             late = math.floor((start - edge.time) / period + 1e-3)
             lost = round((start - float(time[first - 1])) / period) - 1
