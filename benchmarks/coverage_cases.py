@@ -122,6 +122,17 @@ class Shape:
         }
 
 
+@dataclass(frozen=True)
+class Known(Shape):
+    """A step response whose times are known."""
+
+    times: dict[str, float]
+
+    def truths(self) -> dict[str, float]:
+        """Those times; there is no overshoot."""
+        return {**self.times, "overshoot": 0.0, "undershoot": 0.0}
+
+
 def underdamped(rng: np.random.Generator) -> Shape:
     """Second order, damping 0.4 to 0.8, 50 to 150 rad/s."""
     damping, natural = rng.uniform(0.4, 0.8), rng.uniform(50.0, 150.0)
@@ -217,6 +228,44 @@ def flat_start(rng: np.random.Generator) -> Made:
 def wrong_way(rng: np.random.Generator) -> Made:
     level = math.exp(rng.uniform(math.log(0.003), math.log(0.02)))
     return step(rng, non_minimum_phase(rng), lambda n: rng.normal(0.0, level, n))
+
+
+def lagging(rng: np.random.Generator) -> Shape:
+    """A dead time of 2 to 30 ms and a first-order lag of 5 to 30 ms: it sets off all at once."""
+    tau, dead = rng.uniform(0.005, 0.03), rng.uniform(0.002, 0.03)
+    found = Shape(lambda t: -np.expm1(-np.maximum(np.asarray(t) - dead, 0.0) / tau), tau)
+    times = {
+        "dead_time": dead - tau * math.log(0.95),
+        "delay_time": dead + tau * math.log(2.0),
+        "response_time": dead + tau * math.log(20.0),
+        "rise_time": tau * math.log(9.0),
+    }
+    return Known(found.response, tau, times)
+
+
+def delayed(rng: np.random.Generator) -> Made:
+    level = math.exp(rng.uniform(math.log(0.001), math.log(0.02)))
+    return step(rng, lagging(rng), lambda n: rng.normal(0.0, level, n))
+
+
+def delayed_silent(rng: np.random.Generator) -> Made:
+    return step(rng, lagging(rng), np.zeros)
+
+
+def uneven(rng: np.random.Generator) -> Made:
+    """Samples up to 0.4 periods beside their ticks, with their own stamps."""
+    level, shape = rng.uniform(0.001, 0.02), underdamped(rng)
+    made, asked, truths, size = step(rng, shape, np.zeros)
+    ticks = made.time - 0.15 + rng.uniform(-4e-4, 4e-4, len(made))
+    ticks[0] = -0.15
+    edge = asked.signal.edges[0]
+    whole = edge.after - edge.before - truths["steady_state_error"]
+    values = shape.response(np.maximum(ticks, 0.0)) + level * rng.normal(size=ticks.size)
+    channels = {
+        CHANNEL: edge.before + whole * values,
+        "reference": np.where(ticks >= 0.0, edge.after, edge.before),
+    }
+    return replace(made, time=ticks - ticks[0], values=channels), asked, truths, size
 
 
 def correlated(colour: float) -> Draw:
@@ -416,6 +465,12 @@ CASES = (
     Case("silent", silent, (*TIMES, "overshoot", "settling_time", "peak_time"), AT_LEAST),
     Case("first order 1-3 %", flat_start, ("undershoot", "overshoot"), AT_LEAST),
     Case("wrong way", wrong_way, (*TIMES, "undershoot", "overshoot", "settling_time")),
+    # nobody knows how sharp a corner is between two samples, nor when an edge came there
+    Case("lag after dead time", delayed, ("dead_time", *TIMES), AT_LEAST),
+    Case("the same, silent", delayed_silent, ("dead_time", *TIMES), AT_LEAST),
+    Case("uneven samples", uneven, (*TIMES, "overshoot", "settling_time"), AT_LEAST),
+    Case("AR -0.5", correlated(-0.5), (*TIMES, "overshoot"), AT_LEAST),
+    Case("AR -0.9", correlated(-0.9), (*TIMES, "overshoot"), AT_LEAST),
     # levels and crossings share slow noise, and are taken as independent
     Case("AR 0.9, times", correlated(0.9), TIMES, AT_LEAST),
     Case("AR 0.97, times", correlated(0.97), TIMES, AT_LEAST),

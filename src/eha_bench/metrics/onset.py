@@ -64,7 +64,7 @@ def sudden_crossing(
         coarse = _fitted(clock, values, places, np.zeros(9))
         corner = float(places[int(np.argmin(coarse.left))])
     slopes = coarse.coefficients[int(np.argmin(coarse.left))]
-    operator = np.linalg.pinv(_jacobian(clock, corner, slopes))
+    operator = np.asarray(np.linalg.pinv(_jacobian(clock, corner, slopes)), dtype=np.float64)
     spread = noise.spread(operator)
     own = math.sqrt(spread.variance(np.array([0.0, 1.0, 0.0, 0.0])))
     if slopes[0] < max(_SURE * own, _SUDDEN * 0.5 / max(1.0 - corner, 1e-9)):
@@ -164,7 +164,7 @@ def _fitted(clock: FloatArray, values: FloatArray, starts: FloatArray, lags: Flo
     """Fit (n,) values for each of (k,) corners."""
     design = _columns(np.maximum(clock - starts[:, None], 0.0), lags[:, None])
     transposed = np.swapaxes(design, 1, 2)
-    inverse = np.linalg.pinv(transposed @ design, hermitian=True)
+    inverse = np.asarray(np.linalg.pinv(transposed @ design, hermitian=True), dtype=np.float64)
     coefficients = np.squeeze(inverse @ (transposed @ values)[..., None], -1)
     rest = values - np.squeeze(design @ coefficients[..., None], -1)
     return _Fits(starts, lags, coefficients, inverse, np.sum(rest**2, axis=1))

@@ -190,7 +190,7 @@ class StepResponse:
         return self.between_samples(share, index, self.rise) if sudden is None else sudden
 
     def _sudden(self, share: float, index: int) -> Crossing | None:
-        """Return the crossing of a low share before sample `index` after a corner, if it has one."""
+        """Return the crossing of a low share after a corner before sample `index`, or None."""
         half = self.smooth.values[self.origin :] >= 0.5
         stop = self.origin + int(np.argmax(half)) + 1
         here = slice(self.origin, stop)
