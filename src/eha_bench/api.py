@@ -275,10 +275,17 @@ def tune(  # noqa: PLR0913 - as the options of the command
     return found
 
 
-def check_posterior(suite: Given, posterior: str | Path, target: Given | None = None) -> None:
-    """Raise an InputError where a posterior gives no P(pass) of a suite on a target."""
+def check_posterior(
+    suite: Given,
+    posterior: str | Path,
+    target: Given | None = None,
+    conditions: Given | None = None,
+) -> None:
+    """Raise an InputError where P(pass) of a suite cannot be computed, before anything is run."""
     loaded = load_suite(suite)
     case = judged_only(case_of(loaded, target_for(loaded, target)))
+    if conditions is not None:
+        conditions_of(case, load_sweep(conditions))
     read_posterior(Path(posterior), case.simulator.model)
 
 

@@ -19,6 +19,7 @@ from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.experiment.files import dataset_path, run_folder
 from eha_bench.experiment.propose import ASKED, WITHIN
 from eha_bench.report.rounds_report import write_rounds_report
+from eha_bench.targets.resolve import open_target
 
 SUMMARY = "rounds.json"
 PAGE = "rounds.html"
@@ -122,6 +123,7 @@ def close(
         InputError: a file is wrong or missing, or the folder holds rounds of another dataset.
     """
     folder = writable(Path(out))
+    open_target(str(target))  # a wrong name is found before the first diagnosis, not after it
     tell = progress or (lambda _stage, _fraction: None)
     _own(folder, dataset, target)
     current, done = Path(dataset), []

@@ -487,6 +487,21 @@ TUNE = ("tune", "suite.yaml", "--model", "model.yaml", "--vary", "mine.yaml", "-
          "dataset.yaml", "give the folder that `eha-bench diagnose --out` wrote"),
         ("", ("run", "suite.yaml", "--target", "target.yaml", "--posterior", "model.yaml"),
          "model.yaml", "give the file that `diagnose` or `calibrate` wrote"),
+        ("over:\n  gains: {pressure.k_p: [1 A/MPa, 2 A/MPa]}\n",
+         ("run", "suite.yaml", "--target", "target.yaml", "--posterior", "model.yaml",
+          "--conditions", "mine.yaml", "--out", "out"),
+         "mine.yaml:2, key 'over.gains'", "name them under 'over: parameters:'"),
+        ("over:\n  gains: {pressure.k_p: {from: 3 A/MPa, to: 9 A/MPa, steps: 0}}\n", SWEEP,
+         "mine.yaml:2, key 'over.gains.pressure.k_p.steps'", "greater than or equal to 2"),
+        ("design: sobel\npoints: 8\nover:\n  gains: {pressure.k_p: [3, 4]}\n", SWEEP,
+         "mine.yaml:1, key 'design'", "known: grid, latin_hypercube, sobol"),
+        ("over:\n  gains: {pressure.k_p: [3 A/MPa, 3 A/MPa]}\n", SWEEP,
+         "mine.yaml:2, key 'over.gains.pressure.k_p'", "give each value once"),
+        ("vary:\n  pressure.k_p: {from: 3 MPa, to: 9 MPa}\n", TUNE,
+         "mine.yaml:2, key 'vary.pressure.k_p.from'", "dimension of A/Pa"),
+        ("", ("history", "nowhere"), "nowhere", "give a folder of result folders"),
+        ("", ("before-after", "nowhere", "elsewhere"), "nowhere", "give the folders that"),
+        ("", ("channels", "nothing.csv"), "nothing.csv", "check its path"),
         ("", ("tune", "suite.yaml", "--model", "suite.yaml", "--vary", "mine.yaml", "--out", "out"),
          "suite.yaml:1", "a model.yaml with 'model:'"),
         ("", ("compare", "nowhere", "reports"), "nowhere", "give a result folder"),
@@ -503,4 +518,20 @@ def test_a_mistake_in_other_commands_is_told_with_its_place_and_the_way_out(
     told = cli(*command, check=2).stderr
     assert f"eha-bench: {place}: " in told
     assert way_out in told
+    assert not (project / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        (("close", "dataset.yaml", "--target", "nosuch", "--out", "out"),
+         "eha-bench: unknown target 'nosuch'"),
+        (("next", "diagnosis", "--out", "next.yaml", "--budget", "5m"),
+         "eha-bench: --budget '5m': unit 'm' has the wrong dimension"),
+    ],
+)  # fmt: skip
+def test_a_wrong_option_is_named_before_anything_is_run(
+    cli: Cli, project: Path, command: tuple[str, ...], told: str
+) -> None:
+    assert told in cli(*command, check=2).stderr
     assert not (project / "out").exists()

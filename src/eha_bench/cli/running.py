@@ -122,7 +122,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
 
         raise InputError("--conditions needs a --posterior", hint="give a diagnosis.json")
     if posterior is not None:
-        _check_posterior(suite, target, posterior)
+        _check_posterior(suite, target, posterior, conditions)
     if dry_run:
         _show(preview(suite, target), json=json)
         return
@@ -151,11 +151,13 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         raise typer.Exit(1)
 
 
-def _check_posterior(suite: str, target: str | None, posterior: Path) -> None:
-    """Raise an InputError before anything is run where the posterior is of another model."""
+def _check_posterior(
+    suite: str, target: str | None, posterior: Path, conditions: Path | None
+) -> None:
+    """Raise an InputError before anything is run where P(pass) could not be computed after it."""
     from eha_bench.api import check_posterior
 
-    check_posterior(suite, posterior, target)
+    check_posterior(suite, posterior, target, conditions)
 
 
 def say_probability(found: Probability) -> None:

@@ -159,7 +159,10 @@ def positive(name: str, text: str | float, si_unit: str) -> float:
     Raises:
         UnitError: as `parse`, or it is zero or negative.
     """
-    value = parse(text, si_unit)
+    try:
+        value = parse(text, si_unit)
+    except UnitError as error:
+        raise UnitError(f"{name} '{text}': {error.what}", hint=error.hint) from None
     if not value > 0.0:
         raise UnitError(f"{name} '{text}' is not positive", hint=f"give more than 0 {si_unit}")
     return value

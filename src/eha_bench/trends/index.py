@@ -112,7 +112,11 @@ def update(file: Path, folder: Path, *, rebuild: bool = False) -> Index:
         InputError: the folder is not there, the file is not an index, or cannot be written.
     """
     if not folder.is_dir():
-        raise InputError("no such folder", where=Place(file=str(folder)))
+        raise InputError(
+            "no such folder",
+            where=Place(file=str(folder)),
+            hint="give a folder of result folders, e.g. reports/SUITE",
+        )
     writable(file.parent)
     if not file.exists() and next(folder.rglob(RESULT_NAME), None) is None:
         return Index((), (), ())  # and no empty index is left behind
