@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -168,4 +169,4 @@ def _verdict(mark: Mark) -> str:
 
 
 def _median(values: Sequence[float]) -> float:
-    return values[len(values) // 2] if values else math.nan
+    return statistics.median(values) if values else math.nan
