@@ -14,7 +14,13 @@ from eha_bench.core.shipped import shipped
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
-from eha_bench.diagnosis.data.quiet import coloured, coloured_like, quiet_stretches, with_colours
+from eha_bench.diagnosis.data.quiet import (
+    _swings,
+    coloured,
+    coloured_like,
+    quiet_stretches,
+    with_colours,
+)
 from eha_bench.diagnosis.data.windows import cut, window_at
 from eha_bench.diagnosis.fit.baseline import _noise_notes
 from eha_bench.diagnosis.fit.problem import Problem
@@ -145,7 +151,8 @@ def test_steady_rotation_is_no_rest() -> None:
     command = {"current_command": np.full(time.size, 5.0)}
     turning = _readings(command, {"motor_speed": 50.0 + ripple, "pressure_a": pressure})
     assert not [*quiet_stretches(turning)]
-    resting = _readings(command, {"motor_speed": ripple, "pressure_a": pressure})
+    noise = generator.standard_normal((2, time.size))
+    resting = _readings(command, {"motor_speed": noise[0], "pressure_a": 6e5 + 3e4 * noise[1]})
     assert len([*quiet_stretches(resting)]) == 11
     # the measured speed may be what drives the model
     driving = _readings({"motor_speed": 50.0 + ripple}, {"pressure_a": pressure})
@@ -232,3 +239,35 @@ def test_what_noise_adds_up_to_at_a_start_is_that_of_its_colour(a, factor) -> No
 
 def pressure_of(generator) -> np.ndarray:
     return generator.uniform(-1.0, 1.0, 1500)
+
+
+def test_an_oscillation_is_no_rest() -> None:
+    """A chirp about a standing mean: each reading is a constant, and what is beside a parabola."""
+    generator = np.random.default_rng(0)
+    time = np.arange(128) * 1e-3
+    swing = np.sin(2.0 * np.pi * 12.0 * time)
+    late = np.sin(2.0 * np.pi * 12.0 * (time - 0.02))
+    pressure = 4e6 + 6e5 * late + 1e4 * generator.standard_normal(128)
+    assert _swings({"motor_speed": 30.0 * swing, "pressure_b": pressure})
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.7, 0.95, 0.99])
+def test_noise_that_remembers_is_no_oscillation(kept: float) -> None:
+    """Of forty stretches of three sensors, hardly one is lost, however slow their noise."""
+    generator = np.random.default_rng(1)
+    found = 0
+    for _ in range(40):
+        noise = lfilter([1.0], [1.0, -kept], generator.standard_normal((3, 1128)))[:, 1000:]
+        found += _swings({str(k): own for k, own in enumerate(noise)})
+    assert found <= 4
+
+
+def test_a_smooth_sensor_alone_does_not_swing() -> None:
+    """Behind a filter of second order noise is smooth; another sensor's does not follow it."""
+    generator = np.random.default_rng(2)
+    found = 0
+    for _ in range(40):
+        smooth = lfilter([1.0], [1.0, -1.9, 0.905], generator.standard_normal(1128))[1000:]
+        other = lfilter([1.0], [1.0, -0.9], generator.standard_normal(1128))[1000:]
+        found += _swings({"pressure_a": smooth, "pressure_b": other})
+    assert found <= 10

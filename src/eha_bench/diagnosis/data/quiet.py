@@ -1,10 +1,10 @@
 """Stretches in which nothing moves, and what they tell of the sensors' noise.
 
 What was asked for stands still there for an eighth of a second (or 32 samples), and so do all
-readings, but for what a parabola says of a pressure that leaks away. Every reading is then a
-constant and its noise, whatever the model: none is used, so none of its errors can be taken for
-noise. Steady motion is no rest, though all readings stand: its ripple is the machine's, not the
-sensors'. What a sensor remembers from sample to sample depends on the sampling period, so each
+readings, but for what a parabola says of a pressure that leaks away. None swings with another one:
+an oscillation about a standing mean is no rest. Every reading is then a constant and its noise,
+whatever the model: none is used, so none of its errors can be taken for noise. Steady motion is no
+rest, though all readings stand: its ripple is the machine's, not the sensors'. What a sensor remembers from sample to sample depends on the sampling period, so each
 period has its own colours. Logs with too few of such stretches leave the noise as white as it was
 taken to be.
 """
@@ -32,6 +32,13 @@ _MOVES = 2.0
 noise with a memory of a tenth of the stretch moves as much."""
 _GOES = 5.0
 """Mean of a speed that is motion, in standard deviations of what is beside its parabola."""
+_SMOOTH = 8.0
+"""Size of what is beside a parabola, in the noise by third differences, from which it may be
+motion: noise of a first-order filter is as smooth where it forgets within forty samples."""
+_TOGETHER = 0.8
+"""Correlation of two readings, one perhaps later, from which they swing together."""
+_LATER = 0.25
+"""Longest delay between them, as a share of a stretch."""
 _ALIKE = 0.05
 """What sampling periods may differ by and still be the same, as a share of them."""
 
@@ -126,7 +133,7 @@ def quiet_stretches(measured: Measured) -> Iterator[dict[str, FloatArray]]:
             readings |= {name: measured.inputs[name][span] for name in measured.input_noise}
             if not all(_stands(values) for values in readings.values()):
                 continue
-            if _rests(measured, span, readings):
+            if _rests(measured, span, readings) and not _swings(readings):
                 yield readings
 
 
@@ -155,6 +162,40 @@ def _rests(measured: Measured, span: slice, readings: Mapping[str, FloatArray]) 
         return all(_is_nothing(measured, name, span) for name in turned)
     # no shaft drives what is compared: a rod whose position stands is all that could move
     return any(name in readings and name not in measured.still for name in roles.rate_of)
+
+
+def _swings(readings: Mapping[str, FloatArray]) -> bool:
+    """Whether readings oscillate together: an oscillation is beside a parabola, as noise is.
+
+    Noise of one sensor may be as smooth, but another one's does not follow it.
+    """
+    beside = {
+        name: beside_parabola(values) for name, values in readings.items() if np.ptp(values) > 0.0
+    }
+    smooth = [name for name, own in beside.items() if _is_smooth(own, quantum_of(readings[name]))]
+    return any(
+        _together(beside[name], own)
+        for name in smooth
+        for other, own in beside.items()
+        if other != name
+    )
+
+
+def _is_smooth(beside: FloatArray, step: float) -> bool:
+    """Whether a reading is far larger than what its neighbours differ by."""
+    sharp = float(np.sqrt(np.mean(np.diff(beside, 3) ** 2) / 20.0))
+    return float(np.std(beside)) > _SMOOTH * max(sharp, step / float(np.sqrt(12.0)))
+
+
+def _together(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two readings are alike, one of them perhaps later."""
+    for lag in range(int(_LATER * one.size) + 1):
+        for early, late in ((one, other), (other, one)):
+            first, second = early[: early.size - lag], late[lag:]
+            size = float(np.linalg.norm(first) * np.linalg.norm(second))
+            if abs(float(first @ second)) > _TOGETHER * size:
+                return True
+    return False
 
 
 def _goes(values: FloatArray) -> bool:
