@@ -1,4 +1,4 @@
-"""What differs between two sides besides what was to be compared, said in sentences."""
+"""What differs between two sides besides what was to be compared, in sentences."""
 
 from __future__ import annotations
 

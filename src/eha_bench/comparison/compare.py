@@ -114,7 +114,7 @@ def _trial(
         elif not ended:
             problem = problem or f"no run of the {name} finished ({runs[0].trial.reason})"
     problem = problem or trial_problem(baseline, candidate, trial)
-    if not keys:  # nothing was scored, but that must be told
+    if not keys:  # nothing was scored, but that must be reported
         return [Compared(trial, "", "", "", reason=problem or "nothing was scored")]
     # of runs in pairs, that they are identical is believed from the first look on
     looked = not looks or any(looks[: min(map(len, usable))])

@@ -29,7 +29,7 @@ from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.response import Bench
 
 NAMED = 12.0
-"""Fall of the cost by which a candidate is told from another in a diagnosis."""
+"""Fall of the cost by which a diagnosis distinguishes a candidate from another."""
 SURE = 2.6
 """What that gain has to be in standard deviations of its sum over resampled blocks: a diagnosis
 asks for 2.06 (p of 0.02), and its windows and noise are not quite those foreseen here."""

@@ -5,7 +5,7 @@ simulated at the rivals' fitted values and along their posteriors' axes, and ran
 which the distance of the nearest two rivals suffices for a decision (`decision.distances`). The
 best are varied. Then draws decide (`decision.odds`): the shortest experiment, or sum of two or
 three, that names the right rival with the wanted probability. It is simulated again with fresh
-draws for what is said of it.
+draws for what is stated of it.
 """
 
 from __future__ import annotations

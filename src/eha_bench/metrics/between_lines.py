@@ -27,7 +27,7 @@ from eha_bench.core.arrays import ComplexArray, FloatArray, IndexArray
 from eha_bench.metrics.ringing import Ringing
 
 _LINES = 12  # nearest to the fundamental
-_FEWEST = 5  # lines that a transient can be told by
+_FEWEST = 5  # lines that a transient can be fitted to
 _PARAMETERS = 6.0  # real ones of a transient
 _SLOPES = np.linspace(0.0, 2.5, 11)  # noise may fall with frequency to these powers
 _SLOPE_COSTS = 6.0  # degrees of freedom, by simulation

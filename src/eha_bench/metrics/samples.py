@@ -1,6 +1,6 @@
 """A channel's samples as they can be scored, and what a reader should know of them.
 
-Spikes and single samples without a value are replaced by what their neighbours say, and said; a
+Spikes and single samples without a value are replaced by their neighbours' level, with a note; a
 sensor's resolution comes from the recording's metadata, or from the step between its values.
 """
 

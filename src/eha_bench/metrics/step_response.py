@@ -47,7 +47,7 @@ _AWAY = 0.05  # of the step: a response that stays closer to its end has settled
 
 _MISSED = 0.004  # of the step: what a cubic misses over as long as 25 to 75 % take, either way
 _NARROWEST = 2.0  # samples on either side of a place that a cubic is put through
-_FEW_A_RISE = 5.0  # below which the reader is told
+_FEW_A_RISE = 5.0  # below which a note is given
 
 
 @dataclass(frozen=True, eq=False)

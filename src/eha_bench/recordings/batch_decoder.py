@@ -102,7 +102,7 @@ class BatchDecoder:
         fields = self._wanted.fields
         if self.clock is not Clock.HEADER:
             return make_decoder(encoded, fields)
-        make_decoder(encoded, fields)  # a wrong field is said before a missing stamp
+        make_decoder(encoded, fields)  # a wrong field is reported before a missing stamp
         for pair in _STAMPS:
             paths = tuple(FieldPath.parse(text) for text in pair)
             try:

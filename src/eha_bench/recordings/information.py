@@ -159,7 +159,7 @@ def _described(file: Path) -> RecordingInformation:
 
 
 def _values_of(source: Source, topic: Topic, *, own: bool) -> tuple[ValueInformation, ...]:
-    """Look at all numbers of a topic; at none where they cannot be decoded, which is said later."""
+    """Look at all numbers of a topic; at none where decoding fails, which is reported later."""
     if topic.encoded is None or topic.skipped:
         return ()
     records = source.metadata()

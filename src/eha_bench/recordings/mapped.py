@@ -212,7 +212,7 @@ def _exact(
 
 
 def _refuse_lost(source: Source, tracks: Mapping[str, Track]) -> None:
-    """Refuse a topic of which damage left nothing; one that never had messages is said later.
+    """Refuse a topic of which damage left nothing; one that never had messages is reported later.
 
     Raises:
         RecordingError: there is such a topic.

@@ -23,7 +23,7 @@ def cause_svg(trend: CauseTrend, wear: Wear | None, *, number: int) -> Markup:
     """Return the plot of a cause.
 
     Args:
-        trend: of at least one night. wear: what is said of it, None where it does not move.
+        trend: of at least one night. wear: the finding about it, None where it does not move.
         number: of the plot on its page, which makes its title's id unique.
     """
     unit = scaled_unit(trend)

@@ -34,7 +34,7 @@ class WearingCauseView:
 
 @dataclass(frozen=True)
 class CausesView:
-    """What is said, drawn and listed.
+    """What is written, drawn and listed.
 
     Attributes:
         wear: (look, sign, word, sentence) of each cause that moves.

@@ -64,7 +64,7 @@ def application(folder: Path, rules: Rules, watch: Watch) -> ASGIApp:
         exception_handlers={HTTPException: _missing, Exception: _failed},
         lifespan=life,
     )
-    return Guard(app, rules)  # around everything: what is said of a fault is guarded, too
+    return Guard(app, rules)  # around everything: messages about a fault are guarded, too
 
 
 class _Pages:

@@ -151,7 +151,7 @@ def _trial(
     with mistakes:
         signal = _signal(content, context, path)
     if run is None or signal is None:
-        # what can be said of the rest without them
+        # what can be checked of the rest without them
         with mistakes:
             accept, scores = content.at("accept"), content.at("scores")
             judgement(accept, scores, mode, name, baseline, None, specs)

@@ -49,7 +49,7 @@ class Suite:
         path = self.path.parent / name
         if path.is_file():
             return path
-        # a suite is parsed again for the line only where that has to be told
+        # a suite is parsed again for the line only where that has to be reported
         line = line_of(parse(self.text, str(self.path)), [key])
         return named_file(self.path.parent, name, Place(str(self.path), line, key))
 

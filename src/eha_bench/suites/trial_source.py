@@ -139,7 +139,7 @@ def source_of(trial: Trial, signal: SignalModel) -> str:
         "description": trial.description,
         "mode": trial.mode.name,
     }
-    if trial.mode.declared is not None:  # said only of channels that eha_bench does not know
+    if trial.mode.declared is not None:  # only for channels that eha_bench does not know
         content["unit"] = trial.mode.declared
     content |= {
         "signal": signal.model_dump(mode="json", by_alias=True),

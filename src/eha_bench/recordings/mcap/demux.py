@@ -95,8 +95,8 @@ class Splitter:
             buffer: bytes.
             start: where the first record starts.
             stop: where the last record must end at the latest.
-            index: gives where each channel's messages are said to start; it is believed only where
-                the records agree, and it is only asked where there is no cycle.
+            index: gives where each channel's messages are declared to start; it is used only where
+                the records agree and there is no cycle.
             allowed: budget of the recording.
 
         Raises:

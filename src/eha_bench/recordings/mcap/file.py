@@ -143,7 +143,7 @@ class McapFile:
 
 
 def message_index(file: McapFile, chunk: Chunk) -> dict[int, NDArray[np.int64]]:
-    """Return where the records of each channel are said to start in a chunk."""
+    """Return where the records of each channel are declared to start in a chunk."""
     data = file.buffer.data
     found: dict[int, NDArray[np.int64]] = {}
     position = chunk.index_start

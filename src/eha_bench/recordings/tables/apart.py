@@ -255,7 +255,7 @@ def serve(kind: str, path: Path, questions: BinaryIO, answers: BinaryIO) -> None
     def opened() -> tuple[Mapping[str, Any], bytes]:
         nonlocal source
         made = getattr(import_module(f"eha_bench.recordings.tables.{module}"), name)
-        with suppress(ImportError):  # said by who uses it
+        with suppress(ImportError):  # reported where it is used
             import_module(_LIBRARIES[kind])
         _limit_memory(budget().memory + _SLACK)
         source = made(path)

@@ -1,6 +1,6 @@
 """Reads the numeric arrays of a MAT v5 file, whatever may be wrong with it.
 
-SciPy's reader crashes the process on some damaged files, so that its errors cannot be told.
+SciPy's reader crashes the process on some damaged files, so that its errors cannot be caught.
 Format: MathWorks, MAT-File Format, R2023a, chapter 1 (Level 5).
 """
 

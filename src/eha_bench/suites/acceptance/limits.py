@@ -251,7 +251,7 @@ def _bounds(form: BoundsFile, unit: str, entry: Located) -> tuple[Bounds, str]:
 
 
 def _unit_of(channel: str, form: BoundsFile | ScoreFile, mode: ControlMode, where: Place) -> str:
-    """Return a channel's SI unit: as known, as said, or that of the quantities about it."""
+    """Return a channel's SI unit: as known, as given, or that of the quantities about it."""
     channel = mode.channel if channel == "reference" else channel
     known = CHANNELS.get(channel)
     if known is not None:

@@ -21,7 +21,7 @@ class Link:
     Attributes:
         readings: last value by channel, SI.
         stamps: when it was read, s of time.monotonic; that of the tick whose Sync it answers.
-        state: what the drive last said it is, "" before the first frame.
+        state: the drive's last reported state, "" before the first frame.
         emergency_closed: whether the emergency stop is closed; True where the drive has none.
     """
 

@@ -110,7 +110,7 @@ class Recorder:
             }
         )
         self._open = True
-        # it loads its libraries first: only then can it be told when it stalls
+        # it loads its libraries first: only then can a stall be noticed
         until = time.monotonic() + _OPEN_TIMEOUT
         while not self._failure and not self._opened:
             if not select.select([self._out], [], [], max(until - time.monotonic(), 0.0))[0]:
@@ -203,7 +203,7 @@ class Recorder:
             raise RecordingError(self._failure) from error
 
     def _heard(self, *, closed: bool = False) -> bool:
-        """Whether the recorder has said that something failed; `closed` waits for its good-bye."""
+        """Whether the recorder has reported a failure; `closed` waits for its good-bye."""
         with suppress(OSError):
             line = self._out.readline()
             if line.startswith(b"opened"):

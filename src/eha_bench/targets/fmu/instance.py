@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fmpy.fmi3 import FMU3Slave
 
 _WARNING, _DISCARD, _LONGEST = 1, 2, 3
-"""FMI's status from which a log message is worth keeping, and how many are told."""
+"""FMI's status from which a log message is worth keeping, and how many are shown."""
 
 
 class Library:
@@ -70,7 +70,7 @@ class Library:
             from fmpy.logging import addLoggerProxy
 
             addLoggerProxy(byref(callbacks))  # fills in what a message leaves to its arguments
-        except Exception:  # no proxy for this platform: messages are then told as they come
+        except Exception:  # no proxy for this platform: messages are then shown as they come
             return callbacks
         return callbacks
 
