@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -152,3 +153,45 @@ def test_a_strangers_channel_needs_only_its_unit(tmp_path: Path) -> None:
     found = recordings.read(path, channels={**MAP, "channels": {"spool_position": entry}})
     assert found.unit("spool_position") == "m"
     assert np.allclose(found["spool_position"], ANGLE / 1000)
+
+
+PLAIN = {
+    "time": {"column": "t", "unit": "s"},
+    "channels": {"force": {"column": "p", "unit": "N"}},
+}
+
+
+def test_lines_that_are_no_objects_are_left_out_and_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.jsonl"
+    whole = [f'{{"t": {k}, "p": {k}}}' for k in range(9)]
+    path.write_text("\n".join([*whole[:5], "3", "null", "{x", "y", '"z"', *whole[5:], '{"t": 9']))
+    rec = recordings.read(path, channels=PLAIN)
+    assert rec["force"].tolist() == list(range(9))
+    assert [note for note in rec.notes if "line" in note] == [
+        "it is damaged or torn in line 6 (it is no object); this line was left out",
+        "it is damaged or torn in line 7 (it is no object); this line was left out",
+        "it is damaged or torn in line 8 (Expecting property name enclosed in double quotes); "
+        "this line was left out",
+        "it is damaged or torn in line 9 (Expecting value); this line was left out",
+        "it is damaged or torn in line 10 (it is no object); this line was left out",
+        "1 more lines were left out",
+    ]
+    assert recordings.info(path).health == "damaged"
+
+
+def test_thousands_of_damaged_lines_cost_as_much_as_whole_ones(tmp_path: Path) -> None:
+    path = tmp_path / "a.jsonl"
+    costs = []
+    for count in (5_000, 20_000):
+        path.write_text('{"t": 0, "p": 1}\n{"t": 1, "p": 1}\n' + "{x\n" * count)
+        begun = process_time()
+        assert len(recordings.read(path, channels=PLAIN)) == 2
+        costs.append(process_time() - begun)
+    assert costs[1] < 10 * costs[0]  # each line counted anew would make it 16 and more
+
+
+def test_a_key_of_its_own_in_each_line_is_held_against_the_budget(tmp_path: Path) -> None:
+    path = tmp_path / "a.jsonl"
+    path.write_text("\n".join(f'{{"t": {k}, "p": {k}, "k{k}": 1}}' for k in range(6000)))
+    with pytest.raises(RecordingError, match="different values each"):
+        recordings.read(path, channels=PLAIN)

@@ -379,3 +379,22 @@ def test_a_tdms_whose_counts_are_damaged_is_not_believed(tmp_path: Path) -> None
     found = info(path)
     assert str(found.health) != "good"
     assert any("its counts are damaged" in note for note in found.notes)
+
+
+def test_a_reader_that_has_ended_gives_its_reason_again_and_again(tmp_path: Path) -> None:
+    from eha_bench.recordings.opening import open_source
+    from eha_bench.recordings.tables.apart import Hdf5Table
+
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["t"] = np.arange(10.0)
+        file["p"] = np.arange(10.0)
+    source = open_source(tmp_path / "a.h5")
+    assert isinstance(source, Hdf5Table)
+    assert not source.damaged
+    source._process.kill()
+    source._process.wait()
+    for _ in range(3):
+        with pytest.raises(RecordingError, match="the library that reads hdf5 files was stopped"):
+            source.column("p")
+    assert source.damaged
+    assert len(source.notes) == 1

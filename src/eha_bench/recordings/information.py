@@ -11,7 +11,7 @@ import numpy as np
 
 from eha_bench.core.errors import RecordingError
 from eha_bench.recordings import sample
-from eha_bench.recordings.budget import spending
+from eha_bench.recordings.budget import budget, spending
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import READ_ENCODINGS, UnreadableTopic
 from eha_bench.recordings.encodings.field_path import FieldPath
@@ -221,6 +221,7 @@ def _of_table(file: Path, source: TableSource) -> RecordingInformation:
     units = source.units()
     for name in source.names():
         try:
+            budget().tick()
             column = source.column(name)
             unit = units.get(name) or named_unit(name)[1] or ""
             looked_at = column if column.ndim == 1 else np.empty(0)

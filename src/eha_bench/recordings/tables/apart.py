@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import EhaBenchError, Place, RecordingError
-from eha_bench.recordings.budget import OverBudget, budget, limited, spending
+from eha_bench.recordings.budget import Budget, OverBudget, budget, limited, spending
 from eha_bench.recordings.channel_map import ChannelMap
 from eha_bench.recordings.tables.grouped import GroupedTable, Series
 from eha_bench.recordings.track import Stamps
@@ -44,6 +44,8 @@ _SLACK = 256 << 20
 """Bytes that a library may reserve beside what the file takes."""
 _PATIENCE = 60.0
 """Seconds of waiting beyond the budget: the other process starts, and the machine may be busy."""
+_GRACE = 2
+"""Seconds of processor time beyond the budget, in which it is said that there is no more."""
 _LONGEST = 64 << 20
 
 
@@ -55,6 +57,7 @@ class ApartTable(GroupedTable):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._allowed = budget()
+        self._failure: RecordingError | None = None
         self._process = subprocess.Popen(
             [
                 sys.executable, "-m", "eha_bench.recordings.tables.apart", self.kind, str(path),
@@ -136,6 +139,8 @@ class ApartTable(GroupedTable):
 
     def _ask(self, question: Mapping[str, Any]) -> tuple[Mapping[str, Any], bytes]:
         assert self._process.stdin is not None
+        if self._failure is not None:
+            raise self._failure
         with suppress(OSError):  # one that has ended says so by its silence
             self._process.stdin.write(json.dumps(question).encode() + b"\n")
             self._process.stdin.flush()
@@ -154,8 +159,9 @@ class ApartTable(GroupedTable):
         until = time.monotonic() + _PATIENCE + 10 * self._allowed.seconds
         while not select.select([stream], [], [], max(until - time.monotonic(), 0.0))[0]:
             if time.monotonic() >= until:
-                _end(self._process)
-                raise OverBudget("it takes too long to read", where=Place(file=self.path))
+                raise self._ended(
+                    OverBudget("it takes too long to read", where=Place(file=self.path))
+                )
         line = stream.readline(_LONGEST)
         try:
             answer_head = json.loads(line)
@@ -172,15 +178,25 @@ class ApartTable(GroupedTable):
             raise kind(answer_head["error"], where=Place(**place), hint=answer_head["hint"])
         return answer_head, raw
 
+    def _ended(self, how: RecordingError) -> RecordingError:
+        """End the other process; whatever else is asked has the same answer."""
+        self._failure = how
+        self._torn = True
+        self._notes.append(how.what)
+        _end(self._process)
+        return how
+
     def _crashed(self) -> RecordingError:
         _end(self._process)
         code = self._process.returncode
         late = code in (-signal.SIGXCPU, -signal.SIGKILL)
         how = "was stopped: it took more than a file of this size may take" if late else "crashed"
-        return RecordingError(
-            f"the file is damaged: the library that reads {self.kind} files {how}",
-            where=Place(file=self.path),
-            hint="record or export it again",
+        return self._ended(
+            RecordingError(
+                f"the file is damaged: the library that reads {self.kind} files {how}",
+                where=Place(file=self.path),
+                hint="record or export it again",
+            )
         )
 
 
@@ -240,41 +256,51 @@ def serve(kind: str, path: Path, questions: BinaryIO, answers: BinaryIO) -> None
 
     def attempt(act: Any) -> bool:
         try:
-            with spending(path):
-                content, raw = act()
+            content, raw = act()
             found = {"notes": list(source.notes), "torn": source.damaged} if source else {}
             say({**content, **found}, raw)
+        except MemoryError:
+            refuse(OverBudget("there is not enough memory to read it", where=Place(file=str(path))))
+            return False
         except EhaBenchError as error:
-            where = error.where
-            place = {"file": where.file, "line": where.line, "key": where.key, "topic": where.topic}
-            over = isinstance(error, OverBudget)
-            say({"error": error.what, "hint": error.hint, "place": place, "over": over})
+            refuse(error)
             return False
         return True
 
+    def refuse(error: EhaBenchError) -> None:
+        where = error.where
+        place = {"file": where.file, "line": where.line, "key": where.key, "topic": where.topic}
+        over = isinstance(error, OverBudget)
+        say({"error": error.what, "hint": error.hint, "place": place, "over": over})
+
     def opened() -> tuple[Mapping[str, Any], bytes]:
         nonlocal source
-        made = getattr(import_module(f"eha_bench.recordings.tables.{module}"), name)
-        with suppress(ImportError):  # reported where it is used
-            import_module(_LIBRARIES[kind])
-        _limit_memory(budget().memory + _SLACK)
         source = made(path)
         return _holds(source), b""
 
-    if not attempt(opened):
-        return
-    assert source is not None
-    for line in iter(questions.readline, b""):
-        attempt(partial(_answered, source, json.loads(line)))
+    made = getattr(import_module(f"eha_bench.recordings.tables.{module}"), name)
+    with suppress(ImportError):  # reported where it is used
+        import_module(_LIBRARIES[kind])
+    with spending(path) as allowed:  # one budget for all questions
+        _limit(allowed)
+        if not attempt(opened):
+            return
+        assert source is not None
+        for line in iter(questions.readline, b""):
+            attempt(partial(_answered, source, json.loads(line)))
 
 
-def _limit_memory(most: int) -> None:
-    """Let the process take so much beyond what it has."""
+def _limit(allowed: Budget) -> None:
+    """Let the process take so much beyond what it has, where a library does not look itself."""
     import resource
 
     with suppress(OSError, ValueError):
         taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (taken + most, resource.RLIM_INFINITY))
+        most = taken + allowed.memory + _SLACK
+        resource.setrlimit(resource.RLIMIT_AS, (most, resource.RLIM_INFINITY))
+    with suppress(OSError, ValueError):
+        last = int(time.process_time() + allowed.seconds) + _GRACE
+        resource.setrlimit(resource.RLIMIT_CPU, (last, last))
 
 
 def _holds(source: GroupedTable) -> dict[str, Any]:
@@ -288,6 +314,7 @@ def _holds(source: GroupedTable) -> dict[str, Any]:
 
 
 def _answered(source: GroupedTable, question: Mapping[str, Any]) -> tuple[Mapping[str, Any], bytes]:
+    budget().tick()
     match question:
         case {"dbc": files}:
             source.in_columns(_only_dbc(files))
@@ -328,12 +355,7 @@ def _text(value: Any) -> str | float | None:
 
 def main() -> None:
     """Entry point of the other process: KIND PATH MEMORY SECONDS."""
-    import resource
-
     kind, path, memory, seconds = sys.argv[1:5]
-    with suppress(OSError, ValueError):
-        most = int(float(seconds)) + 10  # to start takes some as well
-        resource.setrlimit(resource.RLIMIT_CPU, (most, most))
     # what libraries print must not come between the answers
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,14 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.recordings.budget import budget
 from eha_bench.recordings.encodings.field_path import lists_names
 from eha_bench.recordings.tables.grouped import GroupedTable, Series
 from eha_bench.recordings.tables.json_records import Records, TooMuch
 from eha_bench.recordings.tables.times import NoTime, parse_times
 
 _BLANK = " \t\r\n"
-_MOST_CELLS = 1 << 25
-"""Numbers of one file: 256 MB as columns."""
+_NUMBER = 8
+"""Bytes of a value in a column."""
+_MOST_SAID = 5
+"""Damaged lines that are said one by one."""
 _DEEPEST = 40
 _TOPIC = "topic"
 """Where every line of JSON lines has this key, each topic is a group with a clock of its own."""
@@ -43,6 +46,8 @@ class JsonSource(GroupedTable):
         self._labels: dict[str, list[str]] = {}
         self._single: dict[str, str] = {}
         self._doubled: Counter[str] = Counter()
+        self._left_out = 0
+        self._counted = 0, 1  # up to which letter lines were counted, and how many there are
         try:
             self._format = self._parse(self._text())
         except TooMuch as error:
@@ -55,6 +60,8 @@ class JsonSource(GroupedTable):
         usual = _usual_length(v for columns in self._lists.values() for v in columns.values())
         for group, columns in self._lists.items():
             self._keep(group, columns, usual)
+        if self._left_out > _MOST_SAID:
+            self._notes.append(f"{self._left_out - _MOST_SAID} more lines were left out")
         if self._doubled:
             names = ", ".join(f"'{name[:40]}'" for name in list(self._doubled)[:5])
             self._torn = True
@@ -122,8 +129,7 @@ class JsonSource(GroupedTable):
         if end is not None and _after_blanks(text, end) == len(text):
             self._walk("", first, 0)
             return "json"
-        for document in self._documents(text, start):
-            self._line(document)
+        self._take_lines(text, start)
         return "jsonl"
 
     def _take_list(self, text: str, start: int) -> None:
@@ -131,6 +137,7 @@ class JsonSource(GroupedTable):
         position = _after_blanks(text, start + 1)
         rows = self._group("")
         while position < len(text) and text[position] != "]":
+            budget().tick()
             element, end = self._one(text, position)
             if end is None:
                 self._tear(text, position, str(element))
@@ -149,17 +156,33 @@ class JsonSource(GroupedTable):
         elif _after_blanks(text, position + 1) < len(text):
             self._tear(text, position + 1, "something stands behind the list")
 
-    def _documents(self, text: str, position: int) -> Iterator[Any]:
+    def _take_lines(self, text: str, position: int) -> None:
+        """Take one document after the other; a damaged line is left out, the others are whole."""
         while position < len(text):
-            document, end = self._one(text, position)
-            if end is None:
-                # a damaged line is left out; what stands in the others is whole
-                stop = text.find("\n", position)
-                self._tear(text, position, str(document), last=stop < 0)
-                position = len(text) if stop < 0 else _after_blanks(text, stop)
+            budget().tick()
+            stop = text.find("\n", position)
+            document, end = self._one_line(text, position, len(text) if stop < 0 else stop)
+            if isinstance(document, (dict, list)) and end is not None:
+                self._line(document)
+                position = _after_blanks(text, end)
                 continue
-            yield document
-            position = _after_blanks(text, end)
+            reason = str(document) if end is None else "it is no object"
+            self._tear(text, position, reason, last=stop < 0 and end is None)
+            position = len(text) if stop < 0 else _after_blanks(text, stop)
+
+    def _one_line(self, text: str, position: int, stop: int) -> tuple[Any, int | None]:
+        """Return as `_one` what begins in a line, which most often ends there as well.
+
+        Python counts all lines before a mistake: where there are many, in each line only.
+        """
+        line = text[position:stop].rstrip()
+        try:
+            value, end = self._decoder.raw_decode(line)
+        except json.JSONDecodeError as error:
+            return (error.msg, None) if error.pos < len(line) else self._one(text, position)
+        except (ValueError, RecursionError):
+            return "it cannot be parsed", None
+        return value, position + end
 
     def _one(self, text: str, position: int) -> tuple[Any, int | None]:
         """Return a JSON value and where it ends; or what is wrong, and None."""
@@ -180,16 +203,15 @@ class JsonSource(GroupedTable):
             self._doubled.update(key for key, times in seen.items() if times > 1)
         return found
 
-    def _line(self, document: Any) -> None:
-        if not isinstance(document, (dict, list)):
-            raise TooMuch(f"a line that is {type(document).__name__}, no object")
+    def _line(self, document: dict[str, Any] | list[Any]) -> None:
         topic = document.get(_TOPIC) if isinstance(document, dict) else None
         self._group(topic if isinstance(topic, str) else "").add(document)
 
     def _group(self, name: str) -> Records:
         records = self._records.get(name)
         if records is None:
-            left = _MOST_CELLS - sum(one.count * len(one.columns) for one in self._records.values())
+            most = budget().memory // _NUMBER
+            left = most - sum(one.count * len(one.columns) for one in self._records.values())
             records = self._records[name] = Records(max(left, 0))
         return records
 
@@ -249,7 +271,12 @@ class JsonSource(GroupedTable):
 
     def _tear(self, text: str, position: int, reason: str, *, last: bool = True) -> None:
         self._torn = True
-        line = text.count("\n", 0, position) + 1
+        self._left_out += 1
+        if self._left_out > _MOST_SAID:
+            return
+        counted, lines = self._counted
+        line = lines + text.count("\n", counted, position)
+        self._counted = position, line
         rest = "; everything before was read" if last else "; this line was left out"
         self._notes.append(f"it is damaged or torn in line {line} ({reason}){rest}")
 
