@@ -260,7 +260,7 @@ def test_thousands_of_topics_are_not_gone_through_for_each_of_them(
     monkeypatch.setattr("eha_bench.recordings.information._MOST_VISITS", 3000)
     part = info(path)
     assert sum(bool(topic.values) for topic in part.topics) == 10
-    assert "the values of 140 of 300 topics were not looked at" in part.notes
+    assert "the values of 140 of 300 topics were not read" in part.notes
     assert part.health == "good"
 
 
