@@ -93,7 +93,7 @@ def test_an_effect_that_leaves_noise_is_the_verdict() -> None:
     assert (told.verdict, told.unknown, told.learned) == (Verdict.EFFECT, None, False)
     assert told.fit.cost == 2.0
     assert told.notes == (
-        "said before", "what remains is 1.0% above the noise (50.0% before)",
+        "said before", "the error that remains is 1.0 % above the noise (50.0 % before)",
     )  # fmt: skip
 
 
@@ -104,7 +104,7 @@ def test_half_of_the_excess_is_a_verdict_and_less_is_not(
     curves(0.9)
     told = verdict(search(0.5, beyond(rest), found("backlash")))
     assert (told.verdict is Verdict.EFFECT) is whole
-    more = "what was found does not explain everything: something else is missing"
+    more = "the causes found do not explain everything: something else is missing"
     assert (more in told.notes) is whole
 
 
@@ -135,7 +135,7 @@ def test_what_is_unknown_is_located_and_its_curve_kept(curves: Curves) -> None:
     assert told.unknown is not None
     assert (told.unknown.equation, told.unknown.variables) == ("torque", ("motor_speed",))
     assert told.unknown.share == pytest.approx(0.6)
-    assert told.unknown.description.endswith("a learned curve explains 60% of the excess")
+    assert told.unknown.description.endswith("a learned curve explains 60 % of the excess")
     assert (told.unknown.when, told.unknown.period) == ((), 0.0)
     assert told.learned
     assert [item.template.place for item in told.located] == ["pump"]
@@ -156,8 +156,8 @@ def test_a_period_and_times_are_told_where_there_are_some(curves: Curves) -> Non
     ("share", "says", "learned"),
     [
         (0.11, "and depends on motor_speed", True),
-        (0.006, "a curve of motor_speed explains 1% of the excess, so it depends on several", True),
-        (0.09, "a curve of motor_speed explains 9% of the excess, so it depends on several", True),
+        (0.006, "a curve of motor_speed explains 1 % of the excess, so it depends on", True),
+        (0.09, "a curve of motor_speed explains 9 % of the excess, so it depends on", True),
         (0.004, "no curve that was tried explains any of it", False),
         (-0.2, "no curve that was tried explains any of it", False),
     ],
@@ -209,8 +209,8 @@ def test_a_part_is_named_where_a_curve_explains_less_than_half_of_it(curves: Cur
     state, kept, told = beside(curves, 0.19)
     assert (told.verdict, told.unknown) == (Verdict.EFFECT, None)
     assert told.notes[-1] == (
-        "backlash: 40% of it is explained; more is missing in the torque balance, and a curve of "
-        "one variable would explain 19% of it"
+        "backlash: 40 % of it is explained; more is missing in the torque balance, and a curve of "
+        "one variable would explain 19 % of it"
     )
     assert (state.accepted, told.fit.cost) == (kept, 2.0)
 
@@ -236,4 +236,4 @@ def test_a_search_is_asked_for_by_its_shares_not_its_sizes() -> None:
     state = search(0.5, replace(beyond(0.0, 1.0), total=-40.0), found("backlash"))
     told = verdict(state)
     assert told.verdict is Verdict.EFFECT
-    assert told.notes[1] == "what remains is 0.0% above the noise (50.0% before)"
+    assert told.notes[1] == "the error that remains is 0.0 % above the noise (50.0 % before)"

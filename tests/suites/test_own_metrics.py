@@ -188,7 +188,7 @@ idle: mean(pressure_a)
         ("own:\n  expression: mean(", 3, "metrics.own.expression", "no arithmetic expression"),
         ("own:\n  expression: rise_time\n  unit: blue", 4, "metrics.own.unit", "blue"),
         ("own:\n  expresion: rise_time", 3, "metrics.own.expresion", "unknown key"),
-        ("rise_time: mean(current)", 2, "metrics.rise_time", "something else already"),
+        ("rise_time: mean(current)", 2, "metrics.rise_time", "already the name of"),
         ("two words: rise_time", 2, "metrics.two words", "no name for a metric"),
         ("first: second * 2\nsecond: rise_time", 2, "metrics.first", "not defined above"),
         ("own: own * 2", 2, "metrics.own", "not defined above"),

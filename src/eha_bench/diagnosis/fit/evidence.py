@@ -22,6 +22,7 @@ from scipy.special import ndtr
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.oscillation import oscillation
 from eha_bench.diagnosis.fit.problem import Problem, soften
 
 
@@ -110,7 +111,8 @@ class Excess:
         total: cost above the noise's.
         size: number of residuals.
         structure: mean square of block means over that of white noise, by block length.
-        significance: in standard deviations, of the most structured block length.
+        significance: in standard deviations, of the most structured block length, or of a channel
+            that swings.
         by_channel: channel -> mean square.
     """
 
@@ -152,6 +154,9 @@ def excess(problem: Problem, fit: Fit) -> Excess:
                 # beside single samples: what is white only tells a wrong estimate of the noise
                 above = value / max(1.0, structure.get(1, 1.0)) - 1.0
                 significance = max(significance, above * np.sqrt(count / 2.0))
+    for channel in dict.fromkeys(channel for channel, _ in parts):
+        own = [part for (at, _), part in zip(parts, clipped, strict=True) if at == channel]
+        significance = max(significance, oscillation(own))
     names = problem.plant.outputs
     sums: dict[str, list[float]] = {}
     for channel, part in parts:
