@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from scipy.io import savemat
 
@@ -348,3 +350,18 @@ def test_a_table_of_more_than_a_century_is_a_slip_in_the_rate(tmp_path):
     channels = {"sample_rate": "1e-9 Hz", "channels": {"current": {"column": "i"}}}
     with pytest.raises(RecordingError, match="20 samples at 1e-09 Hz are longer than"):
         recordings.read(path, channels=channels)
+
+
+@pytest.mark.parametrize("double", ["p", "t"])
+def test_columns_of_one_name_are_not_guessed_between(tmp_path: Path, double: str) -> None:
+    """A table may hold two columns of one name; which of them a map means, nobody knows."""
+    frame = pd.DataFrame(np.arange(12.0).reshape(4, 3), columns=["t", "p", "q"])
+    table = pa.Table.from_pandas(frame).rename_columns(["t", "p", double])
+    path = tmp_path / "double.parquet"
+    pq.write_table(table, path)
+    found = recordings.info(path)
+    unread = [item.name for item in found.topics if item.readable == "2 columns have this name"]
+    assert unread == [double, double]
+    columns = {"pressure_a": {"column": "p", "unit": "bar"}}
+    with pytest.raises(RecordingError, match="2 columns have this name"):
+        recordings.read(path, channels={"time": {"column": "t", "unit": "s"}, "channels": columns})

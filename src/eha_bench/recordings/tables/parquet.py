@@ -157,6 +157,12 @@ class ParquetSource(TableSource):
         """
         import pyarrow as pa
 
+        if self.names().count(owner) > 1:
+            raise RecordingError(
+                f"{self.names().count(owner)} columns have this name",
+                where=where,
+                hint="write the table again with a name of its own for each column",
+            )
         kind = self._file.schema_arrow.field(owner).type
         path, in_structs = owner, True
         for step in steps:
