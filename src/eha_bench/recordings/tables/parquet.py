@@ -41,11 +41,14 @@ class ParquetSource(TableSource):
                 hint="its index stands at the end, so a torn file cannot be read",
             ) from error
 
+        # made anew at every access, and as long as the table is wide
+        self._schema = self._file.schema_arrow
+        self._names = tuple(self._schema.names)
         self._describe()
 
     def _describe(self) -> None:
         """Take what eha-bench wrote beside its columns; of another file there is nothing."""
-        raw = (self._file.schema_arrow.metadata or {}).get(DESCRIPTION)
+        raw = (self._schema.metadata or {}).get(DESCRIPTION)
         if raw is None:
             return
         try:
@@ -77,7 +80,7 @@ class ParquetSource(TableSource):
 
     def names(self) -> tuple[str, ...]:
         """Names of the columns."""
-        return tuple(self._file.schema_arrow.names)
+        return self._names
 
     def has(self, name: str) -> bool:
         """Whether there is such a column, or a column that may hold such an element."""
@@ -157,13 +160,14 @@ class ParquetSource(TableSource):
         """
         import pyarrow as pa
 
-        if self.names().count(owner) > 1:
+        places = self._schema.get_all_field_indices(owner)
+        if len(places) > 1:
             raise RecordingError(
-                f"{self.names().count(owner)} columns have this name",
+                f"{len(places)} columns have this name",
                 where=where,
                 hint="write the table again with a name of its own for each column",
             )
-        kind = self._file.schema_arrow.field(owner).type
+        kind = self._schema.field(owner).type
         path, in_structs = owner, True
         for step in steps:
             match step:
