@@ -23,6 +23,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from benchmarks.marked_page import write_between
 from benchmarks.recordings import CHANNELS, ten_minutes, write_twelve
 from fixtures.rig.case import Conditions, record_case
 from fixtures.rig.plans import make_plans
@@ -323,12 +324,7 @@ MARKS = ("<!-- table by benchmarks.growth -->", "<!-- end of the table -->")
 
 def write_page(growths: list[Growth], page: Path) -> None:
     """Put table and figure into a page, between its marks."""
-    before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
-    _, mark, after = rest.partition(MARKS[1])
-    if not mark:
-        raise SystemExit(f"{page} has no lines '{MARKS[0]}' and '{MARKS[1]}' to write between")
-    text = f"{before}{MARKS[0]}\n\n{table(growths)}\n\n{MARKS[1]}{after}"
-    page.write_text(text, encoding="utf-8")
+    write_between(page, MARKS, table(growths))
     draw(growths, page.parent / "images" / "growth.svg")
 
 

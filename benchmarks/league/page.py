@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from benchmarks.marked_page import write_between
+
 MARKS = ("<!-- tables by benchmarks.league -->", "<!-- end of the tables -->")
 SHOWN = 12
 """Confusions of an entrant that are shown, the most frequent first."""
@@ -56,9 +58,4 @@ def write_page(results: Mapping[str, Any], page: Path) -> None:
     Raises:
         SystemExit: the page has none.
     """
-    before, _, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
-    _, mark, after = rest.partition(MARKS[1])
-    if not mark:
-        raise SystemExit(f"{page} has no lines '{MARKS[0]}' and '{MARKS[1]}' to write between")
-    text = f"{before}{MARKS[0]}\n\n{tables(results)}\n\n{MARKS[1]}{after}"
-    page.write_text(text, encoding="utf-8")
+    write_between(page, MARKS, tables(results))

@@ -14,8 +14,8 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 
-# sum of the squares of (1, -3, 3, -1)
-_THIRD = 20.0
+THIRD = 20.0
+"""Mean square of third differences of white noise of 1: the squares of (1, -3, 3, -1) summed."""
 _BLOCK = 100
 # median over mean of a block's mean square: chi2 with 100 / 2.31 degrees of freedom, the 2.31 from
 # the correlation of third differences of white noise (-0.75, 0.3, -0.05)
@@ -49,7 +49,7 @@ def noise_of(values: FloatArray) -> float:
     else:
         whole = third[: third.size // _BLOCK * _BLOCK].reshape(-1, _BLOCK)
         middle = float(np.median(np.mean(whole**2, axis=1)))
-        spread = float(np.sqrt(middle / _MEDIAN / _THIRD))
+        spread = float(np.sqrt(middle / _MEDIAN / THIRD))
     step = quantum_of(values[good])
     return max(spread, step / float(np.sqrt(12.0)))
 
@@ -87,7 +87,7 @@ def noise_of_input(values: FloatArray) -> float:
 
 def _usual(third: FloatArray) -> float:
     """Return the noise's standard deviation that most third differences speak for."""
-    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(_THIRD))
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(THIRD))
 
 
 def quantum_of(values: FloatArray) -> float:

@@ -55,11 +55,12 @@ def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | 
         wander = wandering(problem, fit)
     if wander:
         wandered = with_wander(problem, wander)
-        if excess(wandered, refitted(wandered, fit)).significance > REST_SIGNIFICANCE:
+        beside = refitted(wandered, fit)
+        if excess(wandered, beside).significance > REST_SIGNIFICANCE:
             wander = {}
         else:
-            problem = wandered
-    found = renoised(search, problem)
+            problem, fit = wandered, beside
+    found = renoised(search, problem, fit)
     return _with_noise(replace(base, fit=found.base), problem, wander), found
 
 

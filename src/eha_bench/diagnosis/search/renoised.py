@@ -5,21 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.evidence import compare, excess, groups_of
-from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.fit.wandering import refitted
 from eha_bench.diagnosis.search.backward import drop, without
 from eha_bench.diagnosis.search.state import Search, Thresholds
 
 
-def renoised(search: Search, problem: Problem, limits: Thresholds | None = None) -> Search:
+def renoised(
+    search: Search, problem: Problem, fit: Fit, limits: Thresholds | None = None
+) -> Search:
     """Return a search with what was found fitted again, less what is not believed there.
 
     Args:
-        search: finished. problem: the same windows, with other noise. limits: of what is believed.
+        search: finished. problem: the same windows, with other noise. fit: what was found, there.
+        limits: of what is believed.
     """
     limits = limits or Thresholds()
-    fit = refitted(problem, search.fit)
     base = fit
     if search.accepted:
         base = levenberg_marquardt(problem, search.base.vector, search.base.free, refresh=1)
