@@ -43,7 +43,7 @@ from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
 from eha_bench.comparison.sequential import FIRST_LOOK, sequential, shares
 from eha_bench.comparison.side import Side
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.workers import workers_from
@@ -66,7 +66,7 @@ trials:
 ANY = "0 % of baseline"
 """The smallest difference that matters where any does: only the tests stand against noise then."""
 
-SAID = (Verdict.WORSE, Verdict.BETTER, Verdict.CHANGED)
+SAID = (ComparisonVerdict.WORSE, ComparisonVerdict.BETTER, ComparisonVerdict.CHANGED)
 
 
 def pool(repeats: int) -> Result:
@@ -177,7 +177,7 @@ def slow_downs(whole: Result, pairs: int) -> Iterator[Line]:
             hits, false = [], []
             for a, b in draws(whole, repeats, pairs, 1.0 + share):
                 found = compare_sides(a, b)
-                worse = found.of(Verdict.WORSE)
+                worse = found.of(ComparisonVerdict.WORSE)
                 hits.append(any(item.metric == "response_time" for item in worse))
                 false.append(any(item.unit != "s" for item in found.of(*SAID)))
             least = 0.95 if (repeats, share) == (10, 0.10) else None
@@ -215,10 +215,10 @@ def interleaved(whole: Result, pairs: int) -> Iterator[Line]:
         for a, b in draws(whole, 10, pairs, 1.0 + share):
             for count in range(FIRST_LOOK, 11):
                 found = compare_sides(first(a, count), first(b, count), looks=looks)
-                if not found.of(Verdict.UNDECIDED):
+                if not found.of(ComparisonVerdict.UNDECIDED):
                     break
             used.append(count)
-            worse = any(i.metric == "response_time" for i in found.of(Verdict.WORSE))
+            worse = any(i.metric == "response_time" for i in found.of(ComparisonVerdict.WORSE))
             hits.append(worse if share else said_something(found))
         what = f"response time {share:.0%} slower" if share else "no difference"
         limits = {"least": 0.95} if share else {"most": 0.05}

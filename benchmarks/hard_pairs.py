@@ -19,13 +19,13 @@ from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Comparison
 from eha_bench.comparison.sequential import FIRST_LOOK, shares
 from eha_bench.comparison.side import Side
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
 
 ANY = "0 % of baseline"
-SAID = (Verdict.WORSE, Verdict.BETTER, Verdict.CHANGED)
+SAID = (ComparisonVerdict.WORSE, ComparisonVerdict.BETTER, ComparisonVerdict.CHANGED)
 FAMILY = 20
 
 
@@ -58,7 +58,7 @@ def _said(found: Comparison) -> bool:
 
 def _line(what: str, found: list[Comparison], most: float = 0.05) -> Line:
     verdicts = Counter(item.verdict for one in found for item in one.items)
-    open_ones = verdicts[Verdict.UNDECIDED] / max(1, verdicts.total())
+    open_ones = verdicts[ComparisonVerdict.UNDECIDED] / max(1, verdicts.total())
     line = rate(what, [_said(one) for one in found], most=most)
     return Line(line.what, line.tried, line.share, line.wanted, line.kept,
                 f"undecided {open_ones:.0%} of metrics")  # fmt: skip
@@ -127,7 +127,9 @@ def _taking_turns(pairs: int) -> Iterator[Line]:
         a, b = rng.normal(size=(2, 20, 1))
         b[rng.permutation(20)[:11]] = np.nan
         (item,) = compare_sides(side_of(a), side_of(b), looks=shares(20)).items
-        hits.append(item.verdict is Verdict.WORSE and "not scored any more" in item.reason)
+        hits.append(
+            item.verdict is ComparisonVerdict.WORSE and "not scored any more" in item.reason
+        )
     yield rate("ab, 11 of B's 20 runs unscored: worse, not scored any more", hits, least=0.95)
 
 
@@ -136,14 +138,19 @@ def _plain(pairs: int) -> Iterator[Line]:
     same = []
     for place in range(pairs):
         runs = side_of(rng.normal(size=(1 + place % 10, 3)), ("", ANY)[place % 2])
-        same.append(all(i.verdict is Verdict.SAME for i in compare_sides(runs, runs).items))
+        same.append(
+            all(i.verdict is ComparisonVerdict.SAME for i in compare_sides(runs, runs).items)
+        )
     yield rate("a result against itself: same", same, least=1.0)
     open_ones = []
     for _ in range(pairs):
         found = compare_sides(*(side_of(rng.normal(size=(1, 3)), "") for _ in range(2)))
-        open_ones.append(all(
-            i.verdict is Verdict.UNDECIDED and "one run a side" in i.reason for i in found.items
-        ))  # fmt: skip
+        open_ones.append(
+            all(
+                i.verdict is ComparisonVerdict.UNDECIDED and "one run a side" in i.reason
+                for i in found.items
+            )
+        )
     yield rate("one against one: undecided, one run a side", open_ones, least=1.0)
 
 
@@ -155,7 +162,7 @@ def _at_the_margin(pairs: int) -> Iterator[Line]:
         for _ in range(pairs):
             a, b = scatter * rng.normal(size=(2, 8, 1))
             found.append(compare_sides(side_of(a, "2 s"), side_of(b + 2.0, "2 s")))
-        worse = [bool(one.of(Verdict.WORSE)) for one in found]
+        worse = [bool(one.of(ComparisonVerdict.WORSE)) for one in found]
         yield rate(
             f"worse by no more than what matters, scatter {scatter:g} of 2", worse, most=0.05
         )
@@ -180,6 +187,6 @@ def _found(pairs: int) -> Iterator[Line]:
         for _ in range(tried):
             a, b = 0.5 * rng.normal(size=(2, count, metrics))
             found = compare_sides(side_of(a, ""), side_of(b + share, ""))
-            undecided += [item.verdict is Verdict.UNDECIDED for item in found.items]
+            undecided += [item.verdict is ComparisonVerdict.UNDECIDED for item in found.items]
         what = f"undecided, {share:g} % slower, {count} and {count}, {metrics} metric(s)"
         yield rate(what, undecided, most=before + 0.10)

@@ -22,7 +22,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.plants.model import Model
 from eha_bench.targets.closed_loop import ClosedLoop
-from eha_bench.targets.sensors import RIG_SENSORS, Sensor
+from eha_bench.targets.sensors import RIG_SENSORS, SimulatedSensor
 from eha_bench.targets.simulator import Simulator
 from eha_bench.targets.target import Outcome, Stopping, never
 
@@ -105,7 +105,7 @@ class Rig:
     """What is needed to run trials on a rig: its loop for a trial, and its sensors."""
 
     loop: Callable[[Trial], Loop]
-    sensors: dict[str, Sensor]
+    sensors: dict[str, SimulatedSensor]
 
     @staticmethod
     def knee(settings: Mapping[str, float]) -> Rig:
@@ -115,7 +115,9 @@ class Rig:
     @staticmethod
     def foreign(plant: Plant, settings: Settings) -> Rig:
         """Return a foreign plant's rig."""
-        sensors = {c.name: Sensor(noise=c.noise, resolution=c.step) for c in plant.measured}
+        sensors = {
+            c.name: SimulatedSensor(noise=c.noise, resolution=c.step) for c in plant.measured
+        }
         return Rig(lambda trial: ForeignLoop(plant, settings, trial), sensors)
 
 
@@ -130,7 +132,7 @@ class RigSimulator(Simulator):
         self,
         model: Model | None = None,
         controllers: ControllerSet | None = None,
-        sensors: dict[str, Sensor] | None = None,
+        sensors: dict[str, SimulatedSensor] | None = None,
     ) -> RigSimulator:
         """Return the same rig under other controllers; its sensors are its own."""
         del sensors

@@ -41,7 +41,7 @@ from eha_bench.suites import Suite, load_suite
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.evaluation import evaluated
 from eha_bench.targets.simulator import Simulator
-from eha_bench.tuning.tune import Effort, Tuned, tune
+from eha_bench.tuning.tune import SearchEffort, Tuned, tune
 from eha_bench.tuning.vary_file import VaryFile, load_vary
 
 KNEE, VALVE = "eha_knee", "valve_cylinder"
@@ -165,7 +165,7 @@ def tuned(
     suite: Suite, simulator: Simulator, vary: VaryFile, posterior: Posterior | None, given: Any
 ) -> Tuned:
     """Tune gains on a simulator, or on a rig in its place."""
-    effort = Effort(candidates=given.candidates, draws=given.draws, seed=1)
+    effort = SearchEffort(candidates=given.candidates, draws=given.draws, seed=1)
     workers = workers_from(given.workers) if given.workers else HERE
     return tune(Case(suite, simulator), vary, posterior, effort=effort, workers=workers)
 

@@ -21,7 +21,7 @@ from eha_bench.posterior.posterior import Component, Posterior
 from eha_bench.suites import load_suite
 from eha_bench.sweeps.case import Case, case_of
 from eha_bench.sweeps.probability import probability
-from eha_bench.tuning.tune import Effort, tune
+from eha_bench.tuning.tune import SearchEffort, tune
 from eha_bench.tuning.vary_file import load_vary
 
 UNKNOWN = {
@@ -77,7 +77,7 @@ def main() -> None:
     for most in TIGHT[-given.suites :]:
         loaded = load_suite(suite(most))
         case: Case = case_of(loaded, open_target("physical", loaded.file))
-        effort = Effort(given.candidates, min(given.draws, 10), given.draws, seed=1)
+        effort = SearchEffort(given.candidates, min(given.draws, 10), given.draws, seed=1)
         found = tune(case, load_vary(VARY), known, effort=effort, workers=workers)
         assert found.after is not None
         assert found.declared is not None

@@ -59,6 +59,18 @@ def test_ordinary_text_is_not_foreign() -> None:
     assert not [what for what, pattern in FOREIGN.items() if pattern.search(text)]
 
 
+def test_a_class_name_stands_for_one_thing() -> None:
+    homes: dict[str, list[str]] = {}
+    for path in SOURCES:
+        if "templates" in path.parts:
+            continue  # what `init` writes into projects, each a program of its own
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                homes.setdefault(node.name, []).append(f"{path.name}:{node.lineno}")
+    assert len(homes) > 500
+    assert not {name: places for name, places in homes.items() if len(places) > 1}
+
+
 def test_no_tracked_file_names_this_machine_or_a_package_index() -> None:
     found = []
     for file in tracked_files():

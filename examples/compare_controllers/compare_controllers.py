@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 import eha_bench as eb
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.verdict import ComparisonVerdict
 
 HERE = Path(__file__).resolve().parent
 
@@ -25,7 +25,7 @@ def main(folder: Path) -> int:
     found = eb.compare(folder / "tuned", folder / "gentle", folder / "comparison")
     counts = [f"{number} {word}" for word, number in found.counts().items() if number]
     print(f"gentle against tuned: {found.status} ({', '.join(counts)})")
-    for item in found.of(Verdict.BETTER, Verdict.WORSE):
+    for item in found.of(ComparisonVerdict.BETTER, ComparisonVerdict.WORSE):
         print(f"  {item.trial} {item.metric}: {item.verdict} by {100 * abs(item.share):.1f} %")
     print(folder / "comparison" / "comparison.html")
     return 0

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         sweep,
         tune,
     )
-    from eha_bench.comparing import ab, compare, history
+    from eha_bench.comparison_api import ab, compare, history
     from eha_bench.core.recording import Recording
     from eha_bench.core.result import Result
     from eha_bench.diagnosis.replay.prediction import predict
@@ -36,9 +36,9 @@ _HOME = {
     "write": "eha_bench.recordings",
     "calibrate": "eha_bench.diagnosis.run",
     "diagnose": "eha_bench.api",
-    "ab": "eha_bench.comparing",
-    "compare": "eha_bench.comparing",
-    "history": "eha_bench.comparing",
+    "ab": "eha_bench.comparison_api",
+    "compare": "eha_bench.comparison_api",
+    "history": "eha_bench.comparison_api",
     "predict": "eha_bench.diagnosis.replay.prediction",
     "load_suite": "eha_bench.suites",
     "next_experiment": "eha_bench.api",

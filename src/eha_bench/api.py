@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from eha_bench.bench.judging import RECORDINGS, score_recordings
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
-from eha_bench.bench.scoring import RECORDINGS, score_recordings
 from eha_bench.bench.store import Shelf
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.atomic_file import write_text
@@ -43,14 +43,14 @@ from eha_bench.sweeps.case import case_of
 from eha_bench.sweeps.conditions import ANY, conditions_of
 from eha_bench.sweeps.probability import Probability, judged_only
 from eha_bench.sweeps.probability import probability as passing
-from eha_bench.sweeps.sweep import Sweep, prepared, run_sweep
+from eha_bench.sweeps.sweep import SweepResult, prepared, run_sweep
 from eha_bench.sweeps.sweep_file import load_sweep
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Target
 from eha_bench.tuning.aim import Robust
 from eha_bench.tuning.files import write_tuned
-from eha_bench.tuning.tune import Effort, Tuned, gains_space
+from eha_bench.tuning.tune import SearchEffort, Tuned, gains_space
 from eha_bench.tuning.tune import tune as find_gains
 from eha_bench.tuning.vary_file import load_vary
 
@@ -134,7 +134,7 @@ def sweep(
     resume: bool = False,
     workers: str | int | None = None,
     progress: Progress = silent,
-) -> Sweep:
+) -> SweepResult:
     """Run a suite over gains, parameters, effects or keys of trials; write table and page.
 
     Args:
@@ -259,7 +259,7 @@ def tune(  # noqa: PLR0913 - as the options of the command
     known = None if at is None else read_posterior(at, case.simulator.model)
     found = find_gains(
         case, file, known,
-        effort=Effort(candidates, min(draws, Effort.few), draws, seed),
+        effort=SearchEffort(candidates, min(draws, SearchEffort.few), draws, seed),
         aim=Robust(robust).aim if robust else None,
         conditions=conditions_of(case, load_sweep(conditions)) if conditions is not None else ANY,
         workers=workers_from(workers), progress=progress,

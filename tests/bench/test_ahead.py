@@ -16,7 +16,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import Here, Workers
-from eha_bench.core.workers import Outcome as Done
+from eha_bench.core.workers import ItemOutcome as Done
 from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never

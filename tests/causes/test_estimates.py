@@ -7,8 +7,8 @@ import pytest
 
 from eha_bench.causes.cause import Cause
 from eha_bench.causes.estimates import Estimates, estimates
-from eha_bench.causes.evidence import Evidence
-from eha_bench.causes.wearing import Course, attribution_of, course_of, healthy_nights
+from eha_bench.causes.evidence import NightEvidence
+from eha_bench.causes.wearing import CauseCourse, attribution_of, course_of, healthy_nights
 
 NAMES = ("friction", "leakage", "stiffness", "delay", "air")
 CALIBRATED = 3
@@ -35,7 +35,7 @@ def curvature() -> np.ndarray:
 
 def life(
     rng: np.random.Generator, worn: dict[str, float], nights: int = 24, *, logged: bool = True
-) -> list[Evidence]:
+) -> list[NightEvidence]:
     """Nights of which the causes `worn` grow by steps a night from the twelfth on."""
     normal = curvature()
     root = np.linalg.cholesky(normal)
@@ -50,11 +50,11 @@ def life(
             true[NAMES.index(name)] += rate * max(0, night - 11)
         slope = normal @ true + root @ rng.normal(size=len(NAMES))
         oil = float(warm[night]) if logged else math.nan
-        found.append(Evidence(NAMES, slope, normal, {}, 1000.0, 1000, oil))
+        found.append(NightEvidence(NAMES, slope, normal, {}, 1000.0, 1000, oil))
     return found
 
 
-def seen(nights: list[Evidence]) -> tuple[Estimates, list[Course]]:
+def seen(nights: list[NightEvidence]) -> tuple[Estimates, list[CauseCourse]]:
     sizes = np.abs(HEALTHY) / STEPS
     healthy = 8
     for _ in range(4):
@@ -107,7 +107,7 @@ def test_a_night_blind_to_a_cause_says_nothing_of_it() -> None:
     normal = nights[0].curvature.copy()
     normal[:, 4] = normal[4, :] = 0.0
     blind = [
-        Evidence(NAMES, np.where(np.arange(5) == 4, 0.0, night.slope), normal, {}, 1.0, 1)
+        NightEvidence(NAMES, np.where(np.arange(5) == 4, 0.0, night.slope), normal, {}, 1.0, 1)
         for night in nights
     ]
     found, courses = seen(blind)
@@ -137,10 +137,10 @@ def test_an_interval_holds_as_often_as_it_says() -> None:
 
 def test_evidence_comes_back_from_json() -> None:
     night = life(np.random.default_rng(1), {}, nights=1)[0]
-    again = Evidence.from_dict(night.to_dict())
+    again = NightEvidence.from_dict(night.to_dict())
     assert np.array_equal(again.slope, night.slope)
     assert np.array_equal(again.curvature, night.curvature)
     assert again.oil_temperature == night.oil_temperature
-    failed = Evidence.from_dict(Evidence.none(NAMES, "no recording").to_dict())
+    failed = NightEvidence.from_dict(NightEvidence.none(NAMES, "no recording").to_dict())
     assert failed.failed == "no recording"
     assert math.isnan(failed.cost)

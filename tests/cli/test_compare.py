@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from eha_bench.comparing import ab
+from eha_bench.comparison_api import ab
 from eha_bench.core.errors import InputError
 
 from .conftest import SUITE, Cli

@@ -16,7 +16,7 @@ from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Compared, Comparison
 from eha_bench.comparison.sequential import shares
 from eha_bench.comparison.side import Side, load_side
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.errors import InputError
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure
@@ -47,35 +47,40 @@ def only(found: Comparison) -> Compared:
 @pytest.mark.parametrize(
     ("factor", "metric", "expected"),
     [
-        (1.10, "rise_time", Verdict.WORSE),
-        (0.90, "rise_time", Verdict.BETTER),
-        (1.0, "rise_time", Verdict.SAME),
-        (1.10, "bandwidth_3db", Verdict.BETTER),
-        (1.10, "amplitude_ratio", Verdict.WORSE),
-        (1.10, "peak", Verdict.CHANGED),
-        (1.10, "metric_of_another_house", Verdict.CHANGED),
+        (1.10, "rise_time", ComparisonVerdict.WORSE),
+        (0.90, "rise_time", ComparisonVerdict.BETTER),
+        (1.0, "rise_time", ComparisonVerdict.SAME),
+        (1.10, "bandwidth_3db", ComparisonVerdict.BETTER),
+        (1.10, "amplitude_ratio", ComparisonVerdict.WORSE),
+        (1.10, "peak", ComparisonVerdict.CHANGED),
+        (1.10, "metric_of_another_house", ComparisonVerdict.CHANGED),
     ],
 )
-def test_the_verdict_follows_the_metric(factor: float, metric: str, expected: Verdict) -> None:
+def test_the_verdict_follows_the_metric(
+    factor: float, metric: str, expected: ComparisonVerdict
+) -> None:
     other = [factor * value for value in 1.0 + 0.004 * RNG.normal(size=8)]
     found = compare(result(BASE, metric), result(other, metric))
     assert only(found).verdict is expected
-    assert found.exit_status == int(expected is Verdict.WORSE)
+    assert found.exit_status == int(expected is ComparisonVerdict.WORSE)
     json.loads(found.to_json())
 
 
 def test_a_limit_tells_the_direction_of_an_unknown_metric() -> None:
     worse = [1.1 * value for value in BASE]
-    for limit, verdict in (("<= 2 s", Verdict.WORSE), (">= 0.5 s", Verdict.BETTER)):
+    for limit, verdict in (
+        ("<= 2 s", ComparisonVerdict.WORSE),
+        (">= 0.5 s", ComparisonVerdict.BETTER),
+    ):
         found = compare(result(BASE, "own", limit=limit), result(worse, "own", limit=limit))
         assert only(found).verdict is verdict
 
 
 def test_the_suite_says_what_matters() -> None:
     slower = [1.05 * value for value in BASE]
-    assert only(compare(result(BASE), result(slower))).verdict is Verdict.WORSE
+    assert only(compare(result(BASE), result(slower))).verdict is ComparisonVerdict.WORSE
     found = compare(result(BASE, matters="10 %"), result(slower, matters="10 %"))
-    assert only(found).verdict is Verdict.SAME
+    assert only(found).verdict is ComparisonVerdict.SAME
     assert only(found).margin == pytest.approx(0.1 * np.mean(BASE))
 
 
@@ -83,14 +88,14 @@ def test_undecided_says_how_many_more_repeats() -> None:
     noisy = list(1.0 + 0.3 * RNG.normal(size=4))
     other = list(1.25 + 0.3 * RNG.normal(size=4))
     item = only(compare(result(noisy, matters="2 %"), result(other, matters="2 %")))
-    assert item.verdict is Verdict.UNDECIDED
+    assert item.verdict is ComparisonVerdict.UNDECIDED
     assert item.more_repeats is None or item.more_repeats > 0
 
 
 def test_one_run_on_each_side_decides_nothing() -> None:
     found = compare(result([0.0400]), result([0.0500]))
     item = only(found)
-    assert item.verdict is Verdict.UNDECIDED
+    assert item.verdict is ComparisonVerdict.UNDECIDED
     assert item.reason == "one run a side"
     assert found.exit_status == 0
     assert "one run a side" in comparison_markdown(found).lower()
@@ -101,12 +106,12 @@ def test_one_run_on_each_side_decides_nothing() -> None:
 def test_a_result_is_the_same_as_itself(values: list[float]) -> None:
     for matters in ("", "0 s"):
         item = only(compare(result(values, matters=matters), result(values, matters=matters)))
-        assert item.verdict is Verdict.SAME
+        assert item.verdict is ComparisonVerdict.SAME
         assert "identical" in item.method
 
 
 def test_deterministic_repeats_are_named() -> None:
-    for factor, verdict in ((1.1, Verdict.WORSE), (1.001, Verdict.SAME)):
+    for factor, verdict in ((1.1, ComparisonVerdict.WORSE), (1.001, ComparisonVerdict.SAME)):
         item = only(compare(result([0.04] * 3), result([factor * 0.04] * 3)))
         assert item.verdict is verdict
         assert "deterministic" in item.method
@@ -122,7 +127,9 @@ def test_deterministic_repeats_are_named() -> None:
         )  # fmt: skip
         sides.append(replace(content, trials=runs))
     found = compare(*sides)
-    assert {item.metric: item.verdict for item in found.items}["rise_time"] is Verdict.UNDECIDED
+    assert {item.metric: item.verdict for item in found.items}[
+        "rise_time"
+    ] is ComparisonVerdict.UNDECIDED
 
 
 def test_what_matters_does_not_grow_with_the_scatter() -> None:
@@ -140,7 +147,7 @@ def test_a_difference_that_need_not_matter_is_not_worse() -> None:
     other = [1.021 * value for value in 1.0 + 0.004 * RNG.normal(size=8)]
     item = only(compare(result(BASE), result(other)))
     assert item.difference > item.margin > item.low
-    assert item.verdict is Verdict.UNDECIDED
+    assert item.verdict is ComparisonVerdict.UNDECIDED
     assert "may be smaller than what matters" in item.reason
 
 
@@ -148,7 +155,7 @@ def test_repeats_that_are_alike_are_said() -> None:
     rng = np.random.default_rng(4)
     walks = [list(10.0 + np.cumsum(rng.normal(size=20))) for _ in range(2)]
     item = only(compare(result(walks[0], matters="0 s"), result(walks[1], matters="0 s")))
-    assert item.verdict is Verdict.UNDECIDED
+    assert item.verdict is ComparisonVerdict.UNDECIDED
     assert "neighbouring repeats are correlated" in item.reason
 
 
@@ -157,19 +164,19 @@ def test_what_a_side_of_pairs_loses_is_worse() -> None:
     lost = [math.nan if i % 9 < 5 else value for i, value in enumerate(values)]
     found = compare_sides(side(result(values)), side(result(lost)), looks=shares(20))
     item = only(found)
-    assert item.verdict is Verdict.WORSE
+    assert item.verdict is ComparisonVerdict.WORSE
     assert item.reason == "not scored any more (not scored: 12 of 20 in the candidate)"
 
 
 def test_what_is_lost_is_worse() -> None:
     lost = result([math.nan] * 8, reason="not settled")
     found = only(compare(result(BASE), lost))
-    assert found.verdict is Verdict.WORSE
+    assert found.verdict is ComparisonVerdict.WORSE
     assert "not settled" in found.reason
     single = only(compare(result(BASE[:1]), result([math.nan], reason="not settled")))
-    assert single.verdict is Verdict.UNDECIDED
+    assert single.verdict is ComparisonVerdict.UNDECIDED
     assert "not settled" in single.reason
-    assert only(compare(lost, lost)).verdict is Verdict.NOT_COMPARED
+    assert only(compare(lost, lost)).verdict is ComparisonVerdict.NOT_COMPARED
 
 
 def test_other_targets_are_refused_unless_meant() -> None:
@@ -178,7 +185,7 @@ def test_other_targets_are_refused_unless_meant() -> None:
         compare(result(BASE), rig)
     found = compare(result(BASE), rig, across_targets=True)
     assert any("Different targets" in caveat for caveat in found.caveats)
-    assert only(found).verdict is Verdict.SAME
+    assert only(found).verdict is ComparisonVerdict.SAME
     # models are what is compared, on one simulator
     compare(result(BASE), result(BASE, target="simulator:revised"))
 
@@ -193,16 +200,16 @@ def test_other_hosts_of_a_rig_are_said() -> None:
 def test_another_version_of_the_suite_is_compared_only_where_the_trial_is_the_same() -> None:
     old, new = result(BASE, suite_sha256="1"), result(BASE, suite_sha256="2")
     found = compare(old, new)
-    assert only(found).verdict is Verdict.NOT_COMPARED
+    assert only(found).verdict is ComparisonVerdict.NOT_COMPARED
     assert found.exit_status == 2
     assert any("versions of the suite" in caveat for caveat in found.caveats)
     same = compare(
         result(BASE, suite_sha256="1", definition="x"),
         result(BASE, suite_sha256="2", definition="x"),
     )
-    assert only(same).verdict is Verdict.SAME
+    assert only(same).verdict is ComparisonVerdict.SAME
     changed = compare(result(BASE, definition="x"), result(BASE, definition="y"))
-    assert only(changed).verdict is Verdict.NOT_COMPARED
+    assert only(changed).verdict is ComparisonVerdict.NOT_COMPARED
 
 
 def test_missing_trials_and_mixed_units_are_said() -> None:
@@ -210,9 +217,12 @@ def test_missing_trials_and_mixed_units_are_said() -> None:
     more = replace(both, trials=(*both.trials, *result(BASE, trial="sine").trials))
     found = compare(more, both)
     assert any("sine is missing in the candidate" in caveat for caveat in found.caveats)
-    assert [item.verdict for item in found.items] == [Verdict.SAME, Verdict.NOT_COMPARED]
+    assert [item.verdict for item in found.items] == [
+        ComparisonVerdict.SAME,
+        ComparisonVerdict.NOT_COMPARED,
+    ]
     mixed = compare(result(BASE), result(BASE, unit="ms"))
-    assert only(mixed).verdict is Verdict.NOT_COMPARED
+    assert only(mixed).verdict is ComparisonVerdict.NOT_COMPARED
     assert "'ms'" in only(mixed).reason
 
 
@@ -220,7 +230,7 @@ def test_runs_that_came_to_no_end_are_left_out() -> None:
     faulty = result(BASE)
     stopped = TrialResult("step", 9, Status.FAULT, "", "", (score("rise_time", 9.0),), reason="x")
     found = compare(result(BASE), replace(faulty, trials=(*faulty.trials, stopped)))
-    assert only(found).verdict is Verdict.SAME
+    assert only(found).verdict is ComparisonVerdict.SAME
     assert any("did not finish" in caveat for caveat in found.caveats)
 
 
@@ -337,13 +347,13 @@ def test_no_difference_is_called_one_in_at_most_five_per_cent() -> None:
                 )  # fmt: skip
                 both.append(Result("s", "t", Status.PASSED, runs))
             found = compare(*both)
-            wrong += bool(found.of(Verdict.WORSE, Verdict.BETTER))
+            wrong += bool(found.of(ComparisonVerdict.WORSE, ComparisonVerdict.BETTER))
         # 150 at 5 %: 14 or more by chance once in 60
         assert wrong < 14
 
 
 def test_rows_of_a_trial_and_an_aspect_stand_together(tmp_path: Path) -> None:
-    item = Compared("a", "", "x", "s", verdict=Verdict.WORSE, margin=1.0)
+    item = Compared("a", "", "x", "s", verdict=ComparisonVerdict.WORSE, margin=1.0)
     items = tuple(
         replace(item, trial=trial, metric=metric, difference=size)
         for trial, metric, size in (

@@ -18,7 +18,7 @@ from eha_bench.diagnosis.outcome import decide as module
 from eha_bench.diagnosis.outcome.decide import Decision, decide
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.search.state import Accepted, Search
-from eha_bench.diagnosis.unknown.curves import Located
+from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.places import Template
 
 SIZE = 1000
@@ -71,7 +71,7 @@ def curves(monkeypatch: pytest.MonkeyPatch) -> Curves:
         *, places: int = 2, located: bool = True,
     ) -> None:  # fmt: skip
         template = Template(equation, "flow", "pump", variable)
-        curve = Located(template, share, np.zeros(2), np.zeros(2))
+        curve = LocatedCurve(template, share, np.zeros(2), np.zeros(2))
         locator = SimpleNamespace(short=None)
         monkeypatch.setattr(
             module, "locate", lambda *_: (locator, equation, [curve] if located else [])

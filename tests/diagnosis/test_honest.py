@@ -19,7 +19,7 @@ from eha_bench.cli.app import app
 from eha_bench.core.errors import BUG
 from eha_bench.diagnosis import run as running
 from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.evidence import Comparison
+from eha_bench.diagnosis.fit.evidence import Improvement
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.honest import _against, curve_is_worse, worse
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -27,7 +27,7 @@ from eha_bench.diagnosis.run import diagnose
 from eha_bench.diagnosis.search.state import Accepted, Thresholds
 from eha_bench.plants.model import Model
 
-GOOD = Comparison(5e4, 5e4, 0.9, 0.9, 1e-9, 1.0, 0.9)
+GOOD = Improvement(5e4, 5e4, 0.9, 0.9, 1e-9, 1.0, 0.9)
 
 
 def error(before: float, after: float, floor: float = 1.0, start: float = 0.0) -> ChannelError:

@@ -7,12 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 
 from eha_bench.diagnosis.unknown.locator import Locator
-from eha_bench.diagnosis.unknown.places import Place
+from eha_bench.diagnosis.unknown.places import SuspectPlace
 
 
 def test_no_other_channel_makes_no_case_against_a_sensor():
     locator = object.__new__(Locator)
     locator.plant = SimpleNamespace(outputs=("pressure_a", "pressure_b"))  # type: ignore[assignment]
     locator.channels = np.array([0, 1, 0, 1])
-    place = Place("measurement", "additive", "pressures", ("time",), ("pressure_a", "pressure_b"))
+    place = SuspectPlace(
+        "measurement", "additive", "pressures", ("time",), ("pressure_a", "pressure_b")
+    )
     assert locator._left(place, np.zeros(4)) == 1.0

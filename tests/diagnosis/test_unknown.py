@@ -26,7 +26,7 @@ from eha_bench.diagnosis.outcome import decide as decide_module
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.search.state import Accepted, Search
-from eha_bench.diagnosis.unknown.curves import Located
+from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.free_input import Support
 from eha_bench.diagnosis.unknown.locator import (
     Offered,
@@ -35,7 +35,7 @@ from eha_bench.diagnosis.unknown.locator import (
     described,
     locate,
 )
-from eha_bench.diagnosis.unknown.places import Place, Template, places_of
+from eha_bench.diagnosis.unknown.places import SuspectPlace, Template, places_of
 from eha_bench.plants.effects.learned import KNOTS
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive, Plant, get_plant
@@ -43,7 +43,7 @@ from eha_bench.plants.plant import Drive, Plant, get_plant
 EMPTY = np.zeros(0)
 
 
-def offered(place: Place, support: float, left: float = 0.0) -> Offered:
+def offered(place: SuspectPlace, support: float, left: float = 0.0) -> Offered:
     return Offered(place, 1.0, EMPTY, Support(support, 0.0, 0.0, EMPTY, EMPTY), support, left)
 
 
@@ -70,9 +70,9 @@ def test_a_balance_is_preferred_to_a_sensor(support: float, left: float) -> None
 class _Describing:
     """Describes by any variable, worth the place's support."""
 
-    def described(self, items: Sequence[Offered]) -> list[Located]:
+    def described(self, items: Sequence[Offered]) -> list[LocatedCurve]:
         return [
-            Located(
+            LocatedCurve(
                 Template(o.place.equation, o.place.form, o.place.at, v), o.support, EMPTY, EMPTY
             )
             for o in items
@@ -81,7 +81,7 @@ class _Describing:
 
 
 def test_both_chambers_at_once_are_described_by_each_of_them() -> None:
-    both = Place("flow", "additive", "chambers", ())
+    both = SuspectPlace("flow", "additive", "chambers", ())
     one = next(place for place in PLACES if place.at == "chamber_a")
     found = described(_Describing(), [offered(both, 1000.0), offered(one, 500.0)])
     assert {item.template.place for item in found} == {"chamber_a"}
@@ -89,8 +89,10 @@ def test_both_chambers_at_once_are_described_by_each_of_them() -> None:
 
 def test_what_follows_the_time_comes_from_the_drive_and_what_follows_speed_does_not() -> None:
     knots = np.zeros(2)
-    driven = Located(Template("actuation", "gain", "motor", "time"), 0.8, knots, knots)
-    machine = Located(Template("torque", "additive", "motor", "motor_speed"), 0.8, knots, knots)
+    driven = LocatedCurve(Template("actuation", "gain", "motor", "time"), 0.8, knots, knots)
+    machine = LocatedCurve(
+        Template("torque", "additive", "motor", "motor_speed"), 0.8, knots, knots
+    )
     torque, drive = (next(p for p in PLACES if p.equation == e) for e in ("torque", "actuation"))
     less = replace(driven, share=0.3)
     assert by_what_it_follows([driven], [machine], torque) == [driven]

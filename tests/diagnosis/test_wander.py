@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour
-from eha_bench.diagnosis.data.wander import LARGEST, Stretch, Wander, cosines, wander_of
+from eha_bench.diagnosis.data.wander import LARGEST, NoiseStretch, Wander, cosines, wander_of
 from eha_bench.diagnosis.fit.baseline import Baseline
 from eha_bench.diagnosis.fit.problem import _orthonormal, _orthonormal_of_many
 from eha_bench.diagnosis.outcome import own_noise
@@ -34,12 +34,12 @@ def remembering(generator: np.random.Generator, kept: float, shape: tuple[int, i
     return np.asarray(lfilter([1.0], [1.0, -kept], new, axis=1))
 
 
-def stretches(seed: int, size: float, *, colour: float = 0.0, count: int = 6) -> list[Stretch]:
+def stretches(seed: int, size: float, *, colour: float = 0.0, count: int = 6) -> list[NoiseStretch]:
     generator = np.random.default_rng(seed)
     noise = remembering(generator, colour, (count, TIME.size))
     zero = remembering(generator, float(np.exp(-TICK / 1.5)), (count, TIME.size))
     known = Colour((colour,)) if colour else None
-    return [Stretch(TIME, own, known) for own in noise + size * zero]
+    return [NoiseStretch(TIME, own, known) for own in noise + size * zero]
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.35])
@@ -59,12 +59,12 @@ def test_what_moves_as_far_as_the_noise_is_no_zero_that_wanders() -> None:
 
 
 def test_an_offset_is_no_zero_that_wanders() -> None:
-    shifted = [Stretch(s.time, s.left + 0.4, s.colour) for s in stretches(1, 0.0)]
+    shifted = [NoiseStretch(s.time, s.left + 0.4, s.colour) for s in stretches(1, 0.0)]
     assert wander_of(shifted) is None
 
 
 def test_too_little_tells_nothing() -> None:
-    short = [Stretch(s.time[:200], s.left[:200], None) for s in stretches(2, 0.3)]
+    short = [NoiseStretch(s.time[:200], s.left[:200], None) for s in stretches(2, 0.3)]
     assert wander_of(short) is None
 
 

@@ -13,7 +13,7 @@ from eha_bench.experiment.decision import (
     NAMED,
     NOISES,
     SURE,
-    Layout,
+    DrawRows,
     distances,
     odds,
     shares_of_a_decision,
@@ -31,14 +31,14 @@ class Named:
 
 def linear(
     rng: np.random.Generator, means: Sequence[FloatArray], slopes: Sequence[FloatArray], draws: int
-) -> tuple[Layout, FloatArray, list[FloatArray]]:
+) -> tuple[DrawRows, FloatArray, list[FloatArray]]:
     """Return layout and rows of rivals y = mean + slopes z, with noise below."""
     z = [np.vstack([np.zeros(j.shape[1]), rng.standard_normal((draws, j.shape[1]))])
          for j in slopes]  # fmt: skip
     outputs = [mean + own @ j.T for mean, j, own in zip(means, slopes, z, strict=True)]
     noise = rng.standard_normal((NOISES, means[0].size))
     rows = np.vstack([*outputs, *(j.T for j in slopes), noise])
-    return Layout(tuple(j.shape[1] for j in slopes), tuple(z)), rows, outputs
+    return DrawRows(tuple(j.shape[1] for j in slopes), tuple(z)), rows, outputs
 
 
 def test_the_least_cost_is_that_of_a_fit_with_the_posterior_as_prior():

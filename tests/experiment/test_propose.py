@@ -17,7 +17,7 @@ from eha_bench.core.shipped import shipped
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.experiment.hypothesis import read_question
 from eha_bench.experiment.permitted import permitted
-from eha_bench.experiment.proposal import Ending
+from eha_bench.experiment.proposal import ProposalEnding
 from eha_bench.experiment.response import simulated
 from eha_bench.plants.plant import Drive
 from eha_bench.suites import load_suite
@@ -70,7 +70,7 @@ def test_no_draw_of_a_wide_posterior_breaks_a_tight_limit(tmp_path: Path):
     rivals = [rival(*DELAY, share=0.15), rival(*LAG, share=0.15)]
     folder = write_question(tmp_path, rivals, extremes=tight, unexplained={"pressure_a": 2e4})
     found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=1.0)
-    assert found.ending is Ending.PROPOSED
+    assert found.ending is ProposalEnding.PROPOSED
     assert max(room.used for trial in found.trials for room in trial.rooms) > 0.2
     rng = np.random.default_rng(8)
     for trial in load_suite(tmp_path / "next.yaml").trials:
@@ -103,7 +103,7 @@ def test_what_nothing_measured_tells_apart_asks_for_a_sensor(tmp_path: Path):
         assert item.model.plant.id == "eha_knee"
     folder = write_question(tmp_path, offsets, noise={"motor_speed": 0.1})
     found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=1.0)
-    assert found.ending is Ending.NONE_PERMITTED
+    assert found.ending is ProposalEnding.NONE_PERMITTED
     assert found.sensor is not None
     assert found.sensor.channel.startswith("pressure")
     assert found.sensor.right > 0.9
@@ -113,14 +113,14 @@ def test_what_nothing_measured_tells_apart_asks_for_a_sensor(tmp_path: Path):
 
 def test_one_rival_that_is_well_known_leaves_nothing_open(tmp_path: Path):
     found = eb.next_experiment(write_question(tmp_path, [rival(*LAG)]))
-    assert found.ending is Ending.NOTHING_OPEN
+    assert found.ending is ProposalEnding.NOTHING_OPEN
     assert "nothing is open" in found.sentence
 
 
 def test_a_wide_interval_is_brought_under_what_is_asked(tmp_path: Path):
     folder = write_question(tmp_path, [rival(*LAG, share=0.3)])
     found = eb.next_experiment(folder, budget=1.0, within=0.1)
-    assert found.ending is Ending.PROPOSED
+    assert found.ending is ProposalEnding.PROPOSED
     assert found.odds is None
     assert max(item.before for item in found.widths) == pytest.approx(0.588, rel=0.01)
     assert max(item.after for item in found.widths) < 0.1
@@ -146,7 +146,7 @@ def test_a_plant_of_channels_that_nobody_knows_gets_an_experiment_too(tmp_path: 
         command="duty", piston="free",
     )  # fmt: skip
     found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=2.0)
-    assert found.ending is Ending.PROPOSED
+    assert found.ending is ProposalEnding.PROPOSED
     (trial, *_) = load_suite(tmp_path / "next.yaml").trials
     assert {limit.channel for limit in trial.safety} == {"angle", "velocity"}
     rig = Simulator(rivals[1].model, load_controllers(shipped("controllers/paper.yaml")))

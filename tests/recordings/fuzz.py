@@ -30,7 +30,7 @@ import numpy as np
 
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.recordings import info, read, recover, write
-from eha_bench.recordings.budget import Budget, Limits
+from eha_bench.recordings.budget import ReadingBudget, ReadingLimits
 from eha_bench.recordings.mcap.file import MAGIC, Chunk, open_mcap
 
 sys.path.insert(0, str(Path(__file__).parent))  # it is run as a script as well
@@ -413,7 +413,7 @@ def stated_size(path: Path) -> int:
     """Return the bytes that a file has and says to have inside its chunks."""
     total = path.stat().st_size
     if path.read_bytes()[:8] == MAGIC:
-        allowed = Budget("", total, Limits()).memory
+        allowed = ReadingBudget("", total, ReadingLimits()).memory
         chunks = [part for part in open_mcap(path).parts if isinstance(part, Chunk)]
         total += sum(c.uncompressed_size for c in chunks if c.uncompressed_size <= allowed)
     return total

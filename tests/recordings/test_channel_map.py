@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from eha_bench.core.errors import InputError
 from eha_bench.recordings import load_channel_map, read
-from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, NamedElement
+from eha_bench.recordings.encodings.field_path import ArrayItem, Attribute, FieldPath, NamedElement
 
 
 def load(tmp_path: Path, text: str) -> Any:
@@ -121,7 +121,7 @@ def test_a_missing_map_is_an_error(tmp_path: Path) -> None:
 
 
 def test_field_paths() -> None:
-    assert FieldPath.parse("velocity[0]").steps == (Attribute("velocity"), Element(0))
+    assert FieldPath.parse("velocity[0]").steps == (Attribute("velocity"), ArrayItem(0))
     assert FieldPath.parse("pose.position.z").steps == tuple(
         map(Attribute, ("pose", "position", "z"))
     )
@@ -137,7 +137,7 @@ def test_field_paths() -> None:
     st.lists(
         st.one_of(
             st.from_regex(r"[a-z][a-z0-9_]{0,5}", fullmatch=True).map(Attribute),
-            st.integers(0, 99).map(Element),
+            st.integers(0, 99).map(ArrayItem),
         ),
         max_size=5,
     )

@@ -150,7 +150,7 @@ def test_what_is_refused(hostile: Path, name: str, said: str) -> None:
 
 
 def test_score_refuses_a_damaged_trial(hostile: Path, tmp_path: Path) -> None:
-    from eha_bench.bench.scoring import score_recordings
+    from eha_bench.bench.judging import score_recordings
 
     with pytest.raises(InputError, match="its trial is damaged"):
         score_recordings([hostile / "one_bit.mcap"])

@@ -19,7 +19,7 @@ from eha_bench.rig.drive import DriveLimits, RigDrive
 from eha_bench.rig.faults import Faults, parse_fault
 from eha_bench.rig.log import RigLog
 from eha_bench.rig.real_plant import RealPlant
-from eha_bench.targets.can.drive import Drive, Frame, decode
+from eha_bench.targets.can.drive import CanDrive, Frame, decode
 from eha_bench.targets.can.load import load_drive
 
 
@@ -36,7 +36,7 @@ def relaxed(base: str, stale: str = "5 s", first_frames: str = "20 s") -> str:
 class Bench:
     """The far side of a drive that is played in simulated time: a tick is 1 ms, exactly."""
 
-    def __init__(self, drive: Drive, played: RigDrive, log: Path) -> None:
+    def __init__(self, drive: CanDrive, played: RigDrive, log: Path) -> None:
         self.drive = drive
         self.played = played
         self.now = 0.0

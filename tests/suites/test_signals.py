@@ -23,7 +23,7 @@ from eha_bench.suites.signals.sine import Sine
 from eha_bench.suites.signals.step import Step
 from eha_bench.suites.signals.stepped_sine import SteppedSine
 from eha_bench.suites.signals.steps import Steps
-from eha_bench.suites.signals.trajectory import Samples, Trajectory
+from eha_bench.suites.signals.trajectory import Trajectory, TrajectorySamples
 
 RATE = 1000.0
 levels = st.floats(-100, 100).map(lambda value: round(value, 3))
@@ -134,7 +134,7 @@ prbs = st.builds(
 tables = st.lists(st.tuples(st.floats(0.01, 1), levels), min_size=2, max_size=20).map(
     lambda rows: Trajectory(
         kind="trajectory",
-        samples=Samples(
+        samples=TrajectorySamples(
             time=tuple(itertools.accumulate(gap for gap, _ in rows)),
             value=tuple(value for _, value in rows),
         ),

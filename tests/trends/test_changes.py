@@ -12,7 +12,7 @@ from eha_bench.trends.changes import course_of
 from eha_bench.trends.noise import noise_of
 from eha_bench.trends.tails import FURTHEST, chance_of_sum, reach
 from eha_bench.trends.terms import Kind, Term, design, gains, pair_gains
-from eha_bench.trends.trend import State, judge
+from eha_bench.trends.trend import TrendState, judge
 
 
 def noise(count: int, seed: int = 0) -> FloatArray:
@@ -93,7 +93,7 @@ def test_few_nights_say_nothing(count: int) -> None:
     assert course_of(noise(count), alpha=1e-3).changes == ()
     if count:
         state = judge(noise(count), family=1, margin=0.0).state
-        assert state is State.TOO_FEW
+        assert state is TrendState.TOO_FEW
 
 
 def test_flat_histories_are_left_alone() -> None:
@@ -117,22 +117,22 @@ def test_rare_counts_make_no_change() -> None:
 def test_the_newest_night_is_held_against_those_before() -> None:
     values = 10.0 + 0.1 * noise(60)
     judged = judge(values, family=10, margin=0.05)
-    assert (judged.state, judged.drift) == (State.STEADY, 0.0)
+    assert (judged.state, judged.drift) == (TrendState.STEADY, 0.0)
     assert judged.limits[0] < values[-1] < judged.limits[1]
     wild = values.copy()
     wild[-1] = 11.5
-    assert judge(wild, family=10, margin=0.05).state is State.OUT_OF_LIMITS
-    assert judge(wild, family=10, margin=2.0).state is State.STEADY
+    assert judge(wild, family=10, margin=0.05).state is TrendState.OUT_OF_LIMITS
+    assert judge(wild, family=10, margin=2.0).state is TrendState.STEADY
     stepped = values.copy()
     stepped[-5:] += 1.0
     assert judge(stepped, family=10, margin=0.05).state.drifted
     old = values.copy()
     old[-30:] += 1.0
-    assert judge(old, family=10, margin=0.05).state is State.STEADY
+    assert judge(old, family=10, margin=0.05).state is TrendState.STEADY
     drifting = values.copy()
     drifting[-25:] += 0.05 * np.arange(1, 26)
-    assert judge(drifting, family=10, margin=0.05).state is State.DRIFTING
-    assert judge(values, family=10, margin=0.05, missing=(1, 0)).state is State.NOT_SCORED
+    assert judge(drifting, family=10, margin=0.05).state is TrendState.DRIFTING
+    assert judge(values, family=10, margin=0.05, missing=(1, 0)).state is TrendState.NOT_SCORED
 
 
 def test_a_change_says_between_which_nights_it_began() -> None:

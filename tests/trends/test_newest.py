@@ -10,7 +10,7 @@ from scipy import stats
 
 from eha_bench.trends.newest import newest_of, spread_of
 from eha_bench.trends.swing import swing_of
-from eha_bench.trends.trend import State, judge
+from eha_bench.trends.trend import TrendState, judge
 
 
 def test_known_independent_scatter_gives_the_normal_test() -> None:
@@ -73,7 +73,7 @@ def test_a_step_is_found_by_the_second_night_after_it() -> None:
         values[30:] += 5.0
         judged = judge(values, family=1, margin=0.5, own=1.0)
         found += judged.state.drifted
-        if judged.state is State.STEPPED:
+        if judged.state is TrendState.STEPPED:
             assert judged.since in (28, 30)
     assert found >= 36
 
@@ -83,25 +83,25 @@ def test_a_single_night_outside_has_to_be_borne_out() -> None:
     values = rng.normal(100.0, 1.0, 40)
     values[-1] = 105.0
     judged = judge(values, family=20, margin=0.5)
-    assert judged.state is State.ONE_NIGHT_OUT
+    assert judged.state is TrendState.ONE_NIGHT_OUT
     assert not judged.state.drifted
     again = judge(np.append(values, 105.2), family=20, margin=0.5)
-    assert again.state is State.STEPPED
+    assert again.state is TrendState.STEPPED
     assert again.since == 39
 
 
 @pytest.mark.parametrize(
     ("missing", "state"),
     [
-        ((10, 0), State.LOST),
-        ((2, 0), State.LOST),
-        ((1, 0), State.NOT_SCORED),
-        ((2, 10), State.NOT_SCORED),  # it often has no value
-        ((40, 10), State.LOST),
+        ((10, 0), TrendState.LOST),
+        ((2, 0), TrendState.LOST),
+        ((1, 0), TrendState.NOT_SCORED),
+        ((2, 10), TrendState.NOT_SCORED),  # it often has no value
+        ((40, 10), TrendState.LOST),
     ],
 )
 def test_a_metric_that_is_not_scored_any_more_has_drifted(
-    missing: tuple[int, int], state: State
+    missing: tuple[int, int], state: TrendState
 ) -> None:
     values = np.random.default_rng(7).normal(size=12)
     assert judge(values, family=50, margin=0.0, missing=missing).state is state
@@ -115,7 +115,7 @@ def test_a_season_that_comes_round_is_a_swing_and_a_drift_beside_it_one() -> Non
     assert judged.swing is not None
     assert judged.swing.period == pytest.approx(90.0, rel=0.05)
     assert judged.swing.amplitude == pytest.approx(3.0, rel=0.15)
-    assert judged.state is State.STEADY
+    assert judged.state is TrendState.STEADY
     worn = values.copy()
     worn[-50:] += 0.15 * np.arange(1, 51)
     assert judge(worn, family=1, margin=0.5).state.drifted

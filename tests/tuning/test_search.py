@@ -14,7 +14,7 @@ from eha_bench.sweeps.space import Point, Space
 from eha_bench.sweeps.span import Range
 from eha_bench.tuning import search as room
 from eha_bench.tuning.aim import Aim, Passing, Tail, Worst
-from eha_bench.tuning.search import Search, first_population
+from eha_bench.tuning.search import GainSearch, first_population
 from eha_bench.tuning.trying import Machine, Trying
 
 
@@ -39,14 +39,14 @@ class Curves:
         return found
 
 
-def searched(aim: Aim) -> tuple[Search, Curves]:
+def searched(aim: Aim) -> tuple[GainSearch, Curves]:
     gains = tuple(
         Gain(name, Range(0.0, 6.0, 5, False), "", Place(file="vary.yaml"))
         for name in ("a.x", "a.y")
     )
     curves = Curves(Space(cast("object", None), gains))  # type: ignore[arg-type]
     machines = [Machine(number, cast("object", None)) for number in range(8)]  # type: ignore[arg-type]
-    search = Search(cast("Trying", curves), machines, aim, lambda: False, lambda _: None)
+    search = GainSearch(cast("Trying", curves), machines, aim, lambda: False, lambda _: None)
     search.run(first_population([], 2, 8, 3), 12, 3)
     return search, curves
 

@@ -13,7 +13,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.limit import Bounds
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import HERE, Workers
-from eha_bench.core.workers import Outcome as Done
+from eha_bench.core.workers import ItemOutcome as Done
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
-class Budget:
+class StopCondition:
     """Says that a run is to stop: somebody asked for it, or its time is up.
 
     Attributes:

@@ -39,7 +39,7 @@ Decided = Callable[[dict[str, Result]], bool]
 
 
 @dataclass(frozen=True)
-class Plan:
+class InterleavedPlan:
     """What an interleaved run does; written before it begins, so that it can be resumed.
 
     Attributes:
@@ -95,7 +95,7 @@ def run_interleaved(
     suite: Suite,
     openers: Mapping[str, Opener],
     out: Path,
-    plan: Plan,
+    plan: InterleavedPlan,
     *,
     decided: Decided,
     warm_up: int = 1,
@@ -129,7 +129,7 @@ def _run_pairs(
     suite: Suite,
     openers: Mapping[str, Opener],
     out: Path,
-    plan: Plan,
+    plan: InterleavedPlan,
     decided: Decided,
     warm_up: int,
     workers: Workers,
@@ -178,7 +178,7 @@ def _run_pairs(
     return Interleaved(results, pairs, status, decided=enough and pairs < plan.repeats)
 
 
-def _prepare(out: Path, plan: Plan, *, resume: bool) -> None:
+def _prepare(out: Path, plan: InterleavedPlan, *, resume: bool) -> None:
     """Make the folder; refuse one that holds something else, or another plan to go on with."""
     file = out / PLAN_NAME
     if out.exists() and (not out.is_dir() or (any(out.iterdir()) and not file.is_file())):
@@ -235,7 +235,7 @@ def _warm_up(
 
 @contextmanager
 def _ahead(
-    suite: Suite, openers: Mapping[str, Opener], out: Path, plan: Plan, workers: Workers
+    suite: Suite, openers: Mapping[str, Opener], out: Path, plan: InterleavedPlan, workers: Workers
 ) -> Iterator[Mapping[str, Opener]]:
     """Give openers of targets that workers run ahead, all that is not finished; or those there are.
 

@@ -13,13 +13,13 @@ from types import TracebackType
 import numpy as np
 
 from eha_bench.bench.ahead import ahead
-from eha_bench.bench.budget import Budget
+from eha_bench.bench.budget import StopCondition
 from eha_bench.bench.circumstances import Circumstances
 from eha_bench.bench.folder import ResultFolder
+from eha_bench.bench.judging import judge, judge_together, summed_up
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
-from eha_bench.bench.scoring import judge, judge_together, summed_up
 from eha_bench.bench.store import Shelf
 from eha_bench.core.errors import (
     EhaBenchError,
@@ -57,7 +57,7 @@ class _NotSaved(TargetFault):
 
 
 @dataclass
-class _Run:
+class _SuiteRun:
     """A run in progress: what is done so far, written after every trial."""
 
     suite: Suite
@@ -149,7 +149,7 @@ def run_suite(
         kept = _kept(folder, digests) if resume else {}
         folder.clear()
         provenance = {**environment(suite.path.parent), "started": now(), **NO_DIGESTS, **digests}
-        run = _Run(suite, target, folder, provenance, dict(kept))
+        run = _SuiteRun(suite, target, folder, provenance, dict(kept))
         run.save(complete=False)
         result = _run_rest(run, broken, workers, retries, time_limit, progress)
     return replace(result, folder=folder.path)
@@ -166,7 +166,7 @@ def _folder(out: Path | Shelf, *, resume: bool) -> Path:
 
 
 def _run_rest(
-    run: _Run,
+    run: _SuiteRun,
     broken: TargetFault | None,
     workers: Workers,
     retries: int,
@@ -192,7 +192,7 @@ def _run_rest(
 
 
 def _run_all(
-    run: _Run,
+    run: _SuiteRun,
     jobs: Sequence[tuple[Trial, int]],
     workers: Workers,
     retries: int,
@@ -208,7 +208,7 @@ def _run_all(
             _Held(turned(target)) as own,
         ):
             run.target = own
-            budget = Budget(interrupted, time_limit)
+            budget = StopCondition(interrupted, time_limit)
             for number, (trial, repeat) in enumerate(jobs):
                 progress(number, len(jobs), f"{trial.id} ({repeat + 1}/{trial.repeats})")
                 result, ending = _attempts(run, trial, repeat, budget, retries)
@@ -300,7 +300,7 @@ def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, i
 
 
 def _attempts(
-    run: _Run, trial: Trial, repeat: int, budget: Budget, retries: int
+    run: _SuiteRun, trial: Trial, repeat: int, budget: StopCondition, retries: int
 ) -> tuple[TrialResult, Ending]:
     """Run a repeat, and again as long as only its infrastructure failed and tries are left."""
     notes: tuple[str, ...] = ()
@@ -316,13 +316,13 @@ def _attempts(
 
 
 def _run_one(
-    run: _Run, trial: Trial, repeat: int, stopping: Stopping
+    run: _SuiteRun, trial: Trial, repeat: int, stopping: Stopping
 ) -> tuple[TrialResult, Ending]:
     started = time.time_ns()
     path = run.folder.recording(trial.id, repeat)
     metadata, attachments = _metadata(run, trial, repeat), _attachments(run, trial)
     outcome = _outcome(run.target, trial, repeat, stopping, Journal(path, metadata, attachments))
-    if outcome.ending is Ending.INTERRUPTED and isinstance(stopping, Budget):
+    if outcome.ending is Ending.INTERRUPTED and isinstance(stopping, StopCondition):
         outcome = replace(outcome, reason=stopping.reason)
     ending, reason = outcome.ending, outcome.reason
     relative = path.relative_to(run.folder.path).as_posix()
@@ -376,7 +376,7 @@ def _outcome(
         return Outcome(Recording(np.zeros(0), {}), _ending_of(error), str(error))
 
 
-def _metadata(run: _Run, trial: Trial, repeat: int) -> dict[str, str]:
+def _metadata(run: _SuiteRun, trial: Trial, repeat: int) -> dict[str, str]:
     """Return what a recording says of its run, known before it begins."""
     return {
         "suite": run.suite.name,
@@ -388,7 +388,7 @@ def _metadata(run: _Run, trial: Trial, repeat: int) -> dict[str, str]:
     }
 
 
-def _attachments(run: _Run, trial: Trial) -> dict[str, bytes]:
+def _attachments(run: _SuiteRun, trial: Trial) -> dict[str, bytes]:
     """Return the files that are needed to score a recording again, alone."""
     return {
         "suite.yaml": run.suite.text.encode(),

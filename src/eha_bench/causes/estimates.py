@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.causes.cause import Cause
-from eha_bench.causes.evidence import Evidence
+from eha_bench.causes.evidence import NightEvidence
 from eha_bench.core.arrays import FloatArray
 
 _OF_OIL: Final = 0.03
@@ -57,7 +57,7 @@ class Estimates:
 
 
 def estimates(
-    evidence: Sequence[Evidence], causes: Sequence[Cause], sizes: FloatArray, healthy: int
+    evidence: Sequence[NightEvidence], causes: Sequence[Cause], sizes: FloatArray, healthy: int
 ) -> Estimates:
     """Return every cause on every night.
 
@@ -95,7 +95,9 @@ class _Varying:
     oil: bool
 
     @staticmethod
-    def of(nights: Sequence[Evidence], parameters: NDArray[np.intp], sizes: FloatArray) -> _Varying:
+    def of(
+        nights: Sequence[NightEvidence], parameters: NDArray[np.intp], sizes: FloatArray
+    ) -> _Varying:
         """Return it as healthy nights show it."""
         q = parameters.size
         warm = np.array([item.oil_temperature for item in nights])
@@ -138,7 +140,7 @@ class _Varying:
         doubt = 1.0 + _OF_MEDIAN / len(nights)
         return _Varying(parameters, slope, line, line_covariance, middle, covariance, doubt, oil)
 
-    def night(self, item: Evidence) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
+    def night(self, item: NightEvidence) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
         """Return changes, deviations and gains of the causes, what all explain, and the rank."""
         away = item.oil_temperature - self.middle if self.oil else 0.0
         away = away if math.isfinite(away) else 0.0
@@ -164,7 +166,7 @@ class _Varying:
 
 
 def _joint(
-    nights: Sequence[Evidence], parameters: NDArray[np.intp]
+    nights: Sequence[NightEvidence], parameters: NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the calibrated causes fitted together, (nights, q), and their variances."""
     found, noise = [], []

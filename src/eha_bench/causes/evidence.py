@@ -51,7 +51,7 @@ _SPOILT: Final = 10.0
 
 
 @dataclass(frozen=True)
-class Evidence:
+class NightEvidence:
     """What a night says.
 
     Attributes:
@@ -73,11 +73,11 @@ class Evidence:
     failed: str = ""
 
     @staticmethod
-    def none(names: Sequence[str], why: str, oil: float = math.nan) -> Evidence:
+    def none(names: Sequence[str], why: str, oil: float = math.nan) -> NightEvidence:
         """Return the evidence of a night that has none, and why."""
         count = len(names)
         empty = np.zeros(count), np.zeros((count, count))
-        return Evidence(tuple(names), *empty, {}, math.nan, 0, oil, why)
+        return NightEvidence(tuple(names), *empty, {}, math.nan, 0, oil, why)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""
@@ -93,11 +93,11 @@ class Evidence:
         }
 
     @staticmethod
-    def from_dict(data: Mapping[str, Any]) -> Evidence:
+    def from_dict(data: Mapping[str, Any]) -> NightEvidence:
         """Return what `to_dict` gave."""
         count = len(data["causes"])
         oil, cost = data["oil_temperature"], data["cost"]
-        return Evidence(
+        return NightEvidence(
             tuple(map(str, data["causes"])),
             np.array(data["slope"], dtype=np.float64).reshape(count),
             np.array(data["curvature"], dtype=np.float64).reshape(count, count),
@@ -130,20 +130,20 @@ def evidence_of(
     reference: Reference,
     causes: Sequence[Cause],
     before: Mapping[str, float] | None = None,
-) -> Evidence:
+) -> NightEvidence:
     """Return what the training runs of a dataset, one night's, say of the causes.
 
     Args:
         dataset: a night's runs and the model. reference: what changes are counted from.
         causes: what is followed.
-        before: the night before's `Evidence.point`.
+        before: the night before's `NightEvidence.point`.
     """
     names = tuple(cause.name for cause in causes)
     oil = _oil_temperature(dataset.training)
     try:
         _, windows, noise, _ = gather(dataset)
     except EhaBenchError as error:
-        return Evidence.none(names, str(error), oil)
+        return NightEvidence.none(names, str(error), oil)
     known = {name: reference.noise.get(name, level) for name, level in noise.items()}
     problem = Problem(dataset.model.plant, windows, known, COARSE)
     problem.soft = reference.soft
@@ -155,7 +155,7 @@ def evidence_of(
         "its calibration does not converge: the model stays "
         f"{math.sqrt(level):.3g} standard deviations of the noise away"
     )
-    return Evidence.none(names, why, oil)
+    return NightEvidence.none(names, why, oil)
 
 
 def _oil_temperature(runs: Sequence[Run]) -> float:
@@ -201,7 +201,7 @@ class _Night:
             costs.append(self._cost)
         self._vector = starts[int(np.argmin(costs))].copy()
 
-    def evidence(self, oil: float) -> Evidence:
+    def evidence(self, oil: float) -> NightEvidence:
         """Return what the night says."""
         columns: list[FloatArray] = [np.zeros(0)] * len(self._causes)
         self._calibrate(self._begun())
@@ -228,7 +228,7 @@ class _Night:
         point = {key: float(self._vector[self._index[key]]) for key in keys}
         if extra is not None:
             point[self._causes[extra].name] = float(self._vector[self._causes[extra].place])
-        return Evidence(
+        return NightEvidence(
             tuple(cause.name for cause in self._causes), slope + curvature @ moved, curvature,
             point, self._cost, self._residual.size, oil,
         )  # fmt: skip

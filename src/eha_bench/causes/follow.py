@@ -12,16 +12,16 @@ import numpy as np
 
 from eha_bench.causes.cause import Cause
 from eha_bench.causes.estimates import Estimates, estimates
-from eha_bench.causes.evidence import Evidence, Reference, evidence_of
+from eha_bench.causes.evidence import NightEvidence, Reference, evidence_of
 from eha_bench.causes.forecast import ahead_of, pace_of
 from eha_bench.causes.keeping import Kept
-from eha_bench.causes.limits import Limits, Metered
+from eha_bench.causes.limits import CauseLimits, Metered
 from eha_bench.causes.nights import NightRuns, dataset_of, runs_of
 from eha_bench.causes.settings import CauseSettings
 from eha_bench.causes.wearing import (
     ROUNDS,
     Attribution,
-    Course,
+    CauseCourse,
     attribution_of,
     course_of,
     healthy_nights,
@@ -35,7 +35,7 @@ from eha_bench.sweeps.evaluation import score_key
 from eha_bench.trends.changes import FEWEST
 from eha_bench.trends.history import History
 from eha_bench.trends.index import Night
-from eha_bench.trends.trend import State, Trend
+from eha_bench.trends.trend import Trend, TrendState
 from eha_bench.trends.wear import MATTERS, Causes, CauseTrend, Number, Wear
 
 Progress = Callable[[str, float], None]
@@ -76,7 +76,7 @@ def causes_behind(
         except EhaBenchError as error:
             note = f"no healthy machine could be calibrated: {error}"
             return Causes(*group, untold=tuple(untold), notes=(note,))
-        told: list[tuple[Night, Evidence]] = []
+        told: list[tuple[Night, NightEvidence]] = []
         before: Mapping[str, float] = {}
         for number, item in enumerate(known):
             progress("nights", number / len(known))
@@ -120,7 +120,7 @@ def _evidence(
     settings: CauseSettings,
     kept: Kept,
     before: Mapping[str, float],
-) -> Evidence:
+) -> NightEvidence:
     made_of = f"{item.digest}\0{reference.vector.tolist()}"
     known = kept.evidence(made_of)
     if known is not None:
@@ -128,7 +128,7 @@ def _evidence(
     try:
         found = evidence_of(dataset_of(item.runs, settings), reference, settings.causes, before)
     except EhaBenchError as error:
-        found = Evidence.none([cause.name for cause in settings.causes], error.what)
+        found = NightEvidence.none([cause.name for cause in settings.causes], error.what)
     kept.keep_evidence(made_of, found)
     return found
 
@@ -141,7 +141,7 @@ class _Followed:
         history: History,
         settings: CauseSettings,
         reference: Reference,
-        told: Sequence[tuple[Night, Evidence]],
+        told: Sequence[tuple[Night, NightEvidence]],
     ) -> None:
         self._history, self._settings, self._reference = history, settings, reference
         self._nights = tuple(night for night, _ in told)
@@ -185,7 +185,7 @@ class _Followed:
             *group, tuple(trends[k] for k in order), wear, untold, self._notes(found, trends)
         )
 
-    def _courses(self, healthy: int) -> tuple[Estimates, list[Course]]:
+    def _courses(self, healthy: int) -> tuple[Estimates, list[CauseCourse]]:
         sizes = np.abs(self._healthy_values) / self._steps
         found = estimates(self._evidence, self._causes, sizes, healthy)
         family = max(1, int(np.isfinite(found.changes).any(axis=0).sum()))
@@ -195,11 +195,11 @@ class _Followed:
         ]
         return found, courses
 
-    def _trend(self, k: int, found: Estimates, course: Course) -> CauseTrend:
+    def _trend(self, k: int, found: Estimates, course: CauseCourse) -> CauseTrend:
         cause, start = self._causes[k], self._healthy_values[k]
         state = course.judged.state
         word = "moves" if course.moves else "steady"
-        word = state.value if state is State.TOO_FEW else word
+        word = state.value if state is TrendState.TOO_FEW else word
         return CauseTrend(
             cause.name,
             cause.unit,
@@ -214,7 +214,7 @@ class _Followed:
     def _wear(
         self,
         chosen: Attribution,
-        courses: Sequence[Course],
+        courses: Sequence[CauseCourse],
         trends: Sequence[CauseTrend],
         healthy: int,
     ) -> Wear:
@@ -263,7 +263,7 @@ class _Followed:
             ahead.chances if ahead is not None else (),
         )
 
-    def _limits(self, healthy: int) -> Limits | None:
+    def _limits(self, healthy: int) -> CauseLimits | None:
         case = self._settings.case
         if case is None:
             return None
@@ -274,7 +274,7 @@ class _Followed:
             for trend in self._history.trends
             if (key := self._key(trend)) and any(night.id in first for night in trend.nights)
         }
-        return Limits(case, self._settings.model, self._reference.vector, keys, metered)
+        return CauseLimits(case, self._settings.model, self._reference.vector, keys, metered)
 
     def _key(self, trend: Trend) -> str:
         case = self._settings.case

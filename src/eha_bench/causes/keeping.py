@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from eha_bench.causes.evidence import Evidence, Reference
+from eha_bench.causes.evidence import NightEvidence, Reference
 from eha_bench.core.atomic_file import write_text
 
 FOLDER: Final = "causes"
@@ -24,11 +24,11 @@ class Kept:
         self._folder = site / FOLDER
         self._digest = digest
 
-    def evidence(self, made_of: str) -> Evidence | None:
+    def evidence(self, made_of: str) -> NightEvidence | None:
         """Return a night's evidence, if it is kept and can be read."""
-        return self._read("night", made_of, Evidence.from_dict)
+        return self._read("night", made_of, NightEvidence.from_dict)
 
-    def keep_evidence(self, made_of: str, found: Evidence) -> None:
+    def keep_evidence(self, made_of: str, found: NightEvidence) -> None:
         """Keep a night's evidence."""
         self._write("night", made_of, found.to_dict())
 

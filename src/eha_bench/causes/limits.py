@@ -56,7 +56,7 @@ class _Limited:
         return min(value - bounds.low, bounds.high - value)
 
 
-class Limits:
+class CauseLimits:
     """A suite's limits along causes of a machine.
 
     Args:

@@ -19,7 +19,7 @@ from eha_bench.causes.cause import Cause
 from eha_bench.causes.estimates import Estimates
 from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.changes import FEWEST
-from eha_bench.trends.trend import Judged, State, judge
+from eha_bench.trends.trend import Judged, TrendState, judge
 
 _SHARED: Final = 4
 """Causes are judged on every one of many nights: the error rate of one look is so many smaller."""
@@ -37,7 +37,7 @@ _WRONG_WAY: Final = 3.0
 
 
 @dataclass(frozen=True)
-class Course:
+class CauseCourse:
     """What a cause did, in its steps.
 
     Attributes:
@@ -60,7 +60,7 @@ class Course:
         return self.since >= 0
 
 
-def course_of(values: FloatArray, deviations: FloatArray, family: int, healthy: int) -> Course:
+def course_of(values: FloatArray, deviations: FloatArray, family: int, healthy: int) -> CauseCourse:
     """Return what a cause did.
 
     Args:
@@ -71,24 +71,24 @@ def course_of(values: FloatArray, deviations: FloatArray, family: int, healthy: 
     known = values[at]
     own = float(np.median(deviations[at])) if at.size else math.nan
     judged = judge(known, family=_SHARED * family, margin=0.0, own=own)
-    found = Course(at, known, judged)
+    found = CauseCourse(at, known, judged)
     if at.size < FEWEST or judged.state not in (
-        State.STEPPED,
-        State.DRIFTING,
-        State.OUT_OF_LIMITS,
-        State.STEADY,
-        State.ONE_NIGHT_OUT,
+        TrendState.STEPPED,
+        TrendState.DRIFTING,
+        TrendState.OUT_OF_LIMITS,
+        TrendState.STEADY,
+        TrendState.ONE_NIGHT_OUT,
     ):
         return found
     level = float(np.median(known[: max(1, int(np.sum(at < healthy)))]))
     line = judged.course.line
     changes = judged.course.changes
-    if judged.state is State.STEPPED and not (changes and changes[-1].start == judged.since):
+    if judged.state is TrendState.STEPPED and not (changes and changes[-1].start == judged.since):
         # news of the last nights, before a search over all of them can place it
         since, end = judged.since, float(np.median(known[judged.since :]))
         first = max(0, since - 1)
         news = int(at[since]), int(at[first]), int(at[since])
-        return Course(at, known, judged, *news, end - level)
+        return CauseCourse(at, known, judged, *news, end - level)
     if not changes:
         return found
     moved = float(line[-1]) - level
@@ -100,7 +100,7 @@ def course_of(values: FloatArray, deviations: FloatArray, family: int, healthy: 
         if change.start == 0 or abs(float(line[change.start - 1]) - level) <= _BACK * abs(moved)
     ]
     change = left[-1] if left else changes[0]
-    return Course(
+    return CauseCourse(
         at, known, judged, int(at[change.start]), int(at[change.earliest]),
         int(at[change.latest]), moved,
     )  # fmt: skip
@@ -121,7 +121,7 @@ class Attribution:
 
 
 def attribution_of(
-    found: Estimates, courses: Sequence[Course], causes: Sequence[Cause], healthy: FloatArray
+    found: Estimates, courses: Sequence[CauseCourse], causes: Sequence[Cause], healthy: FloatArray
 ) -> Attribution | None:
     """Return the cause of what moves now; None where nothing does.
 
@@ -165,7 +165,7 @@ def _possible(
     return cause.low - room <= now <= cause.high + room
 
 
-def healthy_nights(courses: Sequence[Course], count: int, first: int) -> int:
+def healthy_nights(courses: Sequence[CauseCourse], count: int, first: int) -> int:
     """Return how many nights, from the first on, may be taken as healthy.
 
     Args:

@@ -45,7 +45,7 @@ def compare(
     verbose: Verbose = False,
 ) -> None:
     """Compare two results: differences with confidence, and a verdict a metric."""
-    from eha_bench.comparing import compare as compare_results
+    from eha_bench.comparison_api import compare as compare_results
 
     found = compare_results(baseline, candidate, out, across_targets=across_targets)
     say_verdicts(found, verbose=verbose)
@@ -89,7 +89,7 @@ def ab(  # noqa: PLR0913, PLR0917 - the options of a command
     verbose: Verbose = False,
 ) -> None:
     """Run a suite on two targets in turn (A B B A), until every metric is decided."""
-    from eha_bench.comparing import ab as run_ab
+    from eha_bench.comparison_api import ab as run_ab
     from eha_bench.core.result import Status
 
     with TerminalProgress() as progress:
@@ -176,7 +176,7 @@ def history(
 ) -> None:
     """Follow every metric over many results: changes, control limits, drift; a static site."""
     from eha_bench.cli.experiment import stages
-    from eha_bench.comparing import history as follow
+    from eha_bench.comparison_api import history as follow
     from eha_bench.core.errors import InputError
     from eha_bench.report.causes_text import untold_sentence, wear_sentence
     from eha_bench.report.sending import send_on
@@ -223,7 +223,7 @@ def history(
 def say_verdicts(found: Comparison, *, verbose: bool = False) -> None:
     """Print caveats, limits newly missed, what is not the same, and the verdict."""
     from eha_bench.cli.run_summary import SHOWN
-    from eha_bench.comparison.verdict import Verdict
+    from eha_bench.comparison.verdict import ComparisonVerdict
     from eha_bench.report.comparison_report import headline, limits_turned, needed
     from eha_bench.report.comparison_rows import rows_of
 
@@ -235,17 +235,22 @@ def say_verdicts(found: Comparison, *, verbose: bool = False) -> None:
         say(f"{paint('limit newly missed', Paint.BAD, on=on)}: {limit}")
     for limit in kept:
         say(f"{paint('limit kept again', Paint.GOOD, on=on)}: {limit}")
-    tones = {Verdict.WORSE: Paint.BAD, Verdict.CHANGED: Paint.WARN, Verdict.BETTER: Paint.GOOD,
-             Verdict.NOT_COMPARED: Paint.QUIET, Verdict.UNDECIDED: Paint.UNSURE}  # fmt: skip
+    tones = {
+        ComparisonVerdict.WORSE: Paint.BAD,
+        ComparisonVerdict.CHANGED: Paint.WARN,
+        ComparisonVerdict.BETTER: Paint.GOOD,
+        ComparisonVerdict.NOT_COMPARED: Paint.QUIET,
+        ComparisonVerdict.UNDECIDED: Paint.UNSURE,
+    }
     for verdict, tone in tones.items():
         rows = rows_of(found.of(verdict))
         shown = rows
         if not verbose:
-            shown = () if verdict is Verdict.UNDECIDED else rows[:SHOWN]
+            shown = () if verdict is ComparisonVerdict.UNDECIDED else rows[:SHOWN]
         cells = columns([_change_cells(row) for row in shown], right=(2,))
         for trial, metric, change, note in cells:
             say(f"{trial}  {paint(metric, tone, on=on)}  {change}  {note}".rstrip())
-        if verdict is Verdict.UNDECIDED and rows and not verbose:
+        if verdict is ComparisonVerdict.UNDECIDED and rows and not verbose:
             say(f"{len(rows)} {paint('undecided', tone, on=on)}: {needed(found)}")
         elif len(shown) < len(rows):
             say(more(len(rows) - len(shown)))
@@ -264,10 +269,12 @@ def _change_cells(row: Row) -> tuple[str, str, str, str]:
 
 def leave(found: Comparison, *, strict: bool) -> None:
     """Leave with the comparison's exit status, if it is not 0."""
-    from eha_bench.comparison.verdict import Verdict
+    from eha_bench.comparison.verdict import ComparisonVerdict
 
     status = found.exit_status
-    open_ones = found.of(Verdict.UNDECIDED, Verdict.CHANGED, Verdict.NOT_COMPARED)
+    open_ones = found.of(
+        ComparisonVerdict.UNDECIDED, ComparisonVerdict.CHANGED, ComparisonVerdict.NOT_COMPARED
+    )
     if strict and status == 0 and open_ones:
         status = 1
     if status:

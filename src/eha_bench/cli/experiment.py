@@ -75,7 +75,7 @@ def next_experiment(
     if not out:
         raise InputError("no path for the suite", hint="add --out next.yaml")
     from eha_bench.api import next_experiment as propose
-    from eha_bench.experiment.proposal import Ending
+    from eha_bench.experiment.proposal import ProposalEnding
 
     with TerminalProgress() as bar:
         found = propose(
@@ -94,8 +94,8 @@ def next_experiment(
         typer.echo(json_text.dumps(found.to_dict(), indent=1, ensure_ascii=False, allow_nan=False))
     else:
         page = Path(out).with_suffix(".html")
-        typer.echo(out if found.ending is Ending.PROPOSED else str(page))
-    if found.ending is not Ending.PROPOSED:
+        typer.echo(out if found.ending is ProposalEnding.PROPOSED else str(page))
+    if found.ending is not ProposalEnding.PROPOSED:
         raise typer.Exit(NONE)
 
 

@@ -55,16 +55,16 @@ def pytest_configure(config: pytest.Config) -> None:
     config.args = list(dict.fromkeys((*named, *suites)))
 
 
-def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> SuiteFile | None:
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> SuiteCollector | None:
     """Take the files that `--eha-suite` names."""
     wanted = parent.config.getoption("--eha-suite")
     if any(file_path == Path(path).resolve() for path in wanted):
-        node: SuiteFile = SuiteFile.from_parent(parent, path=file_path)
+        node: SuiteCollector = SuiteCollector.from_parent(parent, path=file_path)
         return node
     return None
 
 
-class SuiteFile(pytest.File):
+class SuiteCollector(pytest.File):
     """A suite: collects a test for each limit, and runs it when the first of them runs."""
 
     def collect(self) -> Iterator[LimitItem]:
@@ -100,7 +100,7 @@ class SuiteFile(pytest.File):
     @cached_property
     def outcome(self) -> Result | Exception:
         """The result of the trials of which a test was selected, or what kept them from running."""
-        from eha_bench.comparing import run_trials
+        from eha_bench.comparison_api import run_trials
         from eha_bench.core.errors import EhaBenchError
 
         items = [item for item in self.session.items if isinstance(item, LimitItem)]
@@ -115,7 +115,7 @@ class SuiteFile(pytest.File):
 class LimitItem(pytest.Item):
     """The test of one acceptance limit, over all repeats of its trial."""
 
-    parent: SuiteFile
+    parent: SuiteCollector
 
     def __init__(self, *, trial: Trial, limit: AcceptanceLimit, **kwargs: Any) -> None:
         super().__init__(**kwargs)

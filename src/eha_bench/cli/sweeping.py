@@ -15,7 +15,7 @@ from eha_bench.cli.running import Suite, Workers
 from eha_bench.core.result import Status
 
 if TYPE_CHECKING:
-    from eha_bench.sweeps.sweep import Sweep
+    from eha_bench.sweeps.sweep import SweepResult
 
 
 def sweep(
@@ -77,7 +77,7 @@ def sweep(
         raise typer.Exit(1)
 
 
-def _say(found: Sweep) -> None:
+def _say(found: SweepResult) -> None:
     """Print how many points pass, the best one, and what keeps the others from it."""
     done, kept = len(found.results), found.margins >= 0.0
     say(f"{len(found.passed)} of {done} points keep all limits")
@@ -98,7 +98,7 @@ def _say(found: Sweep) -> None:
         say(f"  {found.results[places[0]].reason} (point {places[0]}{more})")
 
 
-def _without_score(found: Sweep) -> list[list[int]]:
+def _without_score(found: SweepResult) -> list[list[int]]:
     """Return the points that have no score, in groups by the first limit that has none."""
     groups: dict[tuple[Status, int], list[int]] = {}
     for place, item in sorted(found.results.items()):

@@ -19,14 +19,14 @@ from eha_bench.core.result import Result, Status, TrialResult
 
 
 @dataclass(frozen=True)
-class Accepted:
+class BaselineUpdate:
     """What became a baseline, and how it compares to the one before (None for the first)."""
 
     result: Result
     change: Comparison | None
 
 
-def accept(file: Path, results: Sequence[Path], *, failed: bool = False) -> Accepted:
+def accept(file: Path, results: Sequence[Path], *, failed: bool = False) -> BaselineUpdate:
     """Write results into a baseline file, in place of what was in it.
 
     Args:
@@ -58,7 +58,7 @@ def accept(file: Path, results: Sequence[Path], *, failed: bool = False) -> Acce
         change = compare_sides(before, after, across_targets=True)
     file.parent.mkdir(parents=True, exist_ok=True)
     result.write(file)
-    return Accepted(result, change)
+    return BaselineUpdate(result, change)
 
 
 def _check(loaded: Sequence[tuple[Result, Path]], *, failed: bool) -> None:

@@ -27,8 +27,8 @@ from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
 from eha_bench.comparison.scatters import learned_ratios
 from eha_bench.comparison.sequential import sequential, spent
-from eha_bench.comparison.side import Run, Side
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.side import Side, SideRun
+from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import UnitError
 from eha_bench.core.margin import parse_margin
@@ -136,7 +136,7 @@ def _trial(
 
 
 def _metric(
-    item: Compared, usable: list[list[Run]], looks: Sequence[float], exactly: str
+    item: Compared, usable: list[list[SideRun]], looks: Sequence[float], exactly: str
 ) -> Compared | _Pair:
     runs = _in_pairs(usable) if looks else usable
     scores = [[_score(run, item) for run in side] for side in runs]
@@ -154,7 +154,7 @@ def _metric(
     if not any(counts):
         why = (*item.baseline.reasons, *item.candidate.reasons, "no such score")[0]
         # of two equal results, what neither could score is no difference either
-        verdict = Verdict.SAME if exactly else Verdict.NOT_COMPARED
+        verdict = ComparisonVerdict.SAME if exactly else ComparisonVerdict.NOT_COMPARED
         return replace(item, verdict=verdict, reason=f"not scored on either side: {why}")
     samples = [_sample(side) for side in (_whole(scores) if looks else scores)]
     if math.isfinite(direction.aim):
@@ -166,14 +166,14 @@ def _metric(
     return _Pair(item, direction, samples[0], samples[1], counted, missing, exactly)
 
 
-def _score(run: Run, item: Compared) -> Score | None:
+def _score(run: SideRun, item: Compared) -> Score | None:
     for score in run.trial.scores:
         if (score.metric, score.channel) == (item.metric, item.channel):
             return score
     return None
 
 
-def _in_pairs(usable: list[list[Run]]) -> list[list[Run]]:
+def _in_pairs(usable: list[list[SideRun]]) -> list[list[SideRun]]:
     """Return the runs of those repeats that both sides have, in the same order."""
     by_repeat = [{run.trial.repeat: run for run in runs} for runs in usable]
     common = sorted(by_repeat[0].keys() & by_repeat[1].keys())
@@ -352,7 +352,7 @@ def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) 
         )
     significant = item.p_beyond <= ALPHA
     if significant and by_missing and lost != 0.0:
-        verdict = Verdict.WORSE if lost > 0.0 else Verdict.BETTER
+        verdict = ComparisonVerdict.WORSE if lost > 0.0 else ComparisonVerdict.BETTER
         word = "not scored any more" if lost > 0.0 else "scored now"
         return replace(
             item,
@@ -361,11 +361,11 @@ def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) 
             reason=f"{word} ({gone})",
         )
     if found is None:
-        return replace(item, verdict=Verdict.UNDECIDED, reason=gone)
+        return replace(item, verdict=ComparisonVerdict.UNDECIDED, reason=gone)
     if significant:
         return replace(item, verdict=_worse_or_better(found.difference, pair.direction))
     if item.p_same <= ALPHA:
-        return replace(item, verdict=Verdict.SAME)
+        return replace(item, verdict=ComparisonVerdict.SAME)
     differs = "there is a difference, but it may be smaller than what matters"
     if item.p_difference <= ALPHA:
         item = replace(item, reason="; ".join(part for part in (differs, item.reason) if part))
@@ -374,15 +374,15 @@ def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) 
         min(len(pair.baseline), len(pair.candidate)),
         alpha=ALPHA / family, paired=paired,
     )  # fmt: skip
-    return replace(item, verdict=Verdict.UNDECIDED, more_repeats=more)
+    return replace(item, verdict=ComparisonVerdict.UNDECIDED, more_repeats=more)
 
 
-def _worse_or_better(difference: float, direction: Direction) -> Verdict:
+def _worse_or_better(difference: float, direction: Direction) -> ComparisonVerdict:
     if math.isfinite(direction.aim) or direction.better is Better.LOWER:
-        return Verdict.WORSE if difference > 0.0 else Verdict.BETTER
+        return ComparisonVerdict.WORSE if difference > 0.0 else ComparisonVerdict.BETTER
     if direction.better is Better.HIGHER:
-        return Verdict.BETTER if difference > 0.0 else Verdict.WORSE
-    return Verdict.CHANGED
+        return ComparisonVerdict.BETTER if difference > 0.0 else ComparisonVerdict.WORSE
+    return ComparisonVerdict.CHANGED
 
 
 def _missing(item: Compared) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from eha_bench.comparison.side import Side
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.showing import html_table
@@ -73,7 +73,7 @@ class Compared:
     p_difference: float = math.nan
     p_beyond: float = math.nan
     p_same: float = math.nan
-    verdict: Verdict = Verdict.NOT_COMPARED
+    verdict: ComparisonVerdict = ComparisonVerdict.NOT_COMPARED
     more_repeats: int | None = None
     method: str = ""
     reason: str = ""
@@ -105,24 +105,24 @@ class Comparison:
     paired: bool = False
     stopped: str = ""
 
-    def counts(self) -> dict[Verdict, int]:
+    def counts(self) -> dict[ComparisonVerdict, int]:
         """How many items have each verdict."""
         found = Counter(item.verdict for item in self.items)
-        return {verdict: found[verdict] for verdict in Verdict}
+        return {verdict: found[verdict] for verdict in ComparisonVerdict}
 
-    def of(self, *verdicts: Verdict) -> tuple[Compared, ...]:
+    def of(self, *verdicts: ComparisonVerdict) -> tuple[Compared, ...]:
         """Return the items with these verdicts."""
         return tuple(item for item in self.items if item.verdict in verdicts)
 
     @property
     def compared(self) -> int:
         """How many metrics were looked at."""
-        return len(self.items) - len(self.of(Verdict.NOT_COMPARED))
+        return len(self.items) - len(self.of(ComparisonVerdict.NOT_COMPARED))
 
     @property
     def status(self) -> str:
         """`regression`, `no_regression`, or `nothing_compared`."""
-        if self.of(Verdict.WORSE):
+        if self.of(ComparisonVerdict.WORSE):
             return "regression"
         return "no_regression" if self.compared else "nothing_compared"
 
@@ -145,7 +145,7 @@ class Comparison:
                  item.verdict.value)
                 for item in self.items
             ),
-            key=lambda row: row[-1] == Verdict.SAME.value,
+            key=lambda row: row[-1] == ComparisonVerdict.SAME.value,
         )  # fmt: skip
         names = ("trial", "metric", "baseline", "candidate", "unit", "verdict")
         return html_table(repr(self).strip("<>"), names, rows)

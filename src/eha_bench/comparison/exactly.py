@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from eha_bench.comparison.side import Run
+from eha_bench.comparison.side import SideRun
 
 IDENTICAL: Final = "identical: every value of the trial is the same on both sides"
 DETERMINISTIC: Final = "deterministic repeats: no value of the trial scatters on either side"
@@ -14,7 +14,7 @@ DETERMINISTIC: Final = "deterministic repeats: no value of the trial scatters on
 _Values = tuple[tuple[str, str, float], ...]
 
 
-def known_exactly(baseline: Sequence[Run], candidate: Sequence[Run]) -> str:
+def known_exactly(baseline: Sequence[SideRun], candidate: Sequence[SideRun]) -> str:
     """Return why the difference between two sides of a trial is known exactly; "" if it is not.
 
     Args:
@@ -31,7 +31,7 @@ def known_exactly(baseline: Sequence[Run], candidate: Sequence[Run]) -> str:
     return ""
 
 
-def _values(run: Run) -> _Values:
+def _values(run: SideRun) -> _Values:
     return tuple(sorted(
         (score.metric, score.channel, score.value)
         for score in run.trial.scores

@@ -18,7 +18,7 @@ _ENDED = (Status.PASSED, Status.FAILED)
 
 
 @dataclass(frozen=True)
-class Run:
+class SideRun:
     """One run of a trial, and the folder that its recording is named relative to."""
 
     trial: TrialResult
@@ -52,12 +52,12 @@ class Side:
     _definitions: dict[str, frozenset[str]] = field(default_factory=dict, compare=False)
 
     @cached_property
-    def runs(self) -> dict[str, tuple[Run, ...]]:
+    def runs(self) -> dict[str, tuple[SideRun, ...]]:
         """All runs of each trial, by its id, in the order of the results."""
-        found: dict[str, list[Run]] = {}
+        found: dict[str, list[SideRun]] = {}
         for result, folder in self.results:
             for trial in result.trials:
-                found.setdefault(trial.id, []).append(Run(trial, folder))
+                found.setdefault(trial.id, []).append(SideRun(trial, folder))
         return {trial: tuple(runs) for trial, runs in found.items()}
 
     def provenance(self, key: str) -> frozenset[str]:
@@ -84,7 +84,7 @@ class Side:
         return self._definitions[trial]
 
 
-def _recorded_definition(runs: tuple[Run, ...]) -> Iterator[str]:
+def _recorded_definition(runs: tuple[SideRun, ...]) -> Iterator[str]:
     """Yield the definition that the first readable recording carries."""
     for run in runs:
         if run.recording is None:

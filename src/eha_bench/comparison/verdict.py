@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 
-class Verdict(StrEnum):
+class ComparisonVerdict(StrEnum):
     """What the candidate is to the baseline, in one metric of one trial.
 
     `changed` is a difference of a metric without a better direction;
@@ -22,4 +22,4 @@ class Verdict(StrEnum):
     @property
     def decided(self) -> bool:
         """Whether more repeats would not be needed."""
-        return self not in (Verdict.UNDECIDED, Verdict.NOT_COMPARED)
+        return self not in (ComparisonVerdict.UNDECIDED, ComparisonVerdict.NOT_COMPARED)

@@ -36,7 +36,7 @@ class Unread(Exception):
     """The text holds something that is left to ruamel.yaml."""
 
 
-class Lines:
+class LineNumbers:
     """Where the keys or items of a collection stand, as ruamel.yaml says it."""
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class LinedDict(dict[Any, Any]):
 
     def __init__(self) -> None:
         super().__init__()
-        self.lc = Lines()
+        self.lc = LineNumbers()
 
 
 class LinedList(list[Any]):
@@ -62,7 +62,7 @@ class LinedList(list[Any]):
 
     def __init__(self) -> None:
         super().__init__()
-        self.lc = Lines()
+        self.lc = LineNumbers()
 
 
 def parse(text: str, deepest: int) -> Any:

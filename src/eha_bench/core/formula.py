@@ -64,7 +64,7 @@ class Formula:
         Raises:
             ValueError: it is none, holds anything else, or names nothing that was measured.
         """
-        reader = _Reader()
+        reader = _NameReader()
         rest = Expression(ast.unparse(reader.read(Expression(text).tree, 0)))
         if not rest.names:
             raise ValueError(f"'{text}' names neither a metric nor a channel")
@@ -82,7 +82,7 @@ class Formula:
         return float(self.arithmetic.value(arrays))
 
 
-class _Reader:
+class _NameReader:
     """Puts names in place of the metrics and statistics of a tree, and keeps what they mean."""
 
     def __init__(self) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.fast_yaml import Lines
+from eha_bench.core.fast_yaml import LineNumbers
 from eha_bench.core.yaml_file import plain
 
 Key: TypeAlias = int | str
@@ -236,7 +236,7 @@ def _item(value: Any, key: Key) -> Any:
 def _lines(content: Any, otherwise: int) -> Callable[[Any], int]:
     """Return what tells the line of a key or item; it may have come in through an anchor."""
     position = getattr(content, "lc", None)
-    if isinstance(position, Lines):
+    if isinstance(position, LineNumbers):
         known = position.of
         return lambda key: known.get(key, otherwise - 1) + 1
     tell = getattr(position, "key" if isinstance(content, dict) else "item", None)

@@ -19,7 +19,7 @@ _SHARE = re.compile(r"^\s*([-+\d.eE]+)\s*%\s*(of\s+(?:the\s+)?baseline)?\s*$")
 
 
 @dataclass(frozen=True)
-class Margin:
+class EquivalenceMargin:
     """A difference up to which two values count as the same.
 
     Attributes:
@@ -37,7 +37,7 @@ class Margin:
         return self.absolute + self.share * abs(value)
 
 
-def parse_margin(text: str | float, unit: str) -> Margin:
+def parse_margin(text: str | float, unit: str) -> EquivalenceMargin:
     """Return what `5 % of baseline`, `5 %`, `2 ms` or a bare SI number means for a metric.
 
     Raises:
@@ -47,9 +47,9 @@ def parse_margin(text: str | float, unit: str) -> Margin:
     written = str(text).strip()
     hint = f"write '1 {unit}' or '5 % of baseline'" if unit else "write '0.01' or '5 % of baseline'"
     if found is not None and (found[2] or unit):
-        margin = Margin(0.0, parse(f"{found[1]} %", ""), written)
+        margin = EquivalenceMargin(0.0, parse(f"{found[1]} %", ""), written)
     else:
-        margin = Margin(parse_difference(text, unit), 0.0, written)
+        margin = EquivalenceMargin(parse_difference(text, unit), 0.0, written)
     if not (math.isfinite(margin.absolute + margin.share) and margin.absolute + margin.share >= 0):
         raise UnitError(f"'{written}' is not a difference", hint=hint)
     return margin

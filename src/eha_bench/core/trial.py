@@ -12,7 +12,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit, SafetyLimit
-from eha_bench.core.margin import Margin
+from eha_bench.core.margin import EquivalenceMargin
 from eha_bench.core.metric import MetricSpec, metric_spec
 from eha_bench.core.near_miss import likely
 from eha_bench.core.signal import Signal
@@ -193,7 +193,7 @@ class Trial:
     scores: tuple[tuple[str, str], ...] = ()
     limits: tuple[AcceptanceLimit, ...] = ()
     safety: tuple[SafetyLimit, ...] = ()
-    margins: dict[str, Margin] = field(default_factory=dict)
+    margins: dict[str, EquivalenceMargin] = field(default_factory=dict)
     source: str = ""
     description: str = ""
     levels: tuple[AskedLevel, ...] = field(default=(), compare=False)

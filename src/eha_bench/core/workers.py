@@ -39,7 +39,7 @@ class WorkError(EhaBenchError):
 
 
 @dataclass(frozen=True)
-class Outcome(Generic[Value]):
+class ItemOutcome(Generic[Value]):
     """What became of an item: its value, or the error that it ended with.
 
     Attributes:
@@ -75,12 +75,12 @@ class Workers(ABC):
     @abstractmethod
     def _each(
         self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
-    ) -> Generator[Outcome[Value], None, None]:
+    ) -> Generator[ItemOutcome[Value], None, None]:
         """Yield outcomes as they come; the error of a worker that died ends it."""
 
     def outcomes(
         self, function: Callable[[Item], Value], items: Sequence[Item]
-    ) -> Generator[Outcome[Value], None, None]:
+    ) -> Generator[ItemOutcome[Value], None, None]:
         """Yield the outcome of each item as it comes, in any order; every item comes once.
 
         Args:
@@ -116,15 +116,15 @@ class Workers(ABC):
                     if group[0] in waiting and tries[group[0]] >= TRIES:
                         del waiting[group[0]]
                         reason = f"its worker died each of {TRIES} times ({type(error).__name__})"
-                        yield Outcome(group[0], error=WorkError(reason, status=3))
+                        yield ItemOutcome(group[0], error=WorkError(reason, status=3))
             if alone and not set(chosen) & set(waiting):
                 lost = 0
 
     def ordered(
         self, function: Callable[[Item], Value], items: Sequence[Item]
-    ) -> Generator[Outcome[Value], None, None]:
+    ) -> Generator[ItemOutcome[Value], None, None]:
         """Yield the outcomes in the order of the items, each as soon as all before it are there."""
-        early: dict[int, Outcome[Value]] = {}
+        early: dict[int, ItemOutcome[Value]] = {}
         expected = 0
         with closing(self.outcomes(function, items)) as outcomes:
             for outcome in outcomes:
@@ -144,15 +144,15 @@ class Workers(ABC):
 
 def _done(
     function: Callable[[], Callable[[Item], Value]], index: int, item: Item
-) -> Outcome[Value]:
+) -> ItemOutcome[Value]:
     """Return an item's outcome; errors travel as text, as not all of them can be pickled."""
     try:
-        return Outcome(index, function()(item))
+        return ItemOutcome(index, function()(item))
     except EhaBenchError as error:
-        return Outcome(index, error=WorkError(str(error), status=error.exit_status))
+        return ItemOutcome(index, error=WorkError(str(error), status=error.exit_status))
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
-        return Outcome(index, error=WorkError(reason, trace=traceback.format_exc(), status=BUG))
+        return ItemOutcome(index, error=WorkError(reason, trace=traceback.format_exc(), status=BUG))
 
 
 _LOST = {
@@ -166,11 +166,11 @@ def _is_lost_worker(error: Exception) -> bool:
     return any(kind.__name__ in _LOST for kind in type(error).__mro__)
 
 
-def _nobody_left(waiting: Iterable[int], error: EhaBenchError) -> Iterator[Outcome[Any]]:
+def _nobody_left(waiting: Iterable[int], error: EhaBenchError) -> Iterator[ItemOutcome[Any]]:
     """Yield what becomes of items that nobody can do any more."""
     told = f"the workers are lost, and cannot be reached again: {error.what}"
     for index in waiting:
-        yield Outcome(index, error=WorkError(told, status=3))
+        yield ItemOutcome(index, error=WorkError(told, status=3))
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class Here(Workers):
 
     def _each(
         self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
-    ) -> Generator[Outcome[Value], None, None]:
+    ) -> Generator[ItemOutcome[Value], None, None]:
         for index, item in numbered:
             yield _done(lambda: function, index, item)
 
@@ -212,7 +212,7 @@ class _Joblib(Workers):
 
     def _each(
         self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
-    ) -> Generator[Outcome[Value], None, None]:
+    ) -> Generator[ItemOutcome[Value], None, None]:
         from joblib import Parallel, delayed
 
         with self._backend(packed(function)) as sent:
@@ -255,7 +255,7 @@ def _stopping() -> Iterator[None]:
         threading.excepthook = before
 
 
-def _done_there(function: Sent, index: int, item: Item) -> Outcome[Any]:
+def _done_there(function: Sent, index: int, item: Item) -> ItemOutcome[Any]:
     return _done(function.unpacked, index, item)
 
 

@@ -35,8 +35,8 @@ from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
 from eha_bench.diagnosis.fit.start_angles import angles_note, starts_of
 from eha_bench.diagnosis.fit.uncertainty import (
     Covariance,
-    Direction,
     Estimate,
+    ParameterDirection,
     covariance,
     directions,
     estimates,
@@ -64,10 +64,10 @@ from eha_bench.diagnosis.outcome.findings import (
     units_of,
 )
 from eha_bench.diagnosis.outcome.honest import curve_is_worse, pruned, worse
+from eha_bench.diagnosis.outcome.model_errors import scored, scores_of
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rivals import other_rivals
-from eha_bench.diagnosis.outcome.scoring import scored, scores_of
 from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search import stepwise
@@ -108,7 +108,7 @@ class Calibration:
     per_run: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     lateness: Mapping[str, Estimate] = field(default_factory=dict)
     convergence: Convergence | None = None
-    weakest: tuple[Direction, ...] = ()
+    weakest: tuple[ParameterDirection, ...] = ()
     covariance: Covariance | None = None
     seconds: float = math.nan
     failed: FailedStage | None = None

@@ -1,6 +1,6 @@
 """Experiments that a rig could be asked for: signals of the suite's language, in each setup.
 
-Each is a shape between -1 and 1 with a frequency or a time scale of its own; `Candidate.trial`
+Each is a shape between -1 and 1 with a frequency or a time scale of its own; `Experiment.trial`
 puts it into the command's range.
 """
 
@@ -30,7 +30,7 @@ _PATTERNS = {
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Experiment:
     """One experiment.
 
     Attributes:
@@ -48,11 +48,11 @@ class Candidate:
     seconds: float = 4.0
     pattern: str = ""
 
-    def sized(self, size: float) -> Candidate:
+    def sized(self, size: float) -> Experiment:
         """Return the same at another size."""
         return replace(self, size=size)
 
-    def lasting(self, seconds: float) -> Candidate:
+    def lasting(self, seconds: float) -> Experiment:
         """Return the same at another length, s."""
         return replace(self, seconds=seconds)
 
@@ -107,7 +107,7 @@ class Candidate:
                 "periods": max(1, int(np.ceil(self.seconds * 2.0 * self.scale / 511.0))),
                 **at}  # fmt: skip
 
-    def trial(self, name: str, plan: Plan) -> dict[str, Any]:
+    def trial(self, name: str, plan: ExperimentSettings) -> dict[str, Any]:
         """Return the trial as a suite has it."""
         piston, bypass = self.setup
         setup = {"piston": piston.value, "bypass": bypass.value}
@@ -122,7 +122,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ExperimentSettings:
     """What all trials of a proposal have in common.
 
     Attributes:
@@ -137,11 +137,11 @@ class Plan:
     rate: float
     safety: Mapping[SetUp, Mapping[str, Any]]
 
-    def trials(self, candidates: list[Candidate], names: list[str]) -> tuple[Trial, ...]:
+    def trials(self, candidates: list[Experiment], names: list[str]) -> tuple[Trial, ...]:
         """Return candidates as a suite's loader reads them."""
         return load_suite(self.suite(candidates, names)).trials
 
-    def suite(self, candidates: list[Candidate], names: list[str]) -> dict[str, Any]:
+    def suite(self, candidates: list[Experiment], names: list[str]) -> dict[str, Any]:
         """Return a suite of candidates."""
         trials = [item.trial(name, self) for item, name in zip(candidates, names, strict=True)]
         return {
@@ -157,7 +157,7 @@ def unit_of_level(command: str) -> str:
     return CHANNELS[command].unit if command in CHANNELS else ""
 
 
-def candidates(plan: Plan, seconds: float) -> Iterator[Candidate]:
+def candidates(plan: ExperimentSettings, seconds: float) -> Iterator[Experiment]:
     """Yield experiments of every kind in every setup, from slow to fast.
 
     Args:
@@ -168,21 +168,21 @@ def candidates(plan: Plan, seconds: float) -> Iterator[Candidate]:
         for pattern in _PATTERNS:
             for hold in (0.1, 0.3, 0.8):
                 if 1.0 / hold < highest and 2.0 * hold < seconds:
-                    yield Candidate("steps", setup, 1.0 / hold, seconds=seconds, pattern=pattern)
-        yield Candidate("ramp", setup, 1.0 / (0.8 * seconds), seconds=seconds)
+                    yield Experiment("steps", setup, 1.0 / hold, seconds=seconds, pattern=pattern)
+        yield Experiment("ramp", setup, 1.0 / (0.8 * seconds), seconds=seconds)
         for frequency in (0.5, 1.5, 5.0, 15.0, 40.0):
             if frequency < highest and frequency * seconds > 1.0:
-                yield Candidate("sine", setup, frequency, seconds=seconds)
+                yield Experiment("sine", setup, frequency, seconds=seconds)
         for frequency in (5.0, 50.0):
             if frequency < highest:
-                yield Candidate("chirp", setup, frequency, seconds=seconds)
-                yield Candidate("multisine", setup, frequency, seconds=seconds)
+                yield Experiment("chirp", setup, frequency, seconds=seconds)
+                yield Experiment("multisine", setup, frequency, seconds=seconds)
         for frequency in (2.0, 10.0, 50.0):
             if frequency < highest:
-                yield Candidate("prbs", setup, frequency, seconds=seconds)
+                yield Experiment("prbs", setup, frequency, seconds=seconds)
 
 
-def varied(item: Candidate, rng: np.random.Generator, plan: Plan) -> Candidate:
+def varied(item: Experiment, rng: np.random.Generator, plan: ExperimentSettings) -> Experiment:
     """Return a neighbour: another time scale, another offset."""
     scale = float(np.clip(item.scale * np.exp(0.5 * rng.standard_normal()), _SLOWEST,
                           plan.rate / 10.0))  # fmt: skip

@@ -63,7 +63,7 @@ class Odds:
 
 
 @dataclass(frozen=True)
-class Layout:
+class DrawRows:
     """Which rows of the inner products are what: slopes, draws and noise.
 
     Attributes:
@@ -97,7 +97,7 @@ class Layout:
 
 def layout_of(
     rivals: Sequence[Hypothesis], draws: int, rng: np.random.Generator | None = None
-) -> Layout:
+) -> DrawRows:
     """Return a layout with the fitted values and so many draws of each posterior."""
     sizes = tuple(len(rival.keys) for rival in rivals)
     found = []
@@ -106,11 +106,11 @@ def layout_of(
         if rng is not None and draws:
             z[1:] = rng.standard_normal((draws, p))
         found.append(z)
-    return Layout(sizes, tuple(found))
+    return DrawRows(sizes, tuple(found))
 
 
 def inner_products(
-    layout: Layout,
+    layout: DrawRows,
     simulated: Sequence[FloatArray],
     outputs: Sequence[str],
     bench: Bench,
@@ -142,7 +142,7 @@ def inner_products(
     return out
 
 
-def distances(layout: Layout, gram: FloatArray) -> FloatArray:
+def distances(layout: DrawRows, gram: FloatArray) -> FloatArray:
     """Return the distance of each pair of rivals, (pairs,), from one matrix of inner products."""
     outputs, slopes, _ = layout.rows()
     found = []
@@ -156,7 +156,7 @@ def distances(layout: Layout, gram: FloatArray) -> FloatArray:
     return np.maximum(np.array(found, dtype=np.float64), 0.0)
 
 
-def shares_of_a_decision(layout: Layout, grams: FloatArray) -> FloatArray:
+def shares_of_a_decision(layout: DrawRows, grams: FloatArray) -> FloatArray:
     """Return, for each number of blocks, what they give of what a decision needs, (blocks,).
 
     The gain of the right rival over another is about normal in each block, with the mean d of the
@@ -173,14 +173,16 @@ def shares_of_a_decision(layout: Layout, grams: FloatArray) -> FloatArray:
     return np.asarray(np.minimum(reached / _SUFFICES, spread_enough**2).min(axis=1))
 
 
-def posterior_after(rival: Hypothesis, layout: Layout, gram: FloatArray, which: int) -> FloatArray:
+def posterior_after(
+    rival: Hypothesis, layout: DrawRows, gram: FloatArray, which: int
+) -> FloatArray:
     """Return a rival's covariance after the experiment, (p, p) SI."""
     own = layout.rows()[1][which]
     inner = np.eye(layout.sizes[which]) + gram[own, own]
     return np.asarray(rival.root @ np.linalg.solve(inner, rival.root.T))
 
 
-def _least_costs(layout: Layout, gram: FloatArray, truth: int, rival: int) -> FloatArray:
+def _least_costs(layout: DrawRows, gram: FloatArray, truth: int, rival: int) -> FloatArray:
     """Return the least cost of a refit of one rival to what another records.
 
     Shape (draws of the truth, NOISES). What is common to all rivals (the noise's own square)
@@ -213,7 +215,7 @@ def _least_costs(layout: Layout, gram: FloatArray, truth: int, rival: int) -> Fl
 
 
 def odds(
-    rivals: Sequence[Hypothesis], layout: Layout, grams: FloatArray, before: float
+    rivals: Sequence[Hypothesis], layout: DrawRows, grams: FloatArray, before: float
 ) -> tuple[Odds, ...]:
     """Return how surely a diagnosis will name the right rival, after each block.
 

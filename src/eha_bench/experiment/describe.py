@@ -9,8 +9,8 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.trial import Bypass, Piston
-from eha_bench.experiment.candidates import Candidate, Plan
-from eha_bench.experiment.decision import Layout, distances
+from eha_bench.experiment.candidates import Experiment, ExperimentSettings
+from eha_bench.experiment.decision import DrawRows, distances
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.proposal import NEAR, Band, PlannedTrial, Proposal
 from eha_bench.experiment.response import Bench, Responses
@@ -20,7 +20,7 @@ _OUTSIDE = 0.05
 _SHORT_S = 0.1
 
 
-def words_of(candidate: Candidate, plan: Plan) -> str:
+def words_of(candidate: Experiment, plan: ExperimentSettings) -> str:
     """Say what a trial does."""
     signal = candidate.signal(plan.command[candidate.setup], plan.unit)
     phrases = {
@@ -84,10 +84,10 @@ def sentence_of(proposal: Proposal) -> str:
 
 def planned(
     name: str,
-    candidate: Candidate,
-    plan: Plan,
+    candidate: Experiment,
+    plan: ExperimentSettings,
     rivals: Sequence[Hypothesis],
-    layout: Layout,
+    layout: DrawRows,
     responses: Responses,
     bench: Bench,
     ticks: Sequence[int],

@@ -13,7 +13,7 @@ from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.output_folder import writable
 from eha_bench.experiment.hypothesis import Question, read_question
-from eha_bench.experiment.proposal import Ending, Proposal
+from eha_bench.experiment.proposal import Proposal, ProposalEnding
 from eha_bench.suites import load_suite
 
 
@@ -57,7 +57,7 @@ def write_proposal(proposal: Proposal, out: str | Path) -> tuple[Path, ...]:
     figures = path.with_suffix(".json")
     text = json.dumps(proposal.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
     write_text(figures, text + "\n")
-    if proposal.ending is not Ending.PROPOSED:
+    if proposal.ending is not ProposalEnding.PROPOSED:
         return (figures,)
     head = _comment(proposal.sentence)
     load_suite(proposal.suite)

@@ -161,13 +161,13 @@ def _of_suite(suite: Suite) -> _SafetyFile:
 
 def _of_drive(path: Path) -> _SafetyFile:
     # what reads a DBC is an extra
-    from eha_bench.targets.can.guard import Limits
+    from eha_bench.targets.can.guard import GuardLimits
     from eha_bench.targets.can.load import load_drive
 
     drive = load_drive(path)
     found = {
         item.channel: Limit(item.low, item.high, item.rate, path.name)
-        for item in Limits.of(drive).channels
+        for item in GuardLimits.of(drive).channels
     }
     if not found:
         raise InputError(

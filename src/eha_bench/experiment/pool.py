@@ -39,7 +39,7 @@ _DRAWS = 12
 
 
 @dataclass(frozen=True)
-class Ranked:
+class RankedRecording:
     """One recording.
 
     Attributes:
@@ -78,7 +78,7 @@ def rank(
     within: float = 0.1,
     seed: int = 0,
     progress: Callable[[str, float], None] = no_progress,
-) -> tuple[Ranked, ...]:
+) -> tuple[RankedRecording, ...]:
     """Return recordings, the one that would decide most surely first.
 
     Args:
@@ -103,7 +103,7 @@ def rank(
         try:
             found.append(_ranked(question, rivals, run, inputs, bench, within, seed))
         except EhaBenchError as error:
-            found.append(Ranked(run.log.name, np.nan, np.nan, np.nan, -1.0, str(error)))
+            found.append(RankedRecording(run.log.name, np.nan, np.nan, np.nan, -1.0, str(error)))
     return tuple(sorted(found, key=lambda item: (
         -np.nan_to_num(item.right, nan=-1.0), -item.reached)))  # fmt: skip
 
@@ -153,7 +153,7 @@ def _ranked(
     bench: Bench,
     within: float,
     seed: int,
-) -> Ranked:
+) -> RankedRecording:
     plant = rivals[0].model.plant
     measured = admit(run, run.read(), inputs, plant.determined(inputs), strict=False,
                      roles=plant.roles)  # fmt: skip
@@ -169,7 +169,7 @@ def _ranked(
     outputs = simulated(rivals, layout_vectors, drive)
     if not all(np.isfinite(item).all() for item in outputs):
         why = "a rival's simulation of it diverges"
-        return Ranked(run.name, seconds, np.nan, np.nan, -1.0, why)
+        return RankedRecording(run.name, seconds, np.nan, np.nan, -1.0, why)
     known = replace(
         bench,
         channels=tuple(name for name in bench.channels if name not in inputs),
@@ -181,7 +181,7 @@ def _ranked(
     grams = inner_products(layout, outputs, plant.outputs, known, ticks, [seed, 5])
     if len(rivals) == 1:
         worst = worst_width(rivals[0], posterior_after(rivals[0], layout, grams[-1], 0))
-        return Ranked(run.name, seconds, np.nan, np.nan, (within / max(worst, 1e-12)) ** 2)
+        return RankedRecording(run.name, seconds, np.nan, np.nan, (within / max(worst, 1e-12)) ** 2)
     found = odds(rivals, layout, grams, question.covered.seconds)[-1]
     reached = float(shares_of_a_decision(layout, grams)[-1])
-    return Ranked(run.name, seconds, found.right, found.wrong, reached)
+    return RankedRecording(run.name, seconds, found.right, found.wrong, reached)

@@ -11,14 +11,14 @@ from typing import Any
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.finite import finite_or_none
 from eha_bench.experiment.decision import Odds
-from eha_bench.experiment.response import Room
+from eha_bench.experiment.response import LimitMargin
 
 SCHEMA_VERSION = 1
 NEAR = 0.8
 """Share of the way to a limit from which a proposal says that it comes near."""
 
 
-class Ending(StrEnum):
+class ProposalEnding(StrEnum):
     """How the search for an experiment ended.
 
     `proposed`: a suite was written. `nothing_open`: there is nothing to separate. `none_permitted`:
@@ -58,7 +58,7 @@ class PlannedTrial:
     reference: FloatArray
     bands: Mapping[str, Mapping[str, Band]]
     parts: FloatArray
-    rooms: tuple[Room, ...]
+    rooms: tuple[LimitMargin, ...]
     setup: tuple[str, str]
     units: Mapping[str, str]
 
@@ -97,7 +97,7 @@ class Proposal:
         notes: one sentence each. seconds: that the search took. tried: experiments simulated.
     """
 
-    ending: Ending
+    ending: ProposalEnding
     sentence: str
     rivals: tuple[str, ...]
     asked: float

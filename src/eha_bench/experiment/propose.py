@@ -27,11 +27,17 @@ from eha_bench.core.interruption import checkpoint
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.outcome.rival import Standing
-from eha_bench.experiment.candidates import Candidate, Plan, candidates, unit_of_level, varied
+from eha_bench.experiment.candidates import (
+    Experiment,
+    ExperimentSettings,
+    candidates,
+    unit_of_level,
+    varied,
+)
 from eha_bench.experiment.decision import (
     BLOCK,
     NAMED,
-    Layout,
+    DrawRows,
     Odds,
     distances,
     inner_products,
@@ -51,7 +57,7 @@ from eha_bench.experiment.permitted import (
     mode_of,
     permitted,
 )
-from eha_bench.experiment.proposal import Ending, PlannedTrial, Proposal, Width
+from eha_bench.experiment.proposal import PlannedTrial, Proposal, ProposalEnding, Width
 from eha_bench.experiment.response import Bench, Responses, respond
 from eha_bench.experiment.sensors import advice
 
@@ -85,11 +91,11 @@ def no_progress(_stage: str, _fraction: float) -> None:
 class _Tried:
     """An experiment with the inner products of its simulation, up to the end of each block."""
 
-    candidate: Candidate
+    candidate: Experiment
     ticks: tuple[int, ...]
     grams: FloatArray
 
-    def cut(self, part: int, rate: float) -> Candidate:
+    def cut(self, part: int, rate: float) -> Experiment:
         return self.candidate.lasting(self.ticks[part] / rate)
 
 
@@ -118,11 +124,11 @@ def propose(
     """
     began = time.perf_counter()
     question = read_question(diagnosis)
-    found = _Search(question, budget, safety, probability, within, seed, progress).ended()
+    found = _ExperimentSearch(question, budget, safety, probability, within, seed, progress).ended()
     return replace(found, seconds=time.perf_counter() - began, source=question.source)
 
 
-class _Search:
+class _ExperimentSearch:
     """One search; what it needs at every step."""
 
     def __init__(
@@ -150,7 +156,7 @@ class _Search:
         self.permitted: Permitted = permitted(
             plant, [rival.vector for rival in self.rivals], question.covered, safety
         )
-        self.plan = Plan(
+        self.plan = ExperimentSettings(
             mode_of(plant),
             unit_of_level(plant.command),
             {key: item for key, item in self.permitted.command.items() if item.high > item.low},
@@ -164,17 +170,17 @@ class _Search:
     def ended(self) -> Proposal:
         """Search, and say how it ended."""
         if self._nothing_open():
-            return self._ending(Ending.NOTHING_OPEN, self._why_nothing_open())
+            return self._ending(ProposalEnding.NOTHING_OPEN, self._why_nothing_open())
         if not self.plan.command:
             return self._ending(
-                Ending.NONE_PERMITTED,
+                ProposalEnding.NONE_PERMITTED,
                 f"{self.permitted.words}, and they leave the command no room: "
                 "give a --safety file that permits more",
             )
         screened = self._screened()
         if not screened:
             return self._ending(
-                Ending.NONE_PERMITTED,
+                ProposalEnding.NONE_PERMITTED,
                 f"none of {self.tried} experiments keeps every limit with margin "
                 f"({self.permitted.words})",
             )
@@ -209,20 +215,20 @@ class _Search:
 
     # --- simulation --------------------------------------------------------------------------
 
-    def _respond(self, candidate: Candidate, layout: Layout) -> Responses:
+    def _respond(self, candidate: Experiment, layout: DrawRows) -> Responses:
         checkpoint()
         trial = self.plan.trials([candidate], ["t"])[0]
         limits = self.permitted.limits[candidate.setup]
         return respond(self.rivals, layout.points, trial, self.bench, limits)
 
-    def _products(self, tried: Responses, layout: Layout, ticks: Sequence[int], seed: int
+    def _products(self, tried: Responses, layout: DrawRows, ticks: Sequence[int], seed: int
                   ) -> FloatArray:  # fmt: skip
         outputs = self.plant.outputs
         return inner_products(layout, tried.outputs, outputs, self.bench, ticks, [self.seed, seed])
 
-    def _largest(self, candidate: Candidate) -> Candidate | None:
+    def _largest(self, candidate: Experiment) -> Experiment | None:
         """Return it at the largest size that keeps the limits at the rivals' fitted values."""
-        nominal = Layout(tuple(0 for _ in self.rivals), tuple(
+        nominal = DrawRows(tuple(0 for _ in self.rivals), tuple(
             np.zeros((1, len(rival.keys))) for rival in self.rivals))  # fmt: skip
         limits = self.permitted.limits[candidate.setup]
         for size in _SIZES:
@@ -232,7 +238,7 @@ class _Search:
                 return item
         return None
 
-    def _try(self, candidate: Candidate) -> _Tried | None:
+    def _try(self, candidate: Experiment) -> _Tried | None:
         """Simulate at the fitted values and along the posterior's axes; None if that is unsafe."""
         self.tried += 1
         item = self._largest(candidate)
@@ -251,7 +257,7 @@ class _Search:
         ticks = self._ticks(item)
         return _Tried(item, ticks, self._products(responses, self.layout, ticks, 0))
 
-    def _ticks(self, item: Candidate) -> tuple[int, ...]:
+    def _ticks(self, item: Experiment) -> tuple[int, ...]:
         """Return the tick at the end of each block."""
         count = round(item.seconds * self.bench.rate)
         block = max(2, round(BLOCK * self.bench.rate))
@@ -323,7 +329,7 @@ class _Search:
                 drawn.append(again)
         if not drawn:
             return self._ending(
-                Ending.NONE_PERMITTED,
+                ProposalEnding.NONE_PERMITTED,
                 f"over the rivals' posteriors none of {self.tried} experiments keeps every limit "
                 f"with margin ({self.permitted.words})",
             )
@@ -338,12 +344,14 @@ class _Search:
             )
             if sensor is not None:
                 why += f"; log {sensor.channel} as well and it would in {per_cent(sensor.right)}"
-            return replace(self._ending(Ending.NONE_PERMITTED, why), odds=expected, sensor=sensor)
+            return replace(
+                self._ending(ProposalEnding.NONE_PERMITTED, why), odds=expected, sensor=sensor
+            )
         if len(chosen) == 1:
             chosen = [self._gentlest(chosen[0], layout, expected)]
         return self._proposed(chosen)
 
-    def _gentlest(self, chosen: Candidate, layout: Layout, expected: Odds) -> Candidate:
+    def _gentlest(self, chosen: Experiment, layout: DrawRows, expected: Odds) -> Experiment:
         """Return an experiment at the smallest size that decides as surely.
 
         Rivals were fitted to what has been recorded; the further beyond, the less they are worth.
@@ -362,7 +370,7 @@ class _Search:
             chosen = item
         return chosen
 
-    def _drawn(self, candidate: Candidate, layout: Layout, number: int) -> _Tried | None:
+    def _drawn(self, candidate: Experiment, layout: DrawRows, number: int) -> _Tried | None:
         """Simulate with draws of the posteriors, smaller where one of them breaks a limit."""
         for _ in range(4):
             responses = self._respond(candidate, layout)
@@ -373,10 +381,10 @@ class _Search:
             candidate = candidate.sized(0.75 * candidate.size)
         return None
 
-    def _shortest(self, drawn: list[_Tried], layout: Layout) -> tuple[list[Candidate], Odds]:
+    def _shortest(self, drawn: list[_Tried], layout: DrawRows) -> tuple[list[Experiment], Odds]:
         """Return the shortest sum of experiments that suffices, or the one that is surest."""
         rate = self.bench.rate
-        best: tuple[tuple[float, float], list[Candidate], Odds] | None = None
+        best: tuple[tuple[float, float], list[Experiment], Odds] | None = None
         several = [
             items
             for count in range(1, _TOGETHER + 1)
@@ -406,13 +414,13 @@ class _Search:
     def _before(self) -> float:
         return self.question.covered.seconds
 
-    def _proposed(self, chosen: list[Candidate]) -> Proposal:
+    def _proposed(self, chosen: list[Experiment]) -> Proposal:
         """Return a proposal with what fresh draws say of it."""
         self.progress("predict", 0.0)
         layout = layout_of(self.rivals, _FRESH, np.random.default_rng([self.seed, 3]))
         done: list[_Tried] = []
         trials: list[PlannedTrial] = []
-        kept: list[Candidate] = []
+        kept: list[Experiment] = []
         for number, item in enumerate(chosen):
             candidate = item
             responses = self._respond(candidate, layout)
@@ -433,7 +441,7 @@ class _Search:
             )  # fmt: skip
         if not done:
             return self._ending(
-                Ending.NONE_PERMITTED,
+                ProposalEnding.NONE_PERMITTED,
                 "over fresh draws of the rivals' posteriors no experiment keeps every limit",
             )
         names = [trial.id for trial in trials]
@@ -443,7 +451,7 @@ class _Search:
         if len(self.rivals) > 1:
             found = odds(self.rivals, layout, grams, self._before)[-1]
         proposal = Proposal(
-            Ending.PROPOSED,
+            ProposalEnding.PROPOSED,
             "",
             tuple(rival.id for rival in self.rivals),
             self.probability if found is not None else self.within,
@@ -478,7 +486,7 @@ class _Search:
 
     def _narrowing(self, screened: list[_Tried]) -> Proposal:
         """Return the shortest experiment that brings the worst interval under what is asked."""
-        best: tuple[tuple[float, float], list[Candidate]] | None = None
+        best: tuple[tuple[float, float], list[Experiment]] | None = None
         rate = self.bench.rate
         several = [
             items
@@ -505,13 +513,13 @@ class _Search:
             widths = self.rivals[0].relative_half_widths(self.rivals[0].covariance)
             name = max(named(widths), key=lambda key: widths[key])
             return self._ending(
-                Ending.NONE_PERMITTED,
+                ProposalEnding.NONE_PERMITTED,
                 f"no permitted experiment of {self.budget:g} s narrows the interval of {name} "
                 f"below its present {per_cent(before)}",
             )
         return self._proposed(best[1])
 
-    def _widths(self, layout: Layout, gram: FloatArray) -> tuple[Width, ...]:
+    def _widths(self, layout: DrawRows, gram: FloatArray) -> tuple[Width, ...]:
         rival = self.rivals[0]
         before = rival.relative_half_widths(rival.covariance)
         after = rival.relative_half_widths(posterior_after(rival, layout, gram, 0))
@@ -537,7 +545,7 @@ class _Search:
                 found[name] = text if name in CHANNELS else {"limit": text, **unit}
         return found
 
-    def _ending(self, ending: Ending, sentence: str) -> Proposal:
+    def _ending(self, ending: ProposalEnding, sentence: str) -> Proposal:
         return Proposal(
             ending,
             sentence,

@@ -64,7 +64,7 @@ class Bench:
 
 
 @dataclass(frozen=True)
-class Room:
+class LimitMargin:
     """How near a trial comes to one limit, over all that was simulated.
 
     Attributes:
@@ -92,7 +92,7 @@ class Responses:
 
     trial: Trial
     outputs: tuple[FloatArray, ...]
-    rooms: tuple[Room, ...]
+    rooms: tuple[LimitMargin, ...]
 
     @property
     def safe(self) -> bool:
@@ -164,7 +164,7 @@ def rooms_of(
     outputs: Sequence[FloatArray],
     bench: Bench,
     limits: Mapping[str, Limit],
-) -> tuple[Room, ...]:
+) -> tuple[LimitMargin, ...]:
     """Return how near simulations come to every limit; the fullest first."""
     found = []
     for name, limit in limits.items():
@@ -197,7 +197,7 @@ def _channel(
         ]
 
 
-def _room(name: str, curves: FloatArray, limit: Limit, bench: Bench) -> Room:
+def _room(name: str, curves: FloatArray, limit: Limit, bench: Bench) -> LimitMargin:
     margin = bench.margin.get(name, 0.0)
     if name == "pressure_difference":
         margin = bench.margin.get("pressure_a", 0.0) + bench.margin.get("pressure_b", 0.0)
@@ -216,7 +216,7 @@ def _room(name: str, curves: FloatArray, limit: Limit, bench: Bench) -> Room:
     if np.isfinite(limit.rate):
         rate = float(np.abs(np.diff(curves, axis=1)).max()) * bench.rate
         used = max(used, (rate + 1.5 * margin * bench.rate) / ((1.0 - _SHARE) * limit.rate))
-    return Room(name, low, high, limit, float(used) if np.isfinite(used) else 1e9)
+    return LimitMargin(name, low, high, limit, float(used) if np.isfinite(used) else 1e9)
 
 
 def _furthest(tops: FloatArray) -> float:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from eha_bench.core.errors import UnitError
-from eha_bench.experiment.candidates import Candidate, Plan
-from eha_bench.experiment.decision import BLOCK, Layout, inner_products, odds
+from eha_bench.experiment.candidates import Experiment, ExperimentSettings
+from eha_bench.experiment.decision import BLOCK, DrawRows, inner_products, odds
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import Limit, SetUp
 from eha_bench.experiment.proposal import SensorAdvice
@@ -22,9 +22,9 @@ _SHARE = 1e-3
 
 def advice(
     rivals: Sequence[Hypothesis],
-    layout: Layout,
-    candidate: Candidate,
-    plan: Plan,
+    layout: DrawRows,
+    candidate: Experiment,
+    plan: ExperimentSettings,
     bench: Bench,
     limits: Mapping[SetUp, Mapping[str, Limit]],
     before: float,

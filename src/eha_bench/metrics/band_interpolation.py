@@ -24,7 +24,7 @@ _REACH = math.log(1.6)  # on either side of a place, in which a cubic follows th
 
 
 @dataclass(frozen=True)
-class Curve:
+class CrossingCurve:
     """What crosses zero downwards at the place sought.
 
     Attributes:
@@ -100,7 +100,7 @@ def first_below(
     return int(index[0])
 
 
-def crossing(response: FrequencyResponse, curve: Curve, first: int, reason: str) -> Measure:
+def crossing(response: FrequencyResponse, curve: CrossingCurve, first: int, reason: str) -> Measure:
     """Return the frequency in Hz at which a curve falls below zero before point `first`."""
     squares = response.frequency**2
     before, after = curve.values[first - 1], curve.values[first]
@@ -144,7 +144,9 @@ Weights = tuple[IndexArray, FloatArray]
 """Points, and the weight of each in a value."""
 
 
-def _disagreement(curve: Curve, sd: FloatArray, own: Weights, others: Sequence[Weights]) -> float:
+def _disagreement(
+    curve: CrossingCurve, sd: FloatArray, own: Weights, others: Sequence[Weights]
+) -> float:
     """Return how far other cubics are from the one that is used, noise taken off."""
 
     def spread_out(chosen: IndexArray, weights: FloatArray) -> FloatArray:
@@ -179,7 +181,9 @@ class Minimum:
     height: Budget
 
 
-def extreme_between(response: FrequencyResponse, curve: Curve, index: int) -> Minimum | None:
+def extreme_between(
+    response: FrequencyResponse, curve: CrossingCurve, index: int
+) -> Minimum | None:
     """Return the minimum of a positive curve near point `index`, its least; None if it has none."""
     squares = response.frequency**2
     guess = float(squares[index])

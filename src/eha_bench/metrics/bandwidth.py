@@ -14,7 +14,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.band_interpolation import (
-    Curve,
+    CrossingCurve,
     crossing,
     extreme_between,
     first_below,
@@ -75,7 +75,9 @@ class Bandwidth3dB(BandMetric):
         spread = np.sqrt(response.relative_sd**2 + level_budget.variance)
         first = first_below(response, logs, _HALF_POWER, spread, "the gain has not fallen by 3 dB")
         inverse = np.exp(-2.0 * logs)
-        curve = Curve(2.0 - inverse, 2.0 * response.relative_sd * inverse, level_budget.scaled(4.0))
+        curve = CrossingCurve(
+            2.0 - inverse, 2.0 * response.relative_sd * inverse, level_budget.scaled(4.0)
+        )
         reason = "3 dB below the gain at low frequency, local cubic of 1/gain² in f²"
         return crossing(response, curve, first, reason)
 
@@ -95,7 +97,7 @@ class Bandwidth90Deg(BandMetric):
         first = first_below(response, response.phase, -0.5 * math.pi, sd, what)
         size = response.gain[first]
         inverse = size / response.response
-        curve = Curve(inverse.real, sd * np.abs(inverse))
+        curve = CrossingCurve(inverse.real, sd * np.abs(inverse))
         return crossing(response, curve, first, "phase lag of 90 deg, local cubic in f²")
 
 
@@ -178,7 +180,7 @@ def _resonance(response: FrequencyResponse) -> _Resonance | None:
         return None
     size = float(response.gain[index])
     inverse = (size / np.maximum(response.gain, 1e-300)) ** 2
-    curve = Curve(inverse, 2.0 * response.relative_sd * inverse)
+    curve = CrossingCurve(inverse, 2.0 * response.relative_sd * inverse)
     found = extreme_between(response, curve, index)
     if found is None:
         return None

@@ -46,7 +46,7 @@ class FormulaMetric(Metric):
         """Return the formula's value, SI."""
         formula = self._own.formula
         parts = [
-            _Part(name, part, *self._measured(recording, trial, part))
+            _FormulaInput(name, part, *self._measured(recording, trial, part))
             for name, part in formula.inputs.items()
         ]
         values = {part.name: part.measure.value for part in parts}
@@ -86,7 +86,7 @@ class FormulaMetric(Metric):
 
 
 @dataclass(frozen=True)
-class _Part:
+class _FormulaInput:
     """An input of the formula as it was measured, and the channels that it rests on."""
 
     name: str
@@ -114,7 +114,7 @@ def _moves(
     of: Callable[[Mapping[str, float]], float],
     values: Mapping[str, float],
     value: float,
-    part: _Part,
+    part: _FormulaInput,
 ) -> tuple[float, float]:
     """Return how far the value goes down and up over an input's interval; infinite if anywhere."""
     ends = [of({**values, part.name: end}) - value for end in (part.measure.low, part.measure.high)]
@@ -123,7 +123,7 @@ def _moves(
     return max(-min(ends), 0.0), max(*ends, 0.0)
 
 
-def _groups(parts: list[_Part]) -> list[list[int]]:
+def _groups(parts: list[_FormulaInput]) -> list[list[int]]:
     """Return the inputs, those that share a channel together."""
     groups: list[tuple[set[str], list[int]]] = []
     for index, part in enumerate(parts):
@@ -140,7 +140,7 @@ def _groups(parts: list[_Part]) -> list[list[int]]:
 
 
 def _contribution(
-    group: list[int], parts: list[_Part], moves: list[tuple[float, float]]
+    group: list[int], parts: list[_FormulaInput], moves: list[tuple[float, float]]
 ) -> Contribution:
     """Return what inputs that may err together add to the value's uncertainty."""
     standard = math.fsum(sum(moves[i]) for i in group) / (2.0 * NORMAL)

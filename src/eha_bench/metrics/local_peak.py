@@ -9,7 +9,7 @@ import numpy as np
 
 from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.metrics.local import LocalFit, fit, holds_around
-from eha_bench.metrics.noise import Noise, Spread
+from eha_bench.metrics.noise import LinearCovariance, Noise
 
 _NARROWEST = 4
 _WIDEST = 1.5  # transits
@@ -87,7 +87,9 @@ def _half(noise: Noise, transit: float, height: float) -> int:
     return int(min(max(half, _NARROWEST), max(_WIDEST * transit, _NARROWEST)))
 
 
-def _flat(local: LocalFit, place: float, spread: Spread, quantile: float) -> tuple[float, float]:
+def _flat(
+    local: LocalFit, place: float, spread: LinearCovariance, quantile: float
+) -> tuple[float, float]:
     """Return where around a place the slope may be zero (Fieller's interval)."""
 
     def reach(times: FloatArray) -> FloatArray:

@@ -66,7 +66,7 @@ class InverseLoop:
 
 
 @dataclass(frozen=True)
-class Margin:
+class StabilityMargin:
     """A margin at a crossover: value with the reach of its interval, and the frequency in Hz."""
 
     value: float
@@ -112,7 +112,7 @@ class MarginMetric(BandMetric):
         """Return the points before which 1 / L, (n,) with sd (n,) of each part, crosses over."""
 
     @abstractmethod
-    def margin(self, loop: InverseLoop, first: int) -> Margin:
+    def margin(self, loop: InverseLoop, first: int) -> StabilityMargin:
         """Return the margin where the loop crosses over before point `first`."""
 
     @abstractmethod
@@ -123,7 +123,7 @@ class MarginMetric(BandMetric):
         """Whether a crossover of this margin is one to report."""
         return math.isfinite(value)
 
-    def other(self, margin: Margin) -> str:
+    def other(self, margin: StabilityMargin) -> str:
         """Return what to say of a crossover that does not count."""
         return f" ({margin.value:.3g} at {margin.frequency:.4g} Hz)"
 
@@ -143,7 +143,7 @@ class PhaseMargin(MarginMetric):
         """Return where the loop's gain falls or rises through 1."""
         return sign_changes(np.abs(inverse) - 1.0, sd)
 
-    def margin(self, loop: InverseLoop, first: int) -> Margin:
+    def margin(self, loop: InverseLoop, first: int) -> StabilityMargin:
         """Return 180 degrees minus the angle of 1 / L where |1 / L| = 1."""
         x = _zero(loop, first, lambda value: abs(value) - 1.0)
         value, slope = loop.value(x), loop.slope(x)
@@ -178,7 +178,7 @@ class GainMargin(MarginMetric):
         behind = inverse.real[places - 1] + inverse.real[places] < 0.0
         return places[behind]
 
-    def margin(self, loop: InverseLoop, first: int) -> Margin:
+    def margin(self, loop: InverseLoop, first: int) -> StabilityMargin:
         """Return |1 / L| where its imaginary part is 0."""
         x = _zero(loop, first, lambda value: value.imag)
         value, slope = loop.value(x), loop.slope(x)
@@ -193,7 +193,7 @@ class GainMargin(MarginMetric):
         """Whether more gain would be unstable, and not less."""
         return math.isfinite(value) and value > 1.0
 
-    def other(self, margin: Margin) -> str:
+    def other(self, margin: StabilityMargin) -> str:
         """Return that the gain may be lowered, and by what."""
         return f" (at {margin.frequency:.4g} Hz |L| is {1.0 / max(margin.value, 1e-300):.3g})"
 
@@ -235,9 +235,11 @@ def _zero(loop: InverseLoop, first: int, curve: Callable[[complex], float]) -> f
     return float(grid[at] + share * (grid[at + 1] - grid[at]))
 
 
-def _margin(loop: InverseLoop, x: float, value: float, across: tuple[float, float]) -> Margin:
+def _margin(
+    loop: InverseLoop, x: float, value: float, across: tuple[float, float]
+) -> StabilityMargin:
     """Return a margin; `across` is its derivative by real and imaginary part of 1 / L."""
     real, imaginary = loop.variances(x)
     variance = across[0] ** 2 * real + across[1] ** 2 * imaginary
     reach = loop.quantile * math.sqrt(variance) if math.isfinite(variance) else math.nan
-    return Margin(value, reach, loop.guess * math.sqrt(x))
+    return StabilityMargin(value, reach, loop.guess * math.sqrt(x))

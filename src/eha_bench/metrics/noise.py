@@ -31,7 +31,7 @@ _PENALTY = 4.0  # per coefficient: Akaike's 2 would find correlation in a third 
 
 
 @dataclass(frozen=True)
-class Spread:
+class LinearCovariance:
     """The covariance of k linear functions of the data, (k, k).
 
     Attributes:
@@ -95,22 +95,22 @@ class Noise:
         """Return the variance of sum(weights * data) over consecutive samples."""
         return self.spread(weights[None, :]).variance(np.ones(1))
 
-    def spread(self, operator: FloatArray) -> Spread:
+    def spread(self, operator: FloatArray) -> LinearCovariance:
         """Return how operator @ data scatters over consecutive samples, operator (k, n)."""
         white = operator @ operator.T * float(self.autocovariance[0])
         lags = self.autocovariance[: operator.shape[1]]
         if lags.size == 1:
-            return Spread(white, white)
+            return LinearCovariance(white, white)
         if lags.size <= _FEW_LAGS:
             total = white.copy()
             for lag in range(1, lags.size):
                 pair = operator[:, lag:] @ operator[:, :-lag].T
                 total += float(lags[lag]) * (pair + pair.T)
-            return Spread(total, white)
+            return LinearCovariance(total, white)
         kernel = np.concatenate([lags[:0:-1], lags])
         blurred = fftconvolve(operator, kernel[None, :], axes=1)[:, lags.size - 1 :]
         total = operator @ blurred[:, : operator.shape[1]].T
-        return Spread(0.5 * (total + total.T), white)
+        return LinearCovariance(0.5 * (total + total.T), white)
 
     def correlation(self, lag: int) -> float:
         """Return the correlation of two samples so many samples apart."""

@@ -33,7 +33,7 @@ _SPEEDS = (0.4, 0.6, 0.9, 1.3, 2.0)  # natural frequency times the transit
 
 
 @dataclass(frozen=True)
-class Tail:
+class SettlingTail:
     """The two modes.
 
     Attributes:
@@ -110,7 +110,7 @@ def _settled(parameters: FloatArray, grid: FloatArray, band: float) -> FloatArra
     return found
 
 
-def _fit(step: StepResponse) -> Tail:
+def _fit(step: StepResponse) -> SettlingTail:
     start = step.crossing(0.9).time
     chosen = step.time >= start
     time, values = step.time[chosen] - start, step.rise[chosen] - 1.0
@@ -140,7 +140,7 @@ def _fit(step: StepResponse) -> Tail:
     linear = np.linalg.lstsq(matrix, values, rcond=1e-10)[0]
     _require_explained(values - matrix @ linear, step)
     parameters = np.array([logs, square, linear[0], linear[1] / width, linear[2]])
-    return Tail(start, parameters, _covariance(parameters, time, step.noise))
+    return SettlingTail(start, parameters, _covariance(parameters, time, step.noise))
 
 
 def _require_explained(rest: FloatArray, step: StepResponse) -> None:

@@ -43,7 +43,7 @@ class Stroke:
 
 
 @dataclass(frozen=True)
-class Loop:
+class HysteresisLoop:
     """The loop that a channel draws over a position that goes back and forth.
 
     Attributes:
@@ -63,7 +63,7 @@ class Loop:
     notes: tuple[str, ...]
 
 
-def loop(recording: Recording, trial: Trial, channel: str) -> Loop:
+def loop(recording: Recording, trial: Trial, channel: str) -> HysteresisLoop:
     """Return the loop of a channel over the position that the trial asks for.
 
     With x the position, s = +1 forth and -1 back, the samples of the strokes are fitted by
@@ -78,7 +78,7 @@ def loop(recording: Recording, trial: Trial, channel: str) -> Loop:
     return remembered(recording, trial, ("loop", channel), lambda: _loop(recording, trial, channel))
 
 
-def _loop(recording: Recording, trial: Trial, channel: str) -> Loop:
+def _loop(recording: Recording, trial: Trial, channel: str) -> HysteresisLoop:
     moved = trial.channel
     unit = recording.unit(moved) if moved in recording else trial.mode.unit
     if unit not in LENGTHS:
@@ -140,7 +140,7 @@ def _fitted(
     data: Samples,
     found: list[Stroke],
     notes: tuple[str, ...],
-) -> Loop:
+) -> HysteresisLoop:
     index = np.concatenate([np.arange(s.start, s.stop) for s in found])
     sense = np.concatenate([np.full(s.stop - s.start, s.sense) for s in found])
     x = position.values[index]
@@ -166,7 +166,7 @@ def _fitted(
         for s in found
     ]
     half = float(coefficients[0]) * scale
-    return Loop(
+    return HysteresisLoop(
         half=half,
         slope=float(np.polyfit(x - middle, y, 1)[0]) * scale,
         speed=float(np.mean(speeds)),

@@ -10,7 +10,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.note import Note
-from eha_bench.recordings.channel_map import ChannelMap, Gaps, Method, Range
+from eha_bench.recordings.channel_map import ChannelMap, Gaps, Method, TimeRange
 from eha_bench.recordings.series import (
     BRIDGED,
     gap_note,
@@ -118,7 +118,7 @@ def _clock(
 ) -> tuple[Stamps, list[str]]:
     """Return the base topic's stamps in the range that all topics cover."""
     stamps = tracks[base].stamps
-    if mapping.range is Range.ALL:
+    if mapping.range is TimeRange.ALL:
         return stamps, []
     begin, end = int(stamps[0]), int(stamps[-1])
     period = typical_step(stamps) if stamps.size > 1 else 0.0

@@ -29,7 +29,7 @@ Rows = IndexArray
 
 
 @dataclass(frozen=True)
-class Part:
+class MessageGroup:
     """Equal-size messages of one channel id among the messages of a topic.
 
     Attributes:
@@ -64,7 +64,7 @@ class BatchDecoder:
         """What is wanted of the topic."""
         return self._wanted
 
-    def decode(self, batch: list[Part], columns: list[Column]) -> Stamps | None:
+    def decode(self, batch: list[MessageGroup], columns: list[Column]) -> Stamps | None:
         """Write the numbers of a batch into columns (one a field), and return the stamps.
 
         Raises:
@@ -82,7 +82,7 @@ class BatchDecoder:
                 column[part.rows] = target
         return None if self.clock is None else collected
 
-    def _decode(self, part: Part, targets: list[Column]) -> Stamps:
+    def _decode(self, part: MessageGroup, targets: list[Column]) -> Stamps:
         header = self.clock is Clock.HEADER
         if not targets and not header:
             return part.stamps  # only asked when there were messages: any encoding will do

@@ -26,7 +26,7 @@ class OverBudget(RecordingError):
 
 
 @dataclass(frozen=True)
-class Limits:
+class ReadingLimits:
     """What somebody allows a file, whatever its size; None for the default.
 
     Attributes:
@@ -38,14 +38,14 @@ class Limits:
     seconds: float | None = None
 
 
-_limits: ContextVar[Limits] = ContextVar("limits")
-_current: ContextVar[Budget] = ContextVar("budget")
+_limits: ContextVar[ReadingLimits] = ContextVar("limits")
+_current: ContextVar[ReadingBudget] = ContextVar("budget")
 
 
-class Budget:
+class ReadingBudget:
     """What is allowed to the reading of one recording."""
 
-    def __init__(self, path: str, size: int, limits: Limits) -> None:
+    def __init__(self, path: str, size: int, limits: ReadingLimits) -> None:
         self._where = Place(file=path)
         self.memory = limits.memory or _MEMORY + _MEMORY_PER_BYTE * size
         self.seconds = limits.seconds or _SECONDS + _SECONDS_PER_BYTE * size
@@ -79,16 +79,16 @@ class Budget:
             )
 
 
-def budget() -> Budget:
+def budget() -> ReadingBudget:
     """Return the budget of the recording that is being read."""
     found = _current.get(None)
-    return found if found is not None else Budget("", 0, _limits.get(Limits()))
+    return found if found is not None else ReadingBudget("", 0, _limits.get(ReadingLimits()))
 
 
 @contextmanager
 def limited(memory: int | None = None, seconds: float | None = None) -> Iterator[None]:
     """Allow every recording read in this context so much instead of the default."""
-    token = _limits.set(Limits(memory, seconds))
+    token = _limits.set(ReadingLimits(memory, seconds))
     try:
         yield
     finally:
@@ -96,13 +96,13 @@ def limited(memory: int | None = None, seconds: float | None = None) -> Iterator
 
 
 @contextmanager
-def spending(path: Path) -> Iterator[Budget]:
+def spending(path: Path) -> Iterator[ReadingBudget]:
     """Open the budget of a recording; one inside another's is part of it."""
     outer = _current.get(None)
     if outer is not None:
         yield outer
         return
-    found = Budget(str(path), _size(path), _limits.get(Limits()))
+    found = ReadingBudget(str(path), _size(path), _limits.get(ReadingLimits()))
     token = _current.set(found)
     try:
         yield found

@@ -72,7 +72,7 @@ class Gaps(StrEnum):
     INTERPOLATE = "interpolate"
 
 
-class Range(StrEnum):
+class TimeRange(StrEnum):
     """Whether the recording ends where the first channel ends, or holds NaN from there on."""
 
     COMMON = "common"
@@ -178,7 +178,7 @@ class ChannelMapFile(StrictModel):
 
     clock: Clock = Clock.LOG
     base: str | None = Field(default=None, description="channel whose topic gives the common clock")
-    range: Range = Range.COMMON
+    range: TimeRange = TimeRange.COMMON
     time: TimeColumn | None = None
     sample_rate: Annotated[float, Unit("Hz")] | None = Field(
         default=None, description="of a table without a time column"

@@ -9,7 +9,7 @@ import lz4.frame
 import numpy as np
 import zstandard
 
-from eha_bench.recordings.budget import Budget, budget
+from eha_bench.recordings.budget import ReadingBudget, budget
 from eha_bench.recordings.checksum import crc32
 from eha_bench.recordings.encodings.payloads import Bytes
 
@@ -22,7 +22,7 @@ class DamagedChunk(Exception):
     """A chunk cannot be decompressed; says why."""
 
 
-class Room:
+class DecompressBuffer:
     """Memory that one chunk after the other is decompressed into."""
 
     def __init__(self) -> None:
@@ -40,8 +40,8 @@ def decompress(
     compression: str,
     size: int,
     crc: int = 0,
-    room: Room | None = None,
-    allowed: Budget | None = None,
+    room: DecompressBuffer | None = None,
+    allowed: ReadingBudget | None = None,
 ) -> Bytes:
     """Return a chunk's `size` bytes, checked against `crc` (0 means there is none).
 
@@ -70,7 +70,9 @@ def decompress(
     return np.frombuffer(raw, dtype=np.uint8)
 
 
-def decompress_torn(data: memoryview, compression: str, allowed: Budget | None = None) -> Bytes:
+def decompress_torn(
+    data: memoryview, compression: str, allowed: ReadingBudget | None = None
+) -> Bytes:
     """Return what can be had of a chunk whose end is missing.
 
     Raises:
@@ -96,7 +98,7 @@ def decompress_torn(data: memoryview, compression: str, allowed: Budget | None =
     return np.frombuffer(b"".join(parts), dtype=np.uint8)
 
 
-def _whole(data: memoryview, compression: str, size: int, room: Room | None) -> Any:
+def _whole(data: memoryview, compression: str, size: int, room: DecompressBuffer | None) -> Any:
     if compression in {"", "none"}:
         return data
     if not size:

@@ -18,7 +18,7 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings import sample
 from eha_bench.recordings.mcap.sink import McapSink
-from eha_bench.recordings.sample import NANOSECONDS, Sample
+from eha_bench.recordings.sample import NANOSECONDS, WideMessage
 from eha_bench.recordings.writer import begin
 
 CHUNK_SIZE = 64 << 10
@@ -64,7 +64,7 @@ class LiveWriter:
             if isinstance(channels, Mapping)
             else {name: unit_of(name) for name in channels}
         )
-        self._message = Sample.of(sample.checked_units(units, tuple(units)))
+        self._message = WideMessage.of(sample.checked_units(units, tuple(units)))
         self._epoch = epoch_ns
         self._fsync = fsync
         self._lock = threading.Lock()

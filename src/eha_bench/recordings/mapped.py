@@ -25,7 +25,7 @@ from eha_bench.recordings.series import (
     seconds_in_place,
     unwrapped,
 )
-from eha_bench.recordings.source import Source, Span, Topic, Wanted
+from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.track import Column, Stamps, Track, freeze
 
@@ -33,7 +33,7 @@ _SECOND = 1_000_000_000
 
 
 def read_mapped(
-    source: Source, mapping: ChannelMap, span: Span, *, described_itself: bool = False
+    source: Source, mapping: ChannelMap, span: TimeSpan, *, described_itself: bool = False
 ) -> Recording:
     """Return a source's channels as the map says.
 
@@ -65,7 +65,7 @@ def read_topics(source: Source, mapping: ChannelMap) -> tuple[Recording, ...]:
     Raises:
         RecordingError: as `read`.
     """
-    whole = Span()
+    whole = TimeSpan()
     if mapping.computed:
         return (read_mapped(source, mapping, whole),)
     read = _read(source, mapping, whole)
@@ -97,7 +97,7 @@ def read_topics(source: Source, mapping: ChannelMap) -> tuple[Recording, ...]:
 
 
 @dataclass(frozen=True)
-class _Read:
+class _SourceRead:
     """What was read of a source, before it meets a clock.
 
     Attributes:
@@ -114,7 +114,7 @@ class _Read:
     sensors: Mapping[str, Sensor]
 
 
-def _read(source: Source, mapping: ChannelMap, span: Span) -> _Read:
+def _read(source: Source, mapping: ChannelMap, span: TimeSpan) -> _SourceRead:
     strangers = mapping.strangers()
     sensors = {name: mapping.sensor(name) for name in mapping.channels}
     mapping = mapping.read
@@ -125,12 +125,12 @@ def _read(source: Source, mapping: ChannelMap, span: Span) -> _Read:
     tracks, zero = _tracks(source, mapping, wanted, span)
     _refuse_lost(source, tracks)
     notes = [*source.notes, *source.skipped(), *strangers, *left_out]
-    return _Read(mapping, tracks, keys, zero, notes, sensors)
+    return _SourceRead(mapping, tracks, keys, zero, notes, sensors)
 
 
 def _recording(
     source: Source,
-    read: _Read,
+    read: _SourceRead,
     aligned: Aligned,
     epoch: int,
     exact: FloatArray | None = None,
@@ -166,7 +166,7 @@ def _recording(
     )
 
 
-def _within(recording: Recording, span: Span, path: str) -> Recording:
+def _within(recording: Recording, span: TimeSpan, path: str) -> Recording:
     """Return the part of a recording in a span, in the same memory."""
     kept = slice(*np.searchsorted(recording.time, (span.start, span.stop)))
     time = recording.time[kept]
@@ -250,7 +250,7 @@ def _of_kind(source: Source, mapping: ChannelMap) -> tuple[ChannelMap, list[str]
 
 
 def _tracks(
-    source: Source, mapping: ChannelMap, wanted: Mapping[str, Wanted], span: Span
+    source: Source, mapping: ChannelMap, wanted: Mapping[str, Wanted], span: TimeSpan
 ) -> tuple[dict[str, Track], int | None]:
     """Return the tracks, and the stamp of time zero where only a span is read."""
     if isinstance(source, TableSource):

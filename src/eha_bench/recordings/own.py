@@ -11,11 +11,11 @@ from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
 from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.series import nan_note
-from eha_bench.recordings.source import Source, Span, Wanted
+from eha_bench.recordings.source import Source, TimeSpan, Wanted
 from eha_bench.recordings.track import freeze
 
 
-def read_own(source: Source, span: Span) -> Recording:
+def read_own(source: Source, span: TimeSpan) -> Recording:
     """Return a recording as it was written.
 
     Raises:

@@ -15,7 +15,7 @@ from eha_bench.recordings.mapped import read_mapped, unmapped
 from eha_bench.recordings.mapped import read_topics as read_mapped_topics
 from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.own import read_own
-from eha_bench.recordings.source import Span
+from eha_bench.recordings.source import TimeSpan
 from eha_bench.recordings.tables.table import TableSource
 
 
@@ -41,7 +41,7 @@ def read(
             lacks a mapped topic, field or column.
         InputError: the channel map is wrong.
     """
-    span = Span(-math.inf if start is None else start, math.inf if stop is None else stop)
+    span = TimeSpan(-math.inf if start is None else start, math.inf if stop is None else stop)
     if not span.start < span.stop:
         raise InputError(f"a span from {span.start} s to {span.stop} s holds nothing")
     mapping = load_channel_map(channels) if channels is not None else None

@@ -14,7 +14,7 @@ from eha_bench.recordings import sample
 from eha_bench.recordings.budget import spending
 from eha_bench.recordings.mcap.chunk_reader import ChunkReader
 from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, Split
-from eha_bench.recordings.mcap.file import Chunk, McapFile, Stretch, open_mcap
+from eha_bench.recordings.mcap.file import BareMessages, Chunk, McapFile, open_mcap
 from eha_bench.recordings.mcap.integrity import count_problems, data_problems, summary_problems
 from eha_bench.recordings.mcap.sink import Compressed, Index, McapSink
 from eha_bench.recordings.mcap.source import RECOVERY, damage, joined_metadata, recovered
@@ -126,7 +126,7 @@ def _declare(sink: McapSink, file: McapFile, known: set[tuple[str, int]]) -> Non
 
 def _problems(file: McapFile, reader: ChunkReader, damaged: list[str]) -> tuple[str, ...]:
     """Say what in the source is not as it was written, beside what is missing."""
-    starts = [part.start for part in file.parts if isinstance(part, Stretch)]
+    starts = [part.start for part in file.parts if isinstance(part, BareMessages)]
     bare: Counter[int] = Counter()
     for start in starts:
         bare.update(reader.counted.get(start, {}))

@@ -48,7 +48,7 @@ _CDR_HEAD: Final = 20
 
 
 @dataclass(frozen=True)
-class Sample:
+class WideMessage:
     """The fields of the wide message.
 
     Attributes:
@@ -62,7 +62,7 @@ class Sample:
     units: tuple[str, ...]
 
     @classmethod
-    def of(cls, units: Mapping[str, str]) -> Sample:
+    def of(cls, units: Mapping[str, str]) -> WideMessage:
         """Return the message that holds channels with these SI units."""
         taken = {"header", TIME}
         fields = []
@@ -146,7 +146,7 @@ def description_problem(records: Mapping[str, Mapping[str, str]], schema: bytes)
         return "the names or units of its channels are damaged (their checksum is wrong)"
     if list(fields.values()) != list(units):
         return "the names of its channels are damaged: they are not those that have a unit"
-    written = Sample(tuple(units), tuple(fields), tuple(units.values())).declared
+    written = WideMessage(tuple(units), tuple(fields), tuple(units.values())).declared
     found = dict(_FIELD.findall(schema.decode("utf-8", "replace")))
     if {name: found.get(name) for name in written} != written:
         return "the names or units of its channels are damaged: the message's definition has others"

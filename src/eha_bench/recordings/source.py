@@ -34,7 +34,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Span:
+class TimeSpan:
     """Part of a recording, start <= time < stop; in s on its clock, or in ns since 1970."""
 
     start: float = -math.inf
@@ -45,9 +45,9 @@ class Span:
         """Whether it is less than everything."""
         return math.isfinite(self.start) or math.isfinite(self.stop)
 
-    def after(self, zero: int) -> Span:
+    def after(self, zero: int) -> TimeSpan:
         """Return a span in s after `zero` (ns) as a span in ns, rounded outwards."""
-        return Span(zero + self.start * 1e9 - 1e3, zero + self.stop * 1e9 + 1e3)
+        return TimeSpan(zero + self.start * 1e9 - 1e3, zero + self.stop * 1e9 + 1e3)
 
     def __str__(self) -> str:
         """As a person writes it."""
@@ -87,7 +87,9 @@ class Source(ABC):
         """The topics of the log."""
 
     @abstractmethod
-    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
+    def tracks(
+        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+    ) -> dict[str, Track]:
         """Return the samples of the wanted topics, in file order.
 
         Args:

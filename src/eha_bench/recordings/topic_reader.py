@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from eha_bench.recordings.batch_decoder import BatchDecoder, Part
+from eha_bench.recordings.batch_decoder import BatchDecoder, MessageGroup
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.source import Source, Wanted
@@ -43,7 +43,7 @@ class TopicReader:
         """Which time stamps the samples; None if they carry their own time."""
         return self._decoder.clock
 
-    def extend(self, batch: list[Part]) -> None:
+    def extend(self, batch: list[MessageGroup]) -> None:
         """Add messages that lie together in the log; the rows of all parts are 0 .. n-1.
 
         Raises:

@@ -16,7 +16,7 @@ from eha_bench.core.errors import RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
 from eha_bench.recordings.mcap.sink import Compressed, McapSink, compressed
-from eha_bench.recordings.sample import Sample
+from eha_bench.recordings.sample import WideMessage
 
 _WORKERS = 2
 CHUNK_SIZE = 1 << 20
@@ -40,7 +40,7 @@ def write(path: str | Path, recording: Recording, *, level: int = 3) -> Path:
     target = Path(path)
     with writing(target) as stream:
         units = sample.checked_units(recording.units, tuple(recording.values))
-        message = Sample.of(units)
+        message = WideMessage.of(units)
         sink = McapSink(stream)
         channel = begin(
             sink, message, recording.epoch_ns, recording.metadata, recording.attachments
@@ -55,7 +55,7 @@ def write(path: str | Path, recording: Recording, *, level: int = 3) -> Path:
 
 def begin(
     sink: McapSink,
-    message: Sample,
+    message: WideMessage,
     epoch_ns: int,
     metadata: Mapping[str, str],
     attachments: Mapping[str, bytes],
@@ -81,7 +81,7 @@ def media_type(name: str) -> str:
 
 
 def _chunks(
-    sink: McapSink, message: Sample, channel: int, recording: Recording, level: int
+    sink: McapSink, message: WideMessage, channel: int, recording: Recording, level: int
 ) -> None:
     size = message.record.itemsize
     rows = max(CHUNK_SIZE // size, 1)
@@ -106,7 +106,7 @@ def _chunks(
 
 
 def _records(
-    message: Sample, channel: int, recording: Recording, stamps: np.ndarray, where: slice
+    message: WideMessage, channel: int, recording: Recording, stamps: np.ndarray, where: slice
 ) -> np.ndarray:
     """Return the records of some ticks."""
     records = message.records(where.stop - where.start, channel)

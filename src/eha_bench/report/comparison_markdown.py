@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from eha_bench.comparison.comparison import Comparison
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.report.comparison_report import headline
 from eha_bench.report.comparison_rows import Row, rows_of
 from eha_bench.report.markdown import as_text, table
@@ -30,11 +30,11 @@ def comparison_markdown(comparison: Comparison) -> str:
         parts.append(as_text(comparison.stopped))
     if comparison.caveats:
         parts.append("\n".join(f"- ⚠️ {as_text(caveat)}" for caveat in comparison.caveats))
-    others = [verdict for verdict in Verdict if verdict is not Verdict.SAME]
+    others = [verdict for verdict in ComparisonVerdict if verdict is not ComparisonVerdict.SAME]
     notable = rows_of(comparison.of(*others))
     if notable:
         parts.append(table(_HEADING, (_cells(row) for row in notable)))
-    same = rows_of(comparison.of(Verdict.SAME))
+    same = rows_of(comparison.of(ComparisonVerdict.SAME))
     if same:
         body = table(_HEADING, (_cells(row) for row in same))
         parts.append(f"<details><summary>{len(same)} the same</summary>\n\n{body}\n\n</details>")

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from eha_bench.comparison.comparison import Compared, Comparison
-from eha_bench.comparison.side import Run, Side
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.side import Side, SideRun
+from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.recordings import read
@@ -32,7 +32,7 @@ _WORDS: Final = {
 
 
 @dataclass(frozen=True)
-class TrialView:
+class ComparedTrialView:
     """A trial's metrics and its overlaid plot."""
 
     id: str
@@ -69,10 +69,14 @@ def comparison_page(comparison: Comparison) -> str:
         ],
         "missed": missed,
         "kept": kept,
-        "changed": _by_trial(comparison.of(Verdict.WORSE, Verdict.CHANGED, Verdict.BETTER)),
-        "undecided": _by_trial(comparison.of(Verdict.UNDECIDED)),
+        "changed": _by_trial(
+            comparison.of(
+                ComparisonVerdict.WORSE, ComparisonVerdict.CHANGED, ComparisonVerdict.BETTER
+            )
+        ),
+        "undecided": _by_trial(comparison.of(ComparisonVerdict.UNDECIDED)),
         "needed": needed(comparison),
-        "not_compared": _by_trial(comparison.of(Verdict.NOT_COMPARED)),
+        "not_compared": _by_trial(comparison.of(ComparisonVerdict.NOT_COMPARED)),
         "trials": _trials(comparison),
     }
     title = f"{word}: {content['suite']}"
@@ -108,7 +112,7 @@ def _missed(side: Side) -> dict[_Key, str]:
 
 def needed(comparison: Comparison) -> str:
     """Return what it would take to decide what is undecided, as a sentence; "" for nothing."""
-    undecided = comparison.of(Verdict.UNDECIDED)
+    undecided = comparison.of(ComparisonVerdict.UNDECIDED)
     if not undecided:
         return ""
     counts = sorted(item.more_repeats for item in undecided if item.more_repeats is not None)
@@ -139,15 +143,15 @@ def headline(comparison: Comparison) -> str:
     parts = []
     for verdict in GRAVITY:
         count = found[verdict]
-        if count and verdict is not Verdict.NOT_COMPARED:
-            word = "the same" if verdict is Verdict.SAME else verdict.value
-            verb = "" if verdict is Verdict.CHANGED else ("is " if count == 1 else "are ")
+        if count and verdict is not ComparisonVerdict.NOT_COMPARED:
+            word = "the same" if verdict is ComparisonVerdict.SAME else verdict.value
+            verb = "" if verdict is ComparisonVerdict.CHANGED else ("is " if count == 1 else "are ")
             parts.append(f"{count} {verb}{word}")
     total = comparison.compared
     text = f"Of {total} metric{'' if total == 1 else 's'} {', '.join(parts)}" if parts else ""
-    if total > 1 and found[Verdict.SAME] == total:
+    if total > 1 and found[ComparisonVerdict.SAME] == total:
         text = f"All {total} metrics are the same"
-    left = found[Verdict.NOT_COMPARED]
+    left = found[ComparisonVerdict.NOT_COMPARED]
     if left:
         also = f"{left} could not be compared"
         text = f"{text}; {also}" if text else f"{also[0].upper()}{also[1:]}"
@@ -177,7 +181,7 @@ def _facts(side: Side) -> tuple[Fact, ...]:
     return tuple(found)
 
 
-def _trials(comparison: Comparison) -> tuple[TrialView, ...]:
+def _trials(comparison: Comparison) -> tuple[ComparedTrialView, ...]:
     grouped: dict[str, list[Compared]] = {}
     for item in comparison.items:
         grouped.setdefault(item.trial, []).append(item)
@@ -191,9 +195,15 @@ def _trials(comparison: Comparison) -> tuple[TrialView, ...]:
         worst = GRAVITY[_gravity(items)]
         look, sign = LOOKS[worst]
         word, rows = worst.value.replace("_", " "), rows_of(tuple(items))
-        unfolded = worst in (Verdict.WORSE, Verdict.CHANGED, Verdict.BETTER)
+        unfolded = worst in (
+            ComparisonVerdict.WORSE,
+            ComparisonVerdict.CHANGED,
+            ComparisonVerdict.BETTER,
+        )
         views.append(
-            TrialView(trial, f"trial={place}", look, sign, word, rows, figure, missing, unfolded)
+            ComparedTrialView(
+                trial, f"trial={place}", look, sign, word, rows, figure, missing, unfolded
+            )
         )
     return tuple(views)
 
@@ -224,14 +234,14 @@ def _figure(
     return view, ""
 
 
-def _typical(runs: tuple[Run, ...], items: list[Compared]) -> Run | None:
+def _typical(runs: tuple[SideRun, ...], items: list[Compared]) -> SideRun | None:
     """Return the run whose value of the most notable metric is in the middle."""
     there = [run for run in runs if run.usable and run.recording is not None]
     if not there:
         return None
     notable = min(items, key=lambda item: GRAVITY.index(item.verdict))
 
-    def value(run: Run) -> float:
+    def value(run: SideRun) -> float:
         for score in run.trial.scores:
             if (score.metric, score.channel) == (notable.metric, notable.channel):
                 return score.value

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from eha_bench.comparison.comparison import Compared, Values
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.metric import Better
 from eha_bench.report.aspects import aspect_of
 from eha_bench.report.engineering import (
@@ -22,22 +22,22 @@ from eha_bench.report.engineering import (
 )
 
 GRAVITY: Final = (
-    Verdict.WORSE,
-    Verdict.CHANGED,
-    Verdict.NOT_COMPARED,
-    Verdict.UNDECIDED,
-    Verdict.BETTER,
-    Verdict.SAME,
+    ComparisonVerdict.WORSE,
+    ComparisonVerdict.CHANGED,
+    ComparisonVerdict.NOT_COMPARED,
+    ComparisonVerdict.UNDECIDED,
+    ComparisonVerdict.BETTER,
+    ComparisonVerdict.SAME,
 )
 
 # The page's styles know the verdicts of limits; these are shown in the same colours.
 LOOKS: Final = {
-    Verdict.WORSE: ("failed", "✕"),
-    Verdict.BETTER: ("passed", "✓"),
-    Verdict.CHANGED: ("warned", "≠"),
-    Verdict.SAME: ("same", "="),
-    Verdict.UNDECIDED: ("undecided", "?"),
-    Verdict.NOT_COMPARED: ("not_scored", "–"),
+    ComparisonVerdict.WORSE: ("failed", "✕"),
+    ComparisonVerdict.BETTER: ("passed", "✓"),
+    ComparisonVerdict.CHANGED: ("warned", "≠"),
+    ComparisonVerdict.SAME: ("same", "="),
+    ComparisonVerdict.UNDECIDED: ("undecided", "?"),
+    ComparisonVerdict.NOT_COMPARED: ("not_scored", "–"),
 }
 
 
@@ -120,7 +120,7 @@ def row_of(item: Compared) -> Row:
 def note_of(item: Compared) -> str:
     """Return what else is to be said: why not compared, how many more repeats."""
     parts = [item.reason] if item.reason else []
-    if item.verdict is Verdict.UNDECIDED:
+    if item.verdict is ComparisonVerdict.UNDECIDED:
         if item.baseline.runs == item.candidate.runs == 1:
             parts.append("with six repeats on each side most differences are decided")
         elif item.more_repeats is None:
@@ -128,7 +128,7 @@ def note_of(item: Compared) -> str:
         else:
             word = "repeat" if item.more_repeats == 1 else "repeats"
             parts.append(f"about {item.more_repeats} more {word} on each side would decide")
-    if item.verdict is Verdict.CHANGED:
+    if item.verdict is ComparisonVerdict.CHANGED:
         parts.append("the metric declares no better direction")
     if item.better not in ("", Better.LOWER, Better.HIGHER):
         parts.append(f"{item.better} is better: differences are of the distances")

@@ -28,7 +28,7 @@ _AMOUNTS: Final = {
 
 
 @dataclass(frozen=True)
-class Curve:
+class DrawnCurve:
     """A learned curve with its axes.
 
     Attributes:
@@ -44,7 +44,7 @@ class Curve:
     periodic: bool
 
 
-def learned_curve(model: Model) -> Curve | None:
+def learned_curve(model: Model) -> DrawnCurve | None:
     """Return the curve of a model's `learned` effect, None where it has none."""
     for effect in model.effects:
         if effect.id != _LEARNED:
@@ -62,11 +62,11 @@ def learned_curve(model: Model) -> Curve | None:
         name = str(values_of["variable"])
         unit = model.plant.units.get(name) or _UNITS.get(name, unit_of(name))
         variable = (_name(name), unit)
-        return Curve(variable, _amount(values_of, model), at, values, period > 0.0)
+        return DrawnCurve(variable, _amount(values_of, model), at, values, period > 0.0)
     return None
 
 
-def curve_view(curve: Curve, *, key: str, title: str) -> FigureView:
+def curve_view(curve: DrawnCurve, *, key: str, title: str) -> FigureView:
     """Draw a learned curve as a static plot."""
     across = display_unit(curve.variable[1], curve.at.tolist())
     along = display_unit(curve.amount[1], curve.values.tolist())

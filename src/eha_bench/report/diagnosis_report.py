@@ -78,7 +78,7 @@ class CandidateView:
 
 
 @dataclass(frozen=True)
-class RunView:
+class ReplayView:
     """One run as measured and as two models replay it."""
 
     name: str
@@ -193,7 +193,7 @@ def _ranking(found: Diagnosis) -> Iterable[CandidateView]:
         )
 
 
-def _runs(found: Diagnosis) -> tuple[RunView, ...]:
+def _runs(found: Diagnosis) -> tuple[ReplayView, ...]:
     """Return all runs: held-out ones first, among them the one that shows most."""
     floors = _floors(found)
     ordered = sorted(found.replays, key=lambda item: (item.use is Use.TRAIN, -_worst(item, floors)))
@@ -218,7 +218,7 @@ def _runs(found: Diagnosis) -> tuple[RunView, ...]:
         setup.append(f"{number(float(item.time[-1]), 1)} s")
         use = _USES[item.use]
         anchor = f"trial={quote(item.run, safe='')}"
-        views.append(RunView(item.run, anchor, " · ".join(setup), use, figure))
+        views.append(ReplayView(item.run, anchor, " · ".join(setup), use, figure))
     return tuple(views)
 
 

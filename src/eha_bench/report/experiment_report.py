@@ -11,7 +11,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
-from eha_bench.experiment.proposal import NEAR, Ending, PlannedTrial, Proposal
+from eha_bench.experiment.proposal import NEAR, PlannedTrial, Proposal, ProposalEnding
 from eha_bench.report.engineering import channel_name, display_unit, number, quantity
 from eha_bench.report.figure_view import FigureView, figure_of
 from eha_bench.report.page import Fact, write_page
@@ -36,7 +36,7 @@ class RoomRow:
 
 
 @dataclass(frozen=True)
-class TrialView:
+class ProposedTrialView:
     """One trial of the suite."""
 
     id: str
@@ -69,14 +69,14 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
         path: of the page. proposal: what to show. suite: file name of the suite.
     """
     status = {
-        Ending.PROPOSED: "passed",
-        Ending.NOTHING_OPEN: "unjudged",
-        Ending.NONE_PERMITTED: "undecided",
+        ProposalEnding.PROPOSED: "passed",
+        ProposalEnding.NOTHING_OPEN: "unjudged",
+        ProposalEnding.NONE_PERMITTED: "undecided",
     }[proposal.ending]
     word = {
-        Ending.PROPOSED: "Proposed",
-        Ending.NOTHING_OPEN: "Nothing open",
-        Ending.NONE_PERMITTED: "Nothing permitted would separate it",
+        ProposalEnding.PROPOSED: "Proposed",
+        ProposalEnding.NOTHING_OPEN: "Nothing open",
+        ProposalEnding.NONE_PERMITTED: "Nothing permitted would separate it",
     }[proposal.ending]
     odds = proposal.odds
     content = {
@@ -114,7 +114,7 @@ def _percent(share: float, decimals: int = 0) -> str:
     return f"{number(100.0 * share, decimals)} %"
 
 
-def _views(proposal: Proposal) -> Iterator[TrialView]:
+def _views(proposal: Proposal) -> Iterator[ProposedTrialView]:
     for place, trial in enumerate(proposal.trials):
         figure = figure_of(
             scene_of_trial(trial),
@@ -133,7 +133,7 @@ def _views(proposal: Proposal) -> Iterator[TrialView]:
             )
             for room in trial.rooms
         )
-        yield TrialView(trial.id, trial.words, rooms, figure)
+        yield ProposedTrialView(trial.id, trial.words, rooms, figure)
 
 
 def _span(trial: PlannedTrial, channel: str, low: float, high: float) -> str:

@@ -16,7 +16,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.trial import MODES
 from eha_bench.recordings import load_channel_map, read
-from eha_bench.recordings.sample import TOPIC, Sample
+from eha_bench.recordings.sample import TOPIC, WideMessage
 from eha_bench.report.engineering import channel_name
 from eha_bench.report.panels import colour_of, grouped, heading_of
 from eha_bench.suites import load_suite
@@ -67,7 +67,7 @@ def layout_for(source: Path | None = None) -> dict[str, Any]:
 
 def own_series(units: Mapping[str, str]) -> tuple[PlottedSeries, ...]:
     """Return where a recording of ours holds channels with these SI units."""
-    message = Sample.of(units)
+    message = WideMessage.of(units)
     return tuple(
         PlottedSeries(channel, f"{TOPIC}.{field}", units[channel])
         for channel, field in zip(message.channels, message.fields, strict=True)

@@ -103,7 +103,7 @@ Mark = LevelLine | TimeLine | ValueBand | TimeBand | Point | Tube
 
 
 @dataclass(frozen=True)
-class Step:
+class StepMark:
     """An edge of the reference and the levels around it.
 
     Attributes:
@@ -131,7 +131,7 @@ class Step:
         return self.until - FINAL_SHARE * (self.until - self.time)
 
 
-def marks_of(trial: Trial, run: TrialResult, steps: Sequence[Step]) -> tuple[Mark, ...]:
+def marks_of(trial: Trial, run: TrialResult, steps: Sequence[StepMark]) -> tuple[Mark, ...]:
     """Return what to draw over a run's curves, backgrounds first."""
     found: list[Mark] = []
     if trial.settle > 0.0:
@@ -153,14 +153,14 @@ def _across(trial: Trial, channel: str, value: float, role: Role, label: str) ->
     return LevelLine(channel, value, -trial.settle, trial.duration, role, label)
 
 
-def _settling_band(channel: str, step: Step) -> ValueBand:
+def _settling_band(channel: str, step: StepMark) -> ValueBand:
     half = BAND * abs(step.size)
     label = f"±{100 * BAND:.0f} % of the step"
     low, high = step.final - half, step.final + half
     return ValueBand(channel, low, high, step.time, step.until, Role.BAND, label)
 
 
-def _limit(trial: Trial, limit: AcceptanceLimit, steps: Sequence[Step]) -> Iterator[Mark]:
+def _limit(trial: Trial, limit: AcceptanceLimit, steps: Sequence[StepMark]) -> Iterator[Mark]:
     label = f"{metric_label(limit.metric)} {limit_text(limit.text)}"
     low, high = limit.bounds.low, limit.bounds.high
     # The upper side carries the label; of a limit with one side, that one.
@@ -184,7 +184,7 @@ def _limit(trial: Trial, limit: AcceptanceLimit, steps: Sequence[Step]) -> Itera
 
 
 def _step_levels(
-    limit: AcceptanceLimit, sides: Sequence[tuple[float, str]], steps: Sequence[Step]
+    limit: AcceptanceLimit, sides: Sequence[tuple[float, str]], steps: Sequence[StepMark]
 ) -> Iterator[LevelLine]:
     """Limits that are levels about where a step ends; the first step's carry the label."""
     for number, step in enumerate(steps):
@@ -199,7 +199,7 @@ def _step_levels(
             yield LevelLine(limit.channel, value, start, step.until, Role.LIMIT, label)
 
 
-def _measured(step: Step, scores: Sequence[Score], followed: str) -> Iterator[Mark]:
+def _measured(step: StepMark, scores: Sequence[Score], followed: str) -> Iterator[Mark]:
     found = {(score.metric, score.channel): score for score in scores}
     for score in scores:
         if not math.isfinite(score.value):

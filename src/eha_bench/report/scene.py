@@ -18,7 +18,7 @@ from eha_bench.core.trial import Trial
 from eha_bench.metrics.recorded import bind
 from eha_bench.metrics.step_response import step_responses
 from eha_bench.metrics.window import commanded_edges, timeline
-from eha_bench.report.marks import Mark, Step, marks_of
+from eha_bench.report.marks import Mark, StepMark, marks_of
 from eha_bench.report.panels import Panel, panels_of
 from eha_bench.report.sine_marks import sine_marks, swing_of
 
@@ -41,7 +41,7 @@ class Scene:
     recording: Recording
     panels: tuple[Panel, ...]
     marks: tuple[Mark, ...] = ()
-    steps: tuple[Step, ...] = ()
+    steps: tuple[StepMark, ...] = ()
 
 
 def scene_of(recording: Recording, run: TrialResult, trial: Trial | None) -> Scene:
@@ -78,22 +78,24 @@ def _cut(recording: Recording, duration: float) -> Recording:
     return part if len(part) > 1 else recording
 
 
-def _steps(recording: Recording, trial: Trial) -> Iterator[Step]:
+def _steps(recording: Recording, trial: Trial) -> Iterator[StepMark]:
     try:
         for response in step_responses(recording, trial, trial.channel):
             edge = response.edge
-            yield Step(edge.time, edge.until, response.initial, response.final, edge.after, True)
+            yield StepMark(
+                edge.time, edge.until, response.initial, response.final, edge.after, True
+            )
     except EhaBenchError:
         # Not settled, say: then only what was commanded is known.
         yield from _commanded_steps(recording, trial)
 
 
-def _commanded_steps(recording: Recording, trial: Trial) -> Iterator[Step]:
+def _commanded_steps(recording: Recording, trial: Trial) -> Iterator[StepMark]:
     try:
         edges = commanded_edges(timeline(recording, trial), trial)
     except EhaBenchError:
         edges = trial.signal.edges
     for edge in edges:
-        yield Step(
+        yield StepMark(
             edge.time, min(edge.until, trial.duration), edge.before, edge.after, edge.after, False
         )

@@ -26,7 +26,7 @@ from eha_bench.report.sweep_plots import (
 )
 from eha_bench.sweeps.factor import Factor
 from eha_bench.sweeps.span import Range
-from eha_bench.sweeps.sweep import Sweep
+from eha_bench.sweeps.sweep import SweepResult
 
 PAGE: Final = "sweep.html"
 POINTS: Final = "points"
@@ -67,7 +67,7 @@ class PointRow:
     href: str
 
 
-def write_sweep_page(sweep: Sweep, command: tuple[str, ...]) -> Path:
+def write_sweep_page(sweep: SweepResult, command: tuple[str, ...]) -> Path:
     """Write sweep.html into the sweep's folder; return its path.
 
     Args:
@@ -116,7 +116,7 @@ def write_sweep_page(sweep: Sweep, command: tuple[str, ...]) -> Path:
     return write_page(path, "sweep.html.j2", content, title=title, scripts=("sweep.js",))
 
 
-def _axis(factor: Factor, sweep: Sweep, places: list[int], column: int) -> Axis:
+def _axis(factor: Factor, sweep: SweepResult, places: list[int], column: int) -> Axis:
     values = [factor.shown(sweep.points[place][column]) for place in places]
     log = isinstance(factor.span, Range) and factor.span.log
     if any(isinstance(value, str) for value in values):
@@ -128,7 +128,7 @@ def _axis(factor: Factor, sweep: Sweep, places: list[int], column: int) -> Axis:
     return Axis(factor.key, factor.shown_in or factor.unit, found, log=log)
 
 
-def _headline(sweep: Sweep, margins: FloatArray) -> str:
+def _headline(sweep: SweepResult, margins: FloatArray) -> str:
     if not sweep.complete:
         return f"Stopped after {len(sweep.results)} of {len(sweep.points)} points."
     if sweep.passed:
@@ -144,7 +144,7 @@ def _headline(sweep: Sweep, margins: FloatArray) -> str:
     return "Each limit is kept at some point; no point keeps all."
 
 
-def _best(sweep: Sweep, place: int) -> dict[str, Any]:
+def _best(sweep: SweepResult, place: int) -> dict[str, Any]:
     found = sweep.results[place]
     rows = []
     for factor, value in zip(sweep.space.factors, sweep.points[place], strict=True):
@@ -165,7 +165,7 @@ def _best(sweep: Sweep, place: int) -> dict[str, Any]:
     }
 
 
-def _nearest(sweep: Sweep, place: int) -> str:
+def _nearest(sweep: SweepResult, place: int) -> str:
     """Return the limit with the least margin at a point."""
     found = sweep.results[place]
     if found.reason:
@@ -181,7 +181,7 @@ def _nearest(sweep: Sweep, place: int) -> str:
     return sweep.limits[int(np.argmin(margins))].key
 
 
-def _limit_row(sweep: Sweep, k: int, margins: FloatArray, factors: list[Axis]) -> LimitRow:
+def _limit_row(sweep: SweepResult, k: int, margins: FloatArray, factors: list[Axis]) -> LimitRow:
     limit, own = sweep.limits[k], margins[:, k]
     kept = own >= 0.0
     others = np.delete(margins, k, axis=1)
@@ -207,7 +207,7 @@ def _worst(limits: list[Axis]) -> list[Axis]:
     return failing[:_MOST_AXES]
 
 
-def _point_rows(sweep: Sweep) -> list[PointRow]:
+def _point_rows(sweep: SweepResult) -> list[PointRow]:
     def rank(place: int) -> tuple[bool, float]:
         found = sweep.results[place]
         return found.passed, found.margin if math.isfinite(found.margin) else -math.inf
@@ -229,14 +229,14 @@ def _point_rows(sweep: Sweep) -> list[PointRow]:
     ]
 
 
-def _report_of(sweep: Sweep, place: int) -> str:
+def _report_of(sweep: SweepResult, place: int) -> str:
     """Return the link to a point's own report; "" where it has none yet."""
     path = Path(POINTS) / str(place) / "report.html"
     return path.as_posix() if (sweep.folder / path).is_file() else ""
 
 
 def _data(
-    sweep: Sweep,
+    sweep: SweepResult,
     factors: list[Axis],
     limits: list[Axis],
     overall: Axis,

@@ -33,23 +33,23 @@ from eha_bench.trends.events import Event
 from eha_bench.trends.history import History
 from eha_bench.trends.index import Night
 from eha_bench.trends.terms import Kind
-from eha_bench.trends.trend import State, Trend
+from eha_bench.trends.trend import Trend, TrendState
 
 INDEX_NAME: Final = "index.html"
 _ALIKE: Final = 1.4  # widening from which on it is noted: nights correlated by a third
 _DATE: Final = 10
 _MOST_EVENTS: Final = 30
 _KELVIN: Final = 273.15
-_NOTABLE: Final = (State.NOT_SCORED, State.ONE_NIGHT_OUT)
+_NOTABLE: Final = (TrendState.NOT_SCORED, TrendState.ONE_NIGHT_OUT)
 _LOOKS: Final = {
-    State.LOST: ("failed", "✕"),
-    State.OUT_OF_LIMITS: ("failed", "✕"),
-    State.STEPPED: ("failed", "⤒"),
-    State.DRIFTING: ("warned", "↗"),
-    State.ONE_NIGHT_OUT: ("undecided", "•"),
-    State.NOT_SCORED: ("not_scored", "–"),
-    State.STEADY: ("passed", "✓"),
-    State.TOO_FEW: ("undecided", "?"),
+    TrendState.LOST: ("failed", "✕"),
+    TrendState.OUT_OF_LIMITS: ("failed", "✕"),
+    TrendState.STEPPED: ("failed", "⤒"),
+    TrendState.DRIFTING: ("warned", "↗"),
+    TrendState.ONE_NIGHT_OUT: ("undecided", "•"),
+    TrendState.NOT_SCORED: ("not_scored", "–"),
+    TrendState.STEADY: ("passed", "✓"),
+    TrendState.TOO_FEW: ("undecided", "?"),
 }
 VERDICTS: Final = {
     "drifted": ("failed", "✕", "The newest run drifted"),
@@ -169,10 +169,10 @@ def headline(history: History) -> str:
     drifted, total = history.drifted, len(history.trends)
     nights = len(history.nights)
     runs = f"{nights} run{'' if nights == 1 else 's'}, {total} metric{'' if total == 1 else 's'}"
-    too_few, missed = len(history.of(State.TOO_FEW)), len(history.of(State.NOT_SCORED))
+    too_few, missed = len(history.of(TrendState.TOO_FEW)), len(history.of(TrendState.NOT_SCORED))
     found = _drift(drifted) if total > too_few + missed else ""
     needed = f"({FEWEST} are needed)"
-    alone = len(history.of(State.ONE_NIGHT_OUT))
+    alone = len(history.of(TrendState.ONE_NIGHT_OUT))
     parts = [
         found,
         f"one night outside its limits in {_share(alone, total)}, to be confirmed" if alone else "",

@@ -23,8 +23,8 @@ from eha_bench.rig.faults import FaultKind, Faults
 from eha_bench.rig.log import RigLog
 from eha_bench.rig.real_plant import RealPlant
 from eha_bench.rig.status import StatusFrames
-from eha_bench.rig.words import Words
-from eha_bench.targets.can.drive import Command, Drive, Frame, decode
+from eha_bench.rig.words import DriveStates
+from eha_bench.targets.can.drive import CanDrive, CommandMessage, Frame, decode
 
 _PERIOD: Final = 1e-3
 _IDLE: Final = 5e-3
@@ -54,7 +54,7 @@ class RigDrive:
 
     def __init__(
         self,
-        drive: Drive,
+        drive: CanDrive,
         plant: RealPlant,
         controllers: ControllerSet,
         faults: Faults,
@@ -69,9 +69,9 @@ class RigDrive:
         self._log = log
         self._limits = limits or DriveLimits()
         self._random = np.random.default_rng(seed + 1)
-        self._words = Words(drive)
+        self._words = DriveStates(drive)
         self._status = StatusFrames(drive)
-        self._by_message: dict[int, list[tuple[ControlMode, Command]]] = {}
+        self._by_message: dict[int, list[tuple[ControlMode, CommandMessage]]] = {}
         for mode, command in drive.commands.items():
             self._by_message.setdefault(command.message.frame_id, []).append((mode, command))
         self._mode = drive.command or ControlMode.CURRENT

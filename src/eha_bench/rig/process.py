@@ -17,7 +17,7 @@ from eha_bench.rig.faults import Fault, FaultKind, Faults
 from eha_bench.rig.log import RigLog
 from eha_bench.rig.real_plant import RealPlant
 from eha_bench.rig.transport import Transport, open_transport
-from eha_bench.targets.can.drive import Drive
+from eha_bench.targets.can.drive import CanDrive
 from eha_bench.targets.can.load import load_drive
 from eha_bench.targets.can.pacing import RealTime
 
@@ -117,7 +117,7 @@ class Rig:
         self._log.close()
 
 
-def _check_command(drive: Drive, plant: RealPlant) -> None:
+def _check_command(drive: CanDrive, plant: RealPlant) -> None:
     """Refuse a model whose plant is commanded by something else than the drive.
 
     Raises:
@@ -142,7 +142,7 @@ def _check_faults(faults: Sequence[Fault], plant: RealPlant) -> None:
             raise InputError(f"'{fault.text}': the plant has no pressure_a")
 
 
-def _as_set_up(drive: Drive, plant: RealPlant) -> None:
+def _as_set_up(drive: CanDrive, plant: RealPlant) -> None:
     """Set the actuator up as the target says that a person did."""
     setup = drive.file.setup
     if setup is None:

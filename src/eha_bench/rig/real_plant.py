@@ -9,7 +9,7 @@ import numpy as np
 
 from eha_bench.plants.model import Model
 from eha_bench.plants.session import Session
-from eha_bench.targets.sensors import RIG_SENSORS, Sensor
+from eha_bench.targets.sensors import RIG_SENSORS, SimulatedSensor
 
 _NOISE_BLOCK = 4096
 _STEP = 12.5e-6
@@ -30,7 +30,9 @@ class RealPlant:
         position_range: ends of the channels that are positions, SI.
     """
 
-    def __init__(self, model: Model, seed: int, sensors: dict[str, Sensor] | None = None) -> None:
+    def __init__(
+        self, model: Model, seed: int, sensors: dict[str, SimulatedSensor] | None = None
+    ) -> None:
         """Start at rest, time 0, locked where the plant can be.
 
         Raises:

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from eha_bench.targets.can.drive import (
+    CanDrive,
     Coding,
     Condition,
-    Drive,
     Frame,
     choices,
     coding,
@@ -25,7 +25,7 @@ class StatusFrames:
         fixture_position: how the start position stands in the fixture's message.
     """
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: CanDrive) -> None:
         self._drive = drive
         self.fixture_done = 0
         self._alive = 0

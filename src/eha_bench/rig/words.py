@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from eha_bench.targets.can.drive import Drive
+from eha_bench.targets.can.drive import CanDrive
 
 
-class Words:
+class DriveStates:
     """The state machine: `off`, the states on the way to `enabled`, and `fault`.
 
     A step's word takes the drive into the step's state if it is at least in the state before it;
@@ -15,7 +15,7 @@ class Words:
         state: name of the state now.
     """
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: CanDrive) -> None:
         self._word = drive.file.control_word
         self._order = [step.state for step in self._word.enable]
         self.state = "off"

@@ -18,7 +18,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from eha_bench.core.errors import EhaBenchError
-from eha_bench.server.guard import Guard, Rules
+from eha_bench.server.guard import RequestGuard, Rules
 from eha_bench.server.inside import inside
 from eha_bench.server.pages import compare_page, live_page, message_page, start_page
 from eha_bench.server.runs_on import RunOn
@@ -64,7 +64,7 @@ def application(folder: Path, rules: Rules, watch: Watch) -> ASGIApp:
         exception_handlers={HTTPException: _missing, Exception: _failed},
         lifespan=life,
     )
-    return Guard(app, rules)  # around everything: messages about a fault are guarded, too
+    return RequestGuard(app, rules)  # around everything: messages about a fault are guarded, too
 
 
 class _Pages:

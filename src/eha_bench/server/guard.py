@@ -41,7 +41,7 @@ class Rules:
     hosts: frozenset[str] = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
 
-class Guard:
+class RequestGuard:
     """Lets through who may ask, only to read, and forbids browsers all that a page does not say."""
 
     def __init__(self, app: ASGIApp, rules: Rules) -> None:

@@ -19,7 +19,7 @@ from eha_bench.report.units_page import UNITS_NAME
 from eha_bench.server.inside import inside
 from eha_bench.server.live_view import live_view
 from eha_bench.server.runs_on import RunOn
-from eha_bench.server.watch import SITE, State
+from eha_bench.server.watch import SITE, FolderState
 from eha_bench.trends.index import Night
 
 FILES: Final = "/files/"
@@ -53,7 +53,9 @@ class RunRow:
     picked: bool
 
 
-def start_page(folder: Path, state: State, *, first: int = 0, baseline: str | None = None) -> str:
+def start_page(
+    folder: Path, state: FolderState, *, first: int = 0, baseline: str | None = None
+) -> str:
     """Return the start page: what is on, what the history says, the runs from the `first` on.
 
     `baseline` is the run that was clicked to be compared with another one, None for none.
@@ -104,7 +106,7 @@ def message_page(what: str, hint: str = "") -> str:
     return render_page("message.html.j2", {"what": what, "hint": hint}, title=what)
 
 
-def _verdict(state: State) -> tuple[str, str, str, str]:
+def _verdict(state: FolderState) -> tuple[str, str, str, str]:
     """Return look, sign, word and sentence of what the history says."""
     if state.history is not None:
         return (*VERDICTS[state.history.status], headline(state.history))

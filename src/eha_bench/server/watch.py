@@ -33,7 +33,7 @@ _LOG = logging.getLogger("eha_bench")
 
 
 @dataclass(frozen=True)
-class State:
+class FolderState:
     """What is known of the folder at an instant.
 
     Attributes:
@@ -58,7 +58,7 @@ class Watch:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._state = State()
+        self._state = FolderState()
         self._own = TemporaryFolder("eha-bench-serve-")
         self._stop = threading.Event()
         self._done: tuple[tuple[str, int, int], ...] | None = None
@@ -68,7 +68,7 @@ class Watch:
         self._thread: threading.Thread | None = None
 
     @property
-    def state(self) -> State:
+    def state(self) -> FolderState:
         """What is known now; never waits."""
         return self._state
 
@@ -104,14 +104,14 @@ class Watch:
         """Look once; work the history out where the results are not those of before."""
         seen = look(self._folder)
         last = self._state
-        self._state = State(seen, last.history, last.site, last.problem)
+        self._state = FolderState(seen, last.history, last.site, last.problem)
         if seen.results == self._done:
             return
         try:
             history, site = self._worked_out()
-            self._state = State(seen, history, site)
+            self._state = FolderState(seen, history, site)
         except EhaBenchError as error:
-            self._state = State(seen, last.history, last.site, error.what)
+            self._state = FolderState(seen, last.history, last.site, error.what)
         self._done = seen.results
         if last.site is not None and self._state.site != last.site:
             shutil.rmtree(last.site, ignore_errors=True)

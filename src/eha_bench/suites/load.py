@@ -15,7 +15,7 @@ from eha_bench.core.errors import InputError, Mistakes, UnitError
 from eha_bench.core.excerpt import fitted
 from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.located import Located
-from eha_bench.core.margin import Margin
+from eha_bench.core.margin import EquivalenceMargin
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.own_metric import OwnMetric
 from eha_bench.core.signal import Signal
@@ -24,7 +24,7 @@ from eha_bench.core.uncollected import uncollected
 from eha_bench.core.units import base_unit, parse, unit_in
 from eha_bench.core.yaml_file import file_of, read_text, validate
 from eha_bench.core.yaml_file import parse as parse_yaml
-from eha_bench.suites.acceptance.baseline import Baseline
+from eha_bench.suites.acceptance.baseline import BaselineResult
 from eha_bench.suites.acceptance.limits import Judgement, judgement, safety_limits
 from eha_bench.suites.acceptance.margins import margins
 from eha_bench.suites.identifiers import check_identifier
@@ -81,7 +81,7 @@ def _parsed(text: str, path: Path) -> Suite:
     known = [key for key in TrialFile.model_fields if key not in ("id", "matrix")]
     defaults = _known_keys(defaults, known, mistakes)
     place = content.place(("baseline",))
-    baseline = Baseline(path.parent / form.baseline if form.baseline else None, place)
+    baseline = BaselineResult(path.parent / form.baseline if form.baseline else None, place)
     trials: dict[str, Trial] = {}
     folded: dict[str, str] = {}
     for index, written in enumerate(content.at("trials").each()):
@@ -111,7 +111,7 @@ def _trials(
     index: int,
     defaults: Located,
     path: Path,
-    baseline: Baseline,
+    baseline: BaselineResult,
     own: Mapping[str, OwnMetric],
 ) -> list[tuple[Trial, Located]]:
     """Return the trials that one entry of the list stands for."""
@@ -132,7 +132,7 @@ def _trials(
 
 
 def _trial(
-    name: str, content: Located, path: Path, baseline: Baseline, own: Mapping[str, OwnMetric]
+    name: str, content: Located, path: Path, baseline: BaselineResult, own: Mapping[str, OwnMetric]
 ) -> Trial:
     specs = {metric.id: metric.spec for metric in own.values()}
     mistakes = Mistakes()
@@ -173,7 +173,7 @@ def _trial(
     reference = fitted(signal, duration)
     judged = Judgement((), ())
     safety: tuple[SafetyLimit, ...] = ()
-    matters: dict[str, Margin] = {}
+    matters: dict[str, EquivalenceMargin] = {}
     initial: dict[str, float] = {}
     units: dict[str, str] = {}
     with mistakes:

@@ -20,7 +20,7 @@ _REFERENCE = re.compile(r"\$\{([^{}]*)\}")
 
 
 @dataclass(frozen=True)
-class Case:
+class FactorLevel:
     """One value of one parameter, and what goes with it.
 
     Attributes:
@@ -55,7 +55,7 @@ def expand(trial: Located) -> Iterator[tuple[object, Located]]:
         yield _identifier(pattern, combination, body.place(("id",))), expanded
 
 
-def _identifier(pattern: object, combination: tuple[Case, ...], place: Place) -> object:
+def _identifier(pattern: object, combination: tuple[FactorLevel, ...], place: Place) -> object:
     if not isinstance(pattern, str):
         return pattern  # whoever checks the id says what is wrong with it
     if _REFERENCE.search(pattern):
@@ -65,7 +65,7 @@ def _identifier(pattern: object, combination: tuple[Case, ...], place: Place) ->
     return "-".join([pattern, *(case.label for case in combination)])
 
 
-def _cases(name: str, values: Located) -> list[Case]:
+def _cases(name: str, values: Located) -> list[FactorLevel]:
     if not _NAME.fullmatch(name):
         raise values.error(
             f"'{name}' is not a name for a parameter", hint="use letters, digits and '_'"
@@ -84,7 +84,7 @@ def _cases(name: str, values: Located) -> list[Case]:
     return [_case(name, value, further) for value, further in entries]
 
 
-def _case(name: str, value: Any, further: Located) -> Case:
+def _case(name: str, value: Any, further: Located) -> FactorLevel:
     if isinstance(value, (dict, list)) or value is None or not label(value):
         raise further.error(f"a value of parameter '{name}' is not a number or text")
     for other in further.value:
@@ -92,10 +92,10 @@ def _case(name: str, value: Any, further: Located) -> Case:
             raise further.at(other).error(
                 f"'{other}' is not a name for a parameter", hint="use letters, digits and '_'"
             )
-    return Case(label(value), {name: value, **further.value})
+    return FactorLevel(label(value), {name: value, **further.value})
 
 
-def _check_names(parameters: list[list[Case]], matrix: Located) -> None:
+def _check_names(parameters: list[list[FactorLevel]], matrix: Located) -> None:
     owner: dict[str, str] = {}
     for own, cases in zip(matrix.value, parameters, strict=True):
         everywhere = set(cases[0].values)

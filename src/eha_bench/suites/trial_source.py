@@ -17,7 +17,7 @@ from eha_bench.core import plugins
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.excerpt import Excerpt, fitted
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
-from eha_bench.core.margin import Margin
+from eha_bench.core.margin import EquivalenceMargin
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.own_metric import OwnMetric
 from eha_bench.core.signal import Signal
@@ -251,7 +251,7 @@ def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
             for limit in source.safety
         ),
         margins={
-            metric: Margin(margin.absolute, margin.share, margin.text)
+            metric: EquivalenceMargin(margin.absolute, margin.share, margin.text)
             for metric, margin in source.matters.items()
         },
         source=text,

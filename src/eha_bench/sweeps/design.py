@@ -51,7 +51,7 @@ class Grid(Design):
 
 
 @dataclass(frozen=True)
-class Spread(Design):
+class SpaceFilling(Design):
     """A number of points that fill the space evenly."""
 
     count: int
@@ -73,7 +73,7 @@ class Spread(Design):
         """Return the points as shares of every factor's span, (count, factors)."""
 
 
-class LatinHypercube(Spread):
+class LatinHypercube(SpaceFilling):
     """Every factor in as many slices as there are points, one point in each."""
 
     def _shares(self, factors: int) -> FloatArray:
@@ -83,7 +83,7 @@ class LatinHypercube(Spread):
         return np.asarray(qmc.LatinHypercube(factors, rng=generator).random(self.count))
 
 
-class Sobol(Spread):
+class Sobol(SpaceFilling):
     """The first points of a scrambled Sobol sequence: `points` may grow without others changing."""
 
     def _shares(self, factors: int) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from eha_bench.bench.scoring import Scorer, judge, judge_together, score
+from eha_bench.bench.judging import Scorer, judge, judge_together, score
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError, InputError
 from eha_bench.core.finite import finite_or_none
@@ -112,7 +112,7 @@ def _number(value: float | None) -> float:
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class PointEvaluation:
     """Runs and judges the case at a point of a space; picklable, the same wherever it runs."""
 
     space: Space
@@ -135,7 +135,7 @@ MOST_SAMPLES: Final = 400
 
 
 @dataclass(frozen=True)
-class Curve:
+class TrialResponse:
     """What a trial's controlled channel did, thinned.
 
     Attributes:
@@ -153,19 +153,19 @@ class Evaluated:
     """A case's figures, and curves by trial where they were asked for."""
 
     result: PointResult
-    curves: Mapping[str, Curve] = field(default_factory=dict)
+    curves: Mapping[str, TrialResponse] = field(default_factory=dict)
 
     @staticmethod
     def of(case: Case, draw: int = 0, *, curves: bool = False) -> Evaluated:
         """Run and judge a case; `draw` chooses the noise of the sensors."""
-        kept: dict[str, Curve] = {}
+        kept: dict[str, TrialResponse] = {}
         return Evaluated(evaluated(case, draw, kept if curves else None), kept)
 
 
 def evaluated(
     case: Case,
     draw: int = 0,
-    curves: dict[str, Curve] | None = None,
+    curves: dict[str, TrialResponse] | None = None,
     scorer: Scorer = score,
 ) -> PointResult:
     """Return the figures of a case.
@@ -208,7 +208,7 @@ def evaluated(
 
 
 def _run(
-    case: Case, trial: Trial, repeat: int, curves: dict[str, Curve] | None, scorer: Scorer
+    case: Case, trial: Trial, repeat: int, curves: dict[str, TrialResponse] | None, scorer: Scorer
 ) -> TrialResult:
     try:
         with crashes_as_faults():
@@ -224,10 +224,10 @@ def _run(
     return judge(outcome.recording, trial, repeat, scorer)
 
 
-def _curve(recording: Recording, trial: Trial) -> Curve:
+def _curve(recording: Recording, trial: Trial) -> TrialResponse:
     start = float(recording.metadata.get("signal_start", "0"))
     thin = slice(None, None, max(1, -(-len(recording) // MOST_SAMPLES)))
-    return Curve(
+    return TrialResponse(
         recording.unit(trial.channel),
         recording.time[thin] - start,
         recording["reference"][thin],

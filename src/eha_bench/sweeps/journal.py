@@ -15,7 +15,7 @@ JOURNAL: Final = "points.jsonl"
 SCHEMA_VERSION: Final = 1
 
 
-class Journal:
+class PointJournal:
     """An open points.jsonl; every point is on the disk when `add` returns."""
 
     def __init__(self, path: Path, digests: Mapping[str, str], *, resume: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from eha_bench.targets.sensors import Sensor
+from eha_bench.targets.sensors import SimulatedSensor
 from eha_bench.targets.simulator import Simulator
 
 
@@ -19,5 +19,7 @@ def with_remainder(simulator: Simulator, remainder: Mapping[str, float]) -> Simu
         return simulator
     sensors = dict(simulator.sensors)
     for channel, size in remainder.items():
-        sensors[channel] = sensors.get(channel, Sensor()).model_copy(update={"wander": size})
+        sensors[channel] = sensors.get(channel, SimulatedSensor()).model_copy(
+            update={"wander": size}
+        )
     return simulator.varied(sensors=sensors)

@@ -25,8 +25,8 @@ from eha_bench.core.result import Status
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.design import design_of
-from eha_bench.sweeps.evaluation import Evaluation, LimitName, PointResult, limits_of
-from eha_bench.sweeps.journal import JOURNAL, Journal
+from eha_bench.sweeps.evaluation import LimitName, PointEvaluation, PointResult, limits_of
+from eha_bench.sweeps.journal import JOURNAL, PointJournal
 from eha_bench.sweeps.space import Point, Space, space_of
 from eha_bench.sweeps.sweep_file import SweepFile
 
@@ -36,7 +36,7 @@ SCHEMA_VERSION: Final = 1
 
 
 @dataclass(frozen=True)
-class Sweep:
+class SweepResult:
     """A sweep as far as it came.
 
     Attributes:
@@ -113,7 +113,7 @@ class Sweep:
         }  # fmt: skip
 
 
-def _status(sweep: Sweep) -> Status:
+def _status(sweep: SweepResult) -> Status:
     if not sweep.complete:
         return Status.INCOMPLETE
     return Status.PASSED if sweep.passed else Status.FAILED
@@ -137,7 +137,7 @@ def run_sweep(
     resume: bool = False,
     workers: Workers = HERE,
     progress: Progress = silent,
-) -> Sweep:
+) -> SweepResult:
     """Run a case's suite at every point of a sweep file; write its table and its summary.
 
     Ctrl-C keeps what is done; with `resume` only the rest is run.
@@ -166,10 +166,10 @@ def run_sweep(
         "sweep_sha256": file.sha256,
         **case.simulator.identity.digests,
     }
-    with held(folder), Journal(folder / JOURNAL, digests, resume=resume) as journal:
+    with held(folder), PointJournal(folder / JOURNAL, digests, resume=resume) as journal:
         _run_rest(space, points, journal, workers, progress)
         results = {place: journal.done[place] for place in sorted(journal.done)}
-        sweep = Sweep(space, points, results, limits, folder, file.path)
+        sweep = SweepResult(space, points, results, limits, folder, file.path)
         _write(sweep)
     return sweep
 
@@ -196,7 +196,7 @@ def _folder(out: Path | Shelf, *, resume: bool) -> Path:
 def _run_rest(
     space: Space,
     points: tuple[Point, ...],
-    journal: Journal,
+    journal: PointJournal,
     workers: Workers,
     progress: Progress,
 ) -> None:
@@ -207,7 +207,7 @@ def _run_rest(
         with Interruption() as interrupted:
             progress(before, len(points), "starting")
             items = [points[place] for place in waiting]
-            with closing(workers.outcomes(Evaluation(space), items)) as outcomes:
+            with closing(workers.outcomes(PointEvaluation(space), items)) as outcomes:
                 for number, outcome in enumerate(outcomes, 1):
                     found = outcome.value or PointResult(
                         Status.FAULT,
@@ -232,7 +232,7 @@ def time_left(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def _write(sweep: Sweep) -> None:
+def _write(sweep: SweepResult) -> None:
     import pyarrow.parquet as pq
 
     with replacing(sweep.folder / TABLE) as part:
@@ -241,7 +241,7 @@ def _write(sweep: Sweep) -> None:
     write_text(sweep.folder / SUMMARY, text + "\n")
 
 
-def table(sweep: Sweep) -> Any:
+def table(sweep: SweepResult) -> Any:
     """Return a pyarrow table: a row a point that is done.
 
     Columns: `point`, one a factor (SI), `status`, `margin` (the least), `margin:KEY` a limit,

@@ -16,7 +16,7 @@ from eha_bench.core.errors import EhaBenchError, TargetFault
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
 from eha_bench.targets.crash import error_text
-from eha_bench.targets.sensors import Sensor, SensorNoise
+from eha_bench.targets.sensors import SensorNoise, SimulatedSensor
 from eha_bench.targets.target import Ending, Outcome, Stopping
 
 
@@ -53,7 +53,7 @@ class ClosedLoop:
     repeat: int
     channels: tuple[str, ...]
     controller: Controller
-    sensors: dict[str, Sensor]
+    sensors: dict[str, SimulatedSensor]
     constants: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     command: str = "current_command"

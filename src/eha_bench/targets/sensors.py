@@ -16,7 +16,7 @@ from eha_bench.core.units import Unit, parse
 from eha_bench.core.yaml_file import Real, StrictModel
 
 
-class Sensor(StrictModel):
+class SimulatedSensor(StrictModel):
     """Noise (standard deviation, white, Gaussian), resolution and slow error of one channel."""
 
     noise: Annotated[Real | str, Field(description="standard deviation")] = 0.0
@@ -46,14 +46,14 @@ class Sensor(StrictModel):
         return noise, resolution, wander
 
 
-RIG_SENSORS: dict[str, Sensor] = {
-    "current": Sensor(noise="0.05 A"),
-    "motor_speed": Sensor(noise="0.1 rad/s"),
-    "pressure_a": Sensor(noise="0.03 MPa", resolution="0.0146 MPa"),
-    "pressure_b": Sensor(noise="0.03 MPa", resolution="0.0146 MPa"),
-    "piston_position": Sensor(noise="4 um", resolution="2 um"),
-    "piston_velocity": Sensor(noise="1 mm/s"),
-    "joint_angle": Sensor(noise="0.005 deg", resolution="0.0055 deg"),
+RIG_SENSORS: dict[str, SimulatedSensor] = {
+    "current": SimulatedSensor(noise="0.05 A"),
+    "motor_speed": SimulatedSensor(noise="0.1 rad/s"),
+    "pressure_a": SimulatedSensor(noise="0.03 MPa", resolution="0.0146 MPa"),
+    "pressure_b": SimulatedSensor(noise="0.03 MPa", resolution="0.0146 MPa"),
+    "piston_position": SimulatedSensor(noise="4 um", resolution="2 um"),
+    "piston_velocity": SimulatedSensor(noise="1 mm/s"),
+    "joint_angle": SimulatedSensor(noise="0.005 deg", resolution="0.0055 deg"),
 }
 """Sensors of a rig like the paper's: 12-bit pressure over 60 MPa, a 16-bit encoder at the knee."""
 
@@ -63,7 +63,7 @@ class SensorNoise:
 
     def __init__(
         self,
-        sensors: dict[str, Sensor],
+        sensors: dict[str, SimulatedSensor],
         channels: tuple[str, ...],
         n: int,
         seed: list[int],

@@ -22,7 +22,7 @@ from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.model import Model, model_from
 from eha_bench.targets.channel_check import check_channels
 from eha_bench.targets.closed_loop import ClosedLoop
-from eha_bench.targets.sensors import RIG_SENSORS, Sensor
+from eha_bench.targets.sensors import RIG_SENSORS, SimulatedSensor
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
 
 # a quarter of the step at which the load's oscillation on the oil spring is integrated to 1e-4
@@ -36,7 +36,8 @@ class SimulatorFile(StrictModel):
     model: Annotated[str, Field(description="model.yaml, relative to this file")]
     controller: Annotated[str, Field(description="controller.yaml, relative to this file")] = ""
     sensors: Annotated[
-        dict[str, Sensor] | None, Field(description="by channel; a rig's sensors by default")
+        dict[str, SimulatedSensor] | None,
+        Field(description="by channel; a rig's sensors by default"),
     ] = None
     step: Annotated[
         float, Unit("s"), Field(gt=0, le=1e-3, description="largest integration step")
@@ -51,7 +52,7 @@ class Simulator(Target):
         model: Model,
         controllers: ControllerSet,
         *,
-        sensors: dict[str, Sensor] | None = None,
+        sensors: dict[str, SimulatedSensor] | None = None,
         step: float = DEFAULT_STEP,
         name: str = "simulator",
     ) -> None:
@@ -93,7 +94,7 @@ class Simulator(Target):
         return self._controllers
 
     @property
-    def sensors(self) -> dict[str, Sensor]:
+    def sensors(self) -> dict[str, SimulatedSensor]:
         """What is read, and how well, by channel."""
         return self._sensors
 
@@ -101,7 +102,7 @@ class Simulator(Target):
         self,
         model: Model | None = None,
         controllers: ControllerSet | None = None,
-        sensors: dict[str, Sensor] | None = None,
+        sensors: dict[str, SimulatedSensor] | None = None,
     ) -> Simulator:
         """Return the same simulator with another model, other controllers or other sensors."""
         return Simulator(
@@ -219,7 +220,11 @@ class Simulator(Target):
 
 
 def _again(
-    model: Model, controllers: ControllerSet, sensors: dict[str, Sensor], step: float, name: str
+    model: Model,
+    controllers: ControllerSet,
+    sensors: dict[str, SimulatedSensor],
+    step: float,
+    name: str,
 ) -> Simulator:
     return Simulator(model, controllers, sensors=sensors, step=step, name=name)
 

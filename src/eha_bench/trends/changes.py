@@ -57,7 +57,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Course:
+class PiecewiseLine:
     """What a series did: its changes, and the piecewise straight line through it.
 
     Attributes:
@@ -83,7 +83,7 @@ class Course:
         return "drift ends" if abs(after) <= 0.1 * abs(before) else "drift changes"
 
 
-def course_of(values: FloatArray, *, alpha: float) -> Course:
+def course_of(values: FloatArray, *, alpha: float) -> PiecewiseLine:
     """Return the changes of a series of finite values, shape (n,).
 
     Args:
@@ -93,13 +93,13 @@ def course_of(values: FloatArray, *, alpha: float) -> Course:
     if values.size < FEWEST:
         middle = float(np.median(values)) if values.size else float("nan")
         sigma = float(values.std(ddof=1)) if values.size > 1 else float("nan")
-        return Course((), np.full(values.size, middle), 0.0, sigma, 1.0)
+        return PiecewiseLine((), np.full(values.size, middle), 0.0, sigma, 1.0)
     found = noise_of(values)
     # in units of its noise, about 0: no rounding, and no underflow
     middle = float(np.median(values))
     scaled = (values - middle) / found.sigma
     clipped = without_outliers(scaled, 1.0)
-    search = _Search(clipped, scaled, alpha, found.widening)
+    search = _ChangeSearch(clipped, scaled, alpha, found.widening)
     terms = search.run()
     matrix = design(terms, values.size)
     sizes = np.linalg.lstsq(matrix, clipped, rcond=None)[0]
@@ -112,7 +112,7 @@ def course_of(values: FloatArray, *, alpha: float) -> Course:
         )
     )
     slope = float(line[-1] - line[-2]) if terms and _slopes(terms) else 0.0
-    return Course(
+    return PiecewiseLine(
         changes,
         middle + found.sigma * line,
         slope * found.sigma,
@@ -129,7 +129,7 @@ def _slopes(terms: list[Term]) -> bool:
     return any(term.kind is Kind.KINK for term in terms)
 
 
-class _Search:
+class _ChangeSearch:
     """The search for the terms of one series (in units of its noise)."""
 
     def __init__(self, values: FloatArray, raw: FloatArray, alpha: float, widening: float) -> None:

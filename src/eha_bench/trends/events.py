@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import Final
 
 from eha_bench.trends.index import Night
-from eha_bench.trends.trend import State, Trend
+from eha_bench.trends.trend import Trend, TrendState
 
 _NEAR: Final = 2
 """Nights by which the starts of two metrics may be apart whatever their intervals say."""
@@ -78,7 +78,7 @@ def _marks(trend: Trend, places: dict[int, int]) -> Iterator[_Mark]:
     noted = False
     for change in trend.course.changes:
         start = at[change.start]
-        now = start == since and trend.state is not State.LOST
+        now = start == since and trend.state is not TrendState.LOST
         noted = noted or now
         yield _Mark(
             start, at[change.earliest], at[change.latest], trend, now,

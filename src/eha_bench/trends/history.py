@@ -25,7 +25,7 @@ from eha_bench.trends.index import Entry, Index, Night
 from eha_bench.trends.specimens import Kin, kin_of
 from eha_bench.trends.swing import Swing
 from eha_bench.trends.terms import Kind
-from eha_bench.trends.trend import State, Trend, judge
+from eha_bench.trends.trend import Trend, TrendState, judge
 from eha_bench.trends.wear import Causes
 
 SCHEMA_VERSION: Final = 1
@@ -34,7 +34,7 @@ DEFAULT_SHARE: Final = 0.005
 
 _SIGNS: Final = {Better.LOWER: -1, Better.HIGHER: 1}
 _AIMS: Final = {Better.NEARER_ZERO: 0.0, Better.NEARER_ONE: 1.0}
-_GRAVITY: Final = list(State)
+_GRAVITY: Final = list(TrendState)
 
 Key = tuple[str, str, str, str, str, str]
 
@@ -72,7 +72,7 @@ class History:
         """Metrics of units of one kind, side by side."""
         return kin_of(self.trends)
 
-    def of(self, state: State) -> tuple[Trend, ...]:
+    def of(self, state: TrendState) -> tuple[Trend, ...]:
         """Metrics in whose course the newest run is this."""
         return tuple(trend for trend in self.trends if trend.state is state)
 
@@ -81,7 +81,7 @@ class History:
         """`drifted`, `steady`, or `undecided` where no metric can be judged."""
         if self.drifted or (self.causes is not None and self.causes.alarms):
             return "drifted"
-        known = self.of(State.STEADY) or self.of(State.ONE_NIGHT_OUT)
+        known = self.of(TrendState.STEADY) or self.of(TrendState.ONE_NIGHT_OUT)
         return "steady" if known else "undecided"
 
     def exit_status(self, *, only_worse: bool = False) -> int:
@@ -115,7 +115,7 @@ class History:
             "schema_version": SCHEMA_VERSION,
             "folder": self.folder,
             "status": self.status,
-            "too_few": len(self.of(State.TOO_FEW)),
+            "too_few": len(self.of(TrendState.TOO_FEW)),
             "fewest_nights": FEWEST,
             "problems": list(self.problems),
             "nights": [_night(night) for night in self.nights],

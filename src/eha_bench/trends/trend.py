@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.trends.changes import FEWEST, Change, Course, course_of
+from eha_bench.trends.changes import FEWEST, Change, PiecewiseLine, course_of
 from eha_bench.trends.index import Night
 from eha_bench.trends.newest import newest_of, spread_of
 from eha_bench.trends.swing import Swing, swing_of
@@ -31,7 +31,7 @@ RECENT: Final = 7
 """Nights for which a step is news."""
 
 
-class State(StrEnum):
+class TrendState(StrEnum):
     """What the newest run is in a metric.
 
     `one night out` is a newest night outside its control limits that the next night has to bear
@@ -50,7 +50,12 @@ class State(StrEnum):
     @property
     def drifted(self) -> bool:
         """Whether the newest run is not what the metric was."""
-        return self in (State.LOST, State.OUT_OF_LIMITS, State.STEPPED, State.DRIFTING)
+        return self in (
+            TrendState.LOST,
+            TrendState.OUT_OF_LIMITS,
+            TrendState.STEPPED,
+            TrendState.DRIFTING,
+        )
 
 
 @dataclass(frozen=True)
@@ -88,12 +93,12 @@ class Trend:
     bounds: tuple[float, float] = (-math.inf, math.inf)
 
     @property
-    def state(self) -> State:
+    def state(self) -> TrendState:
         """What the newest run is."""
         return self.judged.state
 
     @property
-    def course(self) -> Course:
+    def course(self) -> PiecewiseLine:
         """Changes and level."""
         return self.judged.course
 
@@ -105,7 +110,7 @@ class Trend:
     @property
     def since(self) -> Night | None:
         """The first night of what is wrong now; None where nothing is."""
-        if self.state is State.LOST:
+        if self.state is TrendState.LOST:
             return self.lost
         return self.nights[self.judged.since] if self.state.drifted else None
 
@@ -122,7 +127,7 @@ class Trend:
     @property
     def worse(self) -> bool | None:
         """Whether the shift is for the worse; None where no direction is declared."""
-        if self.state is State.LOST:
+        if self.state is TrendState.LOST:
             return True
         now = float(self.values[-1]) if self.values.size else math.nan
         if not math.isnan(self.aim):
@@ -144,9 +149,9 @@ class Judged:
         swing: a slow swing that was taken out before anything was looked for; None for none.
     """
 
-    course: Course
+    course: PiecewiseLine
     limits: tuple[float, float]
-    state: State
+    state: TrendState
     since: int
     shift: float
     drift: float
@@ -188,7 +193,7 @@ def judge(
     )
 
 
-def _swing(values: FloatArray, course: Course) -> Swing | None:
+def _swing(values: FloatArray, course: PiecewiseLine) -> Swing | None:
     """Return a slow swing that explains a series better than its changes do."""
     sigma = course.sigma or 1.0
     clipped = np.clip(values, course.line - 3.0 * sigma, course.line + 3.0 * sigma)
@@ -200,7 +205,7 @@ def _swing(values: FloatArray, course: Course) -> Swing | None:
 
 def _judged_rest(
     values: FloatArray,
-    course: Course,
+    course: PiecewiseLine,
     family: int,
     margin: float,
     own: float,
@@ -210,11 +215,11 @@ def _judged_rest(
     last = course.changes[-1].start if course.changes else 0
     drift = float(course.line[-1] - course.line[last]) if course.slope else 0.0
     nothing = math.nan
-    found = Judged(course, (nothing, nothing), State.STEADY, count - 1, nothing, drift)
+    found = Judged(course, (nothing, nothing), TrendState.STEADY, count - 1, nothing, drift)
     if missing[0]:
         return replace(found, state=_lost(count, *missing))
     if count < FEWEST:
-        return replace(found, state=State.TOO_FEW)
+        return replace(found, state=TrendState.TOO_FEW)
     expected, leverage, residuals = _expected(values, course)
     start = _stretch(course, count)
     known = residuals[start:-1]
@@ -226,32 +231,32 @@ def _judged_rest(
     )
     out = abs(away) > half and abs(away) >= margin
     if out and not -below <= away <= above:
-        return replace(found, state=State.OUT_OF_LIMITS)
+        return replace(found, state=TrendState.OUT_OF_LIMITS)
     if _has_stepped(course, count, margin):
         change = course.changes[-1]
-        return replace(found, state=State.STEPPED, since=change.start, shift=change.size)
+        return replace(found, state=TrendState.STEPPED, since=change.start, shift=change.size)
     if abs(drift) >= margin and drift:
-        return replace(found, state=State.DRIFTING, since=last, shift=drift)
+        return replace(found, state=TrendState.DRIFTING, since=last, shift=drift)
     newest = newest_of(_from_before(values, course, start), own)
     if newest.p_value <= NEWEST_ALPHA / family and abs(newest.shift) >= margin:
         since = count - newest.span
-        return replace(found, state=State.STEPPED, since=since, shift=newest.shift)
-    return replace(found, state=State.ONE_NIGHT_OUT) if out else found
+        return replace(found, state=TrendState.STEPPED, since=since, shift=newest.shift)
+    return replace(found, state=TrendState.ONE_NIGHT_OUT) if out else found
 
 
-def _lost(known: int, gone: int, before: int) -> State:
+def _lost(known: int, gone: int, before: int) -> TrendState:
     """Return whether the newest nights without a value are more than those before explain."""
     usual = (before + 0.5) / (known + before + 1.0)
-    return State.LOST if known >= 2 and usual**gone <= ALPHA else State.NOT_SCORED
+    return TrendState.LOST if known >= 2 and usual**gone <= ALPHA else TrendState.NOT_SCORED
 
 
-def _stretch(course: Course, count: int) -> int:
+def _stretch(course: PiecewiseLine, count: int) -> int:
     """Return the index from which on nights are what the newest has to be like."""
     starts = [change.start for change in course.changes if change.start <= count - FEWEST]
     return starts[-1] if starts else 0
 
 
-def _expected(values: FloatArray, course: Course) -> tuple[float, float, FloatArray]:
+def _expected(values: FloatArray, course: PiecewiseLine) -> tuple[float, float, FloatArray]:
     """Return the newest night as expected by those before, its leverage, and all residuals."""
     count = values.size
     terms = _terms(course.changes, count - 2)
@@ -273,7 +278,7 @@ def _half_width(residuals: FloatArray, own: float, leverage: float) -> float:
     return max(quantile * sigma * math.sqrt(1.0 + leverage), floor)
 
 
-def _from_before(values: FloatArray, course: Course, start: int) -> FloatArray:
+def _from_before(values: FloatArray, course: PiecewiseLine, start: int) -> FloatArray:
     """Return the nights of the last stretch about the line that those but the newest lie on."""
     nights = values[start:]
     if not course.slope:
@@ -285,7 +290,7 @@ def _terms(changes: tuple[Change, ...], latest: int) -> list[Term]:
     return [Term(change.start, change.kind) for change in changes if change.start <= latest]
 
 
-def _has_stepped(course: Course, count: int, margin: float) -> bool:
+def _has_stepped(course: PiecewiseLine, count: int, margin: float) -> bool:
     if not course.changes:
         return False
     last = course.changes[-1]

@@ -22,7 +22,7 @@ from eha_bench.tuning.trying import Machine, Trying
 
 
 @dataclass(frozen=True)
-class Candidate:
+class TriedGains:
     """Gains that were tried.
 
     Attributes:
@@ -42,7 +42,7 @@ _FIRST = 0.3
 
 
 @dataclass
-class Search:
+class GainSearch:
     """One search: what is aimed at, on which machines, and everything that was tried.
 
     Attributes:
@@ -54,17 +54,17 @@ class Search:
     machines: Sequence[Machine]
     aim: Aim
     stop: Callable[[], bool]
-    tell: Callable[[Search], None]
-    tried: list[Candidate] = field(default_factory=list)
+    tell: Callable[[GainSearch], None]
+    tried: list[TriedGains] = field(default_factory=list)
     _standing: FloatArray | None = None
 
     @property
-    def best(self) -> Candidate:
+    def best(self) -> TriedGains:
         """The candidate of most worth, the first of equals."""
         return max(self.tried, key=lambda item: item.worth)
 
     @property
-    def whole(self) -> list[Candidate]:
+    def whole(self) -> list[TriedGains]:
         """Those that were tried on all machines."""
         return [item for item in self.tried if len(item.margins) == len(self.machines)]
 
@@ -104,7 +104,7 @@ class Search:
         for column, point, found in zip(columns, points, self._raced(points), strict=True):
             place = tuple(float(share) for share in column)
             worth = self.aim.most(found, len(self.machines))
-            self.tried.append(Candidate(place, point, worth, found))
+            self.tried.append(TriedGains(place, point, worth, found))
         self.tell(self)
         return np.array([-item.worth for item in self.tried[-len(columns) :]])
 
@@ -152,7 +152,9 @@ def first_population(known: Sequence[FloatArray], gains: int, size: int, seed: i
     return np.asarray(filled)
 
 
-def narrow_population(best: Sequence[Candidate], size: int, spread: float, seed: int) -> FloatArray:
+def narrow_population(
+    best: Sequence[TriedGains], size: int, spread: float, seed: int
+) -> FloatArray:
     """Return the best places, and others scattered around them, (size, gains)."""
     generator = np.random.default_rng(seed)
     places = np.array([item.shares for item in best])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from eha_bench.bench.scoring import score_limits
+from eha_bench.bench.judging import score_limits
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.workers import Workers
 from eha_bench.plants.model import Model
@@ -37,7 +37,7 @@ class _Job:
 
 
 @dataclass(frozen=True)
-class _Run:
+class _MachineRun:
     """Runs a space at a point on a machine; picklable."""
 
     space: Space
@@ -92,7 +92,7 @@ class Trying:
         self._learn(machines)
         moving = replace(self.space, case=self._moved)
         jobs = [_Job(point, machine) for point in points for machine in machines]
-        found = self.workers.map(_Run(moving), jobs)
+        found = self.workers.map(_MachineRun(moving), jobs)
         size = len(machines)
         return [
             [
@@ -106,7 +106,7 @@ class Trying:
         """Run what the gains do not move, once on each machine."""
         new = [machine for machine in machines if machine.number not in self.known]
         still = Space(self._still, ())
-        found = self.workers.map(_Run(still), [_Job((), machine) for machine in new])
+        found = self.workers.map(_MachineRun(still), [_Job((), machine) for machine in new])
         self.known |= {machine.number: result for machine, result in zip(new, found, strict=True)}
 
     def _joined(self, moved: PointResult, still: PointResult) -> PointResult:

@@ -30,8 +30,8 @@ from eha_bench.sweeps.span import Range
 from eha_bench.tuning.aim import Aim, Only, Passing, Worst
 from eha_bench.tuning.contradiction import Contradiction, contradiction
 from eha_bench.tuning.search import (
-    Candidate,
-    Search,
+    GainSearch,
+    TriedGains,
     first_population,
     narrow_population,
 )
@@ -51,7 +51,7 @@ _GENERATIONS_OF_DOUBT = 4
 
 
 @dataclass(frozen=True)
-class Effort:
+class SearchEffort:
     """How much is tried.
 
     Attributes:
@@ -110,7 +110,7 @@ def tune(
     file: VaryFile,
     posterior: Posterior | None,
     *,
-    effort: Effort | None = None,
+    effort: SearchEffort | None = None,
     aim: Aim | None = None,
     conditions: Conditions = ANY,
     workers: Workers = HERE,
@@ -130,7 +130,7 @@ def tune(
         InputError: a gain that no controller has, an empty range, gains that no limit follows, or
             a limit that nothing scores.
     """
-    effort, aim = effort or Effort(), aim or Passing()
+    effort, aim = effort or SearchEffort(), aim or Passing()
     space = gains_space(judged_only(case), file)
     trying = Trying(space, workers)
     if not trying.moves:
@@ -153,7 +153,7 @@ def _modes(case: Case) -> tuple[str, ...]:
 class _Tuning:
     trying: Trying
     posterior: Posterior | None
-    effort: Effort
+    effort: SearchEffort
     aim: Aim
     conditions: Conditions
     interrupted: Callable[[], bool]
@@ -177,7 +177,7 @@ class _Tuning:
             return self._tuned(first, first.best, before, None, None)
         return self._over_draws(first, before, self.posterior)
 
-    def _over_draws(self, first: Search, before: Point, posterior: Posterior) -> Tuned:
+    def _over_draws(self, first: GainSearch, before: Point, posterior: Posterior) -> Tuned:
         space, effort = self.trying.space, self.effort
         draws = self.conditions.met_by(posterior.draws(effort.draws, effort.seed), effort.seed)
         machines = [Machine(draw.number, draw.model, posterior.remainder) for draw in draws]
@@ -196,12 +196,12 @@ class _Tuning:
         return self._tuned(first, chosen, before, after, declared, second)
 
     def _proven(
-        self, second: Search, before: Point, draws: Sequence[Draw]
-    ) -> tuple[Candidate, Probability, Probability]:
+        self, second: GainSearch, before: Point, draws: Sequence[Draw]
+    ) -> tuple[TriedGains, Probability, Probability]:
         """Return the best of the finalists over all draws, and the gains as they were."""
         left = self.posterior.remainder if self.posterior else {}
         machines = [Machine(draw.number, draw.model, left) for draw in draws]
-        finalists: list[Candidate] = []
+        finalists: list[TriedGains] = []
         for item in sorted(second.whole, key=lambda item: -item.worth):
             if item.point not in [other.point for other in finalists]:
                 finalists.append(item)
@@ -221,8 +221,8 @@ class _Tuning:
         best = int(np.argmax(worths))
         return finalists[best], found[best], found[-1]
 
-    def _search(self, machines: Sequence[Machine], aim: Aim) -> Search:
-        def tell(search: Search) -> None:
+    def _search(self, machines: Sequence[Machine], aim: Aim) -> GainSearch:
+        def tell(search: GainSearch) -> None:
             if isinstance(aim, Only):
                 self.progress(0, self.effort.candidates, "searching for limits that cannot be kept")
                 return
@@ -231,12 +231,12 @@ class _Tuning:
                 len(search.tried), self.effort.candidates, f"{what}: best {search.best.worth:+.3f}"
             )
 
-        return Search(self.trying, machines, aim, self.interrupted, tell)
+        return GainSearch(self.trying, machines, aim, self.interrupted, tell)
 
     def _generations(self, size: int, share: float) -> int:
         return max(1, round(share * self.effort.candidates / size) - 1)
 
-    def _check_scored(self, first: Search) -> None:
+    def _check_scored(self, first: GainSearch) -> None:
         """Raise an InputError where a limit is scored for no candidate."""
         margins = np.concatenate([item.margins for item in first.tried])
         unscored = np.flatnonzero(~np.isfinite(margins).any(axis=0))
@@ -255,7 +255,7 @@ class _Tuning:
             hint="remove the limit, or widen the ranges",
         )
 
-    def _explained(self, first: Search) -> Contradiction:
+    def _explained(self, first: GainSearch) -> Contradiction:
         """Return why nothing passes; what nobody kept so far gets a search of its own first."""
         tried = [*first.tried]
         asked: set[tuple[int, ...]] = set()
@@ -277,12 +277,12 @@ class _Tuning:
 
     def _tuned(
         self,
-        first: Search,
-        chosen: Candidate,
+        first: GainSearch,
+        chosen: TriedGains,
         before: Point,
         after: Probability | None,
         declared: Probability | None,
-        second: Search | None = None,
+        second: GainSearch | None = None,
     ) -> Tuned:
         space = self.trying.space
         machine = Machine(_AS_FITTED, space.case.simulator.model)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from eha_bench.core.shipped import shipped_rig
-from eha_bench.targets.can.drive import Drive
+from eha_bench.targets.can.drive import CanDrive
 from eha_bench.targets.can.load import load_drive
 
 Writer = Callable[..., Path]
@@ -30,12 +30,12 @@ def target(tmp_path: Path) -> Writer:
 
 
 @pytest.fixture(scope="session")
-def eha_drive() -> Drive:
+def eha_drive() -> CanDrive:
     """The shipped drive like the paper's."""
     return load_drive(shipped_rig("eha_drive.yaml"))
 
 
 @pytest.fixture(scope="session")
-def cia402() -> Drive:
+def cia402() -> CanDrive:
     """The shipped CiA 402 drive."""
     return load_drive(shipped_rig("cia402_drive.yaml"))

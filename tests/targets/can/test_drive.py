@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from eha_bench.core.trial import ControlMode
 from eha_bench.rig.status import StatusFrames
-from eha_bench.targets.can.drive import Drive, decode
+from eha_bench.targets.can.drive import CanDrive, decode
 
 MODES = [ControlMode.CURRENT, ControlMode.PRESSURE, ControlMode.JOINT_ANGLE]
 
@@ -16,7 +16,7 @@ MODES = [ControlMode.CURRENT, ControlMode.PRESSURE, ControlMode.JOINT_ANGLE]
 @pytest.mark.parametrize("mode", MODES)
 @given(value=st.floats(-50.0, 50.0))
 def test_a_command_arrives_as_it_was_meant(
-    eha_drive: Drive, mode: ControlMode, value: float
+    eha_drive: CanDrive, mode: ControlMode, value: float
 ) -> None:
     command = eha_drive.commands[mode]
     scale = {"current": 1.0, "pressure": 1e6, "joint_angle": math.pi / 180}[mode.name]
@@ -35,7 +35,7 @@ def test_a_command_arrives_as_it_was_meant(
     counter=st.integers(0, 255),
 )
 def test_what_a_drive_measures_is_read_within_a_count(
-    eha_drive: Drive, current: float, pressure: float, position: float, counter: int
+    eha_drive: CanDrive, current: float, pressure: float, position: float, counter: int
 ) -> None:
     reading = {
         "current": current,
@@ -59,14 +59,14 @@ def test_what_a_drive_measures_is_read_within_a_count(
     assert found["joint_angle"] == pytest.approx(1.5, abs=2.7e-5)
 
 
-def test_a_value_that_a_signal_cannot_hold_is_held_at_its_end(eha_drive: Drive) -> None:
+def test_a_value_that_a_signal_cannot_hold_is_held_at_its_end(eha_drive: CanDrive) -> None:
     frame = eha_drive.command_frame(ControlMode.CURRENT, 1e9, 1)
     signals = eha_drive.decode(frame.id, frame.data)
     assert signals is not None
     assert float(signals["CurrentReference"]) == pytest.approx(100.0)
 
 
-def test_cia402_words_and_scaling(cia402: Drive) -> None:
+def test_cia402_words_and_scaling(cia402: CanDrive) -> None:
     """CiA 402: operation enabled is xxxx xxxx x01x 0111 of the statusword; torque in per mille."""
     frame = cia402.command_frame(ControlMode.CURRENT, 23.0, 0x0F)
     assert frame.id == 0x205
@@ -75,6 +75,6 @@ def test_cia402_words_and_scaling(cia402: Drive) -> None:
         assert cia402.states[word & cia402.state.mask] == state
 
 
-def test_short_and_foreign_frames_are_nobodys(eha_drive: Drive) -> None:
+def test_short_and_foreign_frames_are_nobodys(eha_drive: CanDrive) -> None:
     assert eha_drive.decode(0x181, b"\x00") is None
     assert eha_drive.decode(0x7FF, bytes(8)) is None

@@ -7,8 +7,8 @@ import pytest
 from eha_bench.core.limit import Bounds, SafetyLimit
 from eha_bench.core.linkage import Linkage
 from eha_bench.targets.can.balance import Balance, BalanceLimits, Tolerance, TorqueModel
-from eha_bench.targets.can.drive import Drive
-from eha_bench.targets.can.guard import ChannelLimit, Following, Guard, Limits
+from eha_bench.targets.can.drive import CanDrive
+from eha_bench.targets.can.guard import ChannelLimit, Following, Guard, GuardLimits
 
 LINKAGE = Linkage(0.3208, 0.0462, 0.280, 0.04)
 
@@ -16,7 +16,7 @@ LINKAGE = Linkage(0.3208, 0.0462, 0.280, 0.04)
 def guard(
     *limits: ChannelLimit, following: tuple[Following, ...] = (), agrees: float = math.inf
 ) -> Guard:
-    return Guard(Limits(limits, following, agrees), (), LINKAGE)
+    return Guard(GuardLimits(limits, following, agrees), (), LINKAGE)
 
 
 def walk(checked: Guard, values: list[float], period: float = 1e-3) -> list[str]:
@@ -52,8 +52,8 @@ def test_a_value_that_is_too_old_is_stale() -> None:
     assert "stale current" in guard(ChannelLimit("current", stale=10e-3)).check(1.0, {}, {})
 
 
-def test_every_channel_is_watched_for_age_even_without_a_limit(eha_drive: Drive) -> None:
-    bare = Limits.of(eha_drive)
+def test_every_channel_is_watched_for_age_even_without_a_limit(eha_drive: CanDrive) -> None:
+    bare = GuardLimits.of(eha_drive)
     assert {limit.channel for limit in bare.channels} == set(eha_drive.channels)
     assert all(math.isfinite(limit.stale) for limit in bare.channels)
 
@@ -87,7 +87,7 @@ def test_joint_and_rod_have_to_agree() -> None:
 
 def test_the_suites_own_safety_limits_hold_too() -> None:
     limit = SafetyLimit("pressure_a", Bounds(high=60e6), "<= 60 MPa")
-    checked = Guard(Limits((), (), math.inf), (limit,), None)
+    checked = Guard(GuardLimits((), (), math.inf), (limit,), None)
     assert checked.check(0.0, {"pressure_a": 1e6}, {}) == ""
     assert "<= 60 MPa" in checked.check(0.0, {"pressure_a": 61e6}, {})
     assert "<= 60 MPa" in checked.check(0.0, {}, {})

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from eha_bench.rig.status import StatusFrames
-from eha_bench.targets.can.drive import Drive, Frame, frame
+from eha_bench.targets.can.drive import CanDrive, Frame, frame
 from eha_bench.targets.can.link import Link
 from eha_bench.targets.can.load import load_drive
 from eha_bench.targets.can.pacing import LoopHealth
@@ -40,11 +40,11 @@ class FakeBus:
         return SimpleNamespace(arbitration_id=found.id, data=found.data)
 
 
-def answers(drive: Drive, counter: int, state: str = "enabled") -> list[Frame]:
+def answers(drive: CanDrive, counter: int, state: str = "enabled") -> list[Frame]:
     return StatusFrames(drive).frames(READING, counter, state, stop_closed=True)
 
 
-def link_to(drive: Drive) -> tuple[Link, FakeBus, LoopHealth]:
+def link_to(drive: CanDrive) -> tuple[Link, FakeBus, LoopHealth]:
     bus = FakeBus()
     messages = len(drive.status) if drive.sync else 0
     return Link(drive, bus, 1e-3), bus, LoopHealth(100, 1e-3, messages)  # type: ignore[arg-type]  # a fake
@@ -57,7 +57,7 @@ def tick(link: Link, health: LoopHealth, now: float | None = None) -> bool:
     return link.exchange(at, time.monotonic() + 0.2, health)
 
 
-def test_answers_in_time_are_read_with_the_stamp_of_their_tick(eha_drive: Drive) -> None:
+def test_answers_in_time_are_read_with_the_stamp_of_their_tick(eha_drive: CanDrive) -> None:
     link, bus, health = link_to(eha_drive)
     bus.answers.append(answers(eha_drive, 1))
     assert tick(link, health)
@@ -68,7 +68,7 @@ def test_answers_in_time_are_read_with_the_stamp_of_their_tick(eha_drive: Drive)
     assert len(set(link.stamps.values())) == 1
 
 
-def test_what_comes_a_tick_later_is_late_and_older(eha_drive: Drive) -> None:
+def test_what_comes_a_tick_later_is_late_and_older(eha_drive: CanDrive) -> None:
     link, bus, health = link_to(eha_drive)
     first, second = answers(eha_drive, 1)
     bus.answers.extend([[first], [second, *answers(eha_drive, 2)]])
@@ -80,7 +80,7 @@ def test_what_comes_a_tick_later_is_late_and_older(eha_drive: Drive) -> None:
     assert health.lost == 2
 
 
-def test_a_late_answer_never_replaces_a_newer_one(eha_drive: Drive) -> None:
+def test_a_late_answer_never_replaces_a_newer_one(eha_drive: CanDrive) -> None:
     link, bus, health = link_to(eha_drive)
     begun = time.monotonic()
     for number in range(1, 5):
@@ -92,7 +92,7 @@ def test_a_late_answer_never_replaces_a_newer_one(eha_drive: Drive) -> None:
     assert link.stamps == before
 
 
-def test_the_drive_has_to_be_alive_sound_and_released(eha_drive: Drive) -> None:
+def test_the_drive_has_to_be_alive_sound_and_released(eha_drive: CanDrive) -> None:
     link, bus, health = link_to(eha_drive)
     assert "no heartbeat" in link.alive(time.monotonic())
     assert eha_drive.heartbeat is not None
@@ -109,7 +109,7 @@ def test_the_drive_has_to_be_alive_sound_and_released(eha_drive: Drive) -> None:
     assert link.alive(time.monotonic()) == "the emergency stop is open"
 
 
-def test_a_heartbeat_with_the_wrong_state_is_none(cia402: Drive) -> None:
+def test_a_heartbeat_with_the_wrong_state_is_none(cia402: CanDrive) -> None:
     link, bus, health = link_to(cia402)
     assert cia402.heartbeat is not None
     bus.answers.append([frame(cia402.heartbeat, {"NmtState": 127}), *answers(cia402, 1)])
@@ -130,7 +130,7 @@ def test_a_drive_without_sync_is_counted_by_its_own_numbers(target: Writer) -> N
     assert link.readings["current"] == pytest.approx(3.0, abs=2e-3)
 
 
-def test_frames_of_others_and_short_ones_are_passed_over(eha_drive: Drive) -> None:
+def test_frames_of_others_and_short_ones_are_passed_over(eha_drive: CanDrive) -> None:
     link, bus, health = link_to(eha_drive)
     bus.answers.append([Frame(0x7AA, b"1"), Frame(0x181, b"\0"), *answers(eha_drive, 1)])
     assert tick(link, health)

@@ -254,12 +254,12 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
     shared = existing(given, "channels") if isinstance(given, str) else None
     computed = _computed(given, place) if isinstance(given, dict) else {}
     runs: list[Run] = []
-    read: list[_Read] = []
+    read: list[_LogPart] = []
     for number, entry in enumerate(file.runs):
         own = entry.channels
         channels = existing(own, "runs", number, "channels") if own else shared
         for log in _logs(folder, entry.log, place("runs", number, "log")):
-            part = _Read(log, channels, entry.start, entry.stop, entry.use)
+            part = _LogPart(log, channels, entry.start, entry.stop, entry.use)
             if any(part.contradicts(other) for other in read):
                 raise InputError(
                     f"'{log.name}' is both for training and held out",
@@ -293,7 +293,7 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
 
 
 @dataclass(frozen=True)
-class _Read:
+class _LogPart:
     """A part of a log, and what it is for."""
 
     log: Path
@@ -302,7 +302,7 @@ class _Read:
     stop: float | None
     use: Use
 
-    def contradicts(self, other: _Read) -> bool:
+    def contradicts(self, other: _LogPart) -> bool:
         """Whether a part of both is fitted by one and held out by the other."""
         if (self.use is Use.TRAIN) is (other.use is Use.TRAIN):
             return False
@@ -374,7 +374,7 @@ def _free_name(name: str, taken: Sequence[str]) -> str:
 
 
 def _reader(
-    part: _Read, fewest: int, computed: Mapping[str, ComputedChannel], where: Place
+    part: _LogPart, fewest: int, computed: Mapping[str, ComputedChannel], where: Place
 ) -> Callable[[], Recording]:
     def read() -> Recording:
         # imported here: reading formats pulls in large libraries that a schema check needs not
@@ -388,7 +388,7 @@ def _reader(
     return read
 
 
-def _topics_reader(part: _Read, fewest: int) -> Callable[[], tuple[Recording, ...]]:
+def _topics_reader(part: _LogPart, fewest: int) -> Callable[[], tuple[Recording, ...]]:
     def read() -> tuple[Recording, ...]:
         from eha_bench.recordings import read_topics
 
@@ -403,7 +403,7 @@ def _topics_reader(part: _Read, fewest: int) -> Callable[[], tuple[Recording, ..
     return read
 
 
-def _checked(recording: Recording, part: _Read, fewest: int) -> Recording:
+def _checked(recording: Recording, part: _LogPart, fewest: int) -> Recording:
     """Return a recording that a model can be compared with.
 
     Raises:
@@ -424,7 +424,7 @@ def _checked(recording: Recording, part: _Read, fewest: int) -> Recording:
     return recording
 
 
-def _cut(recording: Recording, part: _Read, first: float | None = None) -> Recording:
+def _cut(recording: Recording, part: _LogPart, first: float | None = None) -> Recording:
     """Return the window of a recording that a run asks for, counted from its log's first sample."""
     if not len(recording) or (part.start == 0.0 and part.stop is None):
         return recording
@@ -433,7 +433,7 @@ def _cut(recording: Recording, part: _Read, first: float | None = None) -> Recor
     return recording.between(first + part.start, first + stop)
 
 
-def _window(part: _Read) -> str:
+def _window(part: _LogPart) -> str:
     """Say which window was asked for, where it is not all of the log."""
     if part.stop is not None:
         return f" from {part.start:g} s to {part.stop:g} s"

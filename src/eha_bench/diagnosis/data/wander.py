@@ -52,7 +52,7 @@ class Wander:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class NoiseStretch:
     """What is left of a channel's readings in a stretch, in its noise.
 
     Attributes:
@@ -76,7 +76,7 @@ def cosines(time: FloatArray, wander: Wander) -> FloatArray:
     return _waves(time, frequency[keep], span) * np.sqrt(variance[keep] / span)
 
 
-def wander_of(stretches: Sequence[Stretch]) -> Wander | None:
+def wander_of(stretches: Sequence[NoiseStretch]) -> Wander | None:
     """Return how a channel's zero wanders, or None where it may as well stand.
 
     Args:
@@ -133,7 +133,7 @@ class _Spectrum:
     tick: FloatArray
 
 
-def _spectrum(stretches: Sequence[Stretch]) -> _Spectrum:
+def _spectrum(stretches: Sequence[NoiseStretch]) -> _Spectrum:
     usable = [item for item in stretches if item.time.size >= 8 * _frequencies_of(item).size]
     # an offset of all of them is the effect of that name
     mean = float(np.mean(np.concatenate([item.left for item in usable]))) if usable else 0.0
@@ -153,7 +153,7 @@ def _spectrum(stretches: Sequence[Stretch]) -> _Spectrum:
     return _Spectrum(*np.hstack(parts))
 
 
-def _frequencies_of(item: Stretch) -> FloatArray:
+def _frequencies_of(item: NoiseStretch) -> FloatArray:
     return _frequencies(_span(item.time))
 
 

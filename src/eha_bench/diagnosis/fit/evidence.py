@@ -232,7 +232,7 @@ def left_out(fit: Fit, groups: Groups) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Improvement:
     """What a candidate gains over the fit without it.
 
     Attributes:
@@ -254,13 +254,13 @@ class Comparison:
     explained_out: float
 
 
-NOT_COMPARED = Comparison(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+NOT_COMPARED = Improvement(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 """What stands where nothing has been compared yet: no gain."""
 
 
 def compare(
     before: Fit, after: Fit, groups: Groups, excess_before: float, seed: int = 0
-) -> Comparison:
+) -> Improvement:
     """Return what `after` gains over `before`, fitted and left out."""
     soft_b, _ = soften(before.residual, before.soft)
     soft_a, _ = soften(after.residual, after.soft)
@@ -282,7 +282,7 @@ def compare(
     better = float(np.mean(concerned > 0)) if concerned.size else 0.0
     floor = SOFT_MEAN * (before.residual.size - len(before.free))
     scale_out = max(float(out_before.sum()) - floor, gain_out, 1.0)
-    return Comparison(
+    return Improvement(
         gain,
         gain_out,
         gain / scale,

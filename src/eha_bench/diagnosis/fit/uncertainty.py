@@ -294,7 +294,7 @@ def posterior(fit: Fit, groups: Groups) -> Covariance:
 
 
 @dataclass(frozen=True)
-class Direction:
+class ParameterDirection:
     """A direction in which the parameters of a calibration may move.
 
     Attributes:
@@ -343,7 +343,7 @@ def open_parameters(fit: Fit) -> frozenset[str]:
     )
 
 
-def directions(fit: Fit) -> tuple[Direction, ...]:
+def directions(fit: Fit) -> tuple[ParameterDirection, ...]:
     """Return the directions of the information matrix of the parameters, the weakest first."""
     free = [item for item in fit.free if not item.of_effect and not item.run]
     columns = [k for k, item in enumerate(fit.free) if item in free]
@@ -362,5 +362,7 @@ def directions(fit: Fit) -> tuple[Direction, ...]:
         order = np.argsort(-np.abs(direction))
         main = [int(j) for j in order if abs(direction[j]) > 0.4 * abs(direction[order[0]])]
         deviation = level / float(np.sqrt(max(values[k], 1e-300)))
-        found.append(Direction(deviation, {free[j].key: float(direction[j]) for j in main}))
+        found.append(
+            ParameterDirection(deviation, {free[j].key: float(direction[j]) for j in main})
+        )
     return tuple(found)

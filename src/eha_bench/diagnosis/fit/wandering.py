@@ -12,7 +12,7 @@ from dataclasses import replace
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.data.quiet import with_colours
-from eha_bench.diagnosis.data.wander import Stretch, Wander, wander_of
+from eha_bench.diagnosis.data.wander import NoiseStretch, Wander, wander_of
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.residual_colour import noise_of_residual
@@ -26,14 +26,14 @@ def wandering(problem: Problem, fit: Fit) -> dict[str, Wander]:
     """
     left = problem.with_best_start(fit.vector)
     names = problem.plant.outputs
-    stretches: dict[str, list[Stretch]] = {}
+    stretches: dict[str, list[NoiseStretch]] = {}
     for piece in problem.pieces:
         window = problem.windows[piece.window]
         for channel, rows in piece.by_channel():
             time = window.measured.time[window.first + piece.ticks[rows]]
             colour = window.measured.colours.get(names[channel])
             if time.size > 1:
-                own = Stretch(time, left[piece.rows][rows], colour)
+                own = NoiseStretch(time, left[piece.rows][rows], colour)
                 stretches.setdefault(names[channel], []).append(own)
     found = {name: wander_of(own) for name, own in stretches.items()}
     return {name: wander for name, wander in found.items() if wander is not None}

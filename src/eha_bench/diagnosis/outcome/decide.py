@@ -13,7 +13,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
 from eha_bench.diagnosis.search.state import Search, Thresholds
-from eha_bench.diagnosis.unknown.curves import Located
+from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn, times_of
 from eha_bench.diagnosis.unknown.locator import Locator, locate
 from eha_bench.diagnosis.unknown.places import places_of
@@ -45,7 +45,7 @@ class Decision:
     unknown: Unknown | None
     learned: bool = False
     locator: Locator | None = None
-    located: tuple[Located, ...] = ()
+    located: tuple[LocatedCurve, ...] = ()
 
 
 def decide(
@@ -135,7 +135,7 @@ def _unknown(
 
 
 def _learned(
-    search: Search, locator: Locator, best: Located, step: float, notes: tuple[str, ...]
+    search: Search, locator: Locator, best: LocatedCurve, step: float, notes: tuple[str, ...]
 ) -> Decision:
     _, fit = learn(search.problem, locator.short, search.fit, best, step)
     floor = SOFT_MEAN * search.problem.size

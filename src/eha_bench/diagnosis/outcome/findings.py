@@ -28,7 +28,7 @@ from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rivals import found_rival
-from eha_bench.diagnosis.search.state import Ranked
+from eha_bench.diagnosis.search.state import RankedCandidate
 from eha_bench.diagnosis.search.stepwise import Search
 from eha_bench.plants.effect import AT, BoundEffect
 from eha_bench.plants.model import Model
@@ -232,7 +232,7 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
     return tuple(line for _, _, line in sorted(lines, key=lambda entry: entry[:2]))
 
 
-def _why(item: Ranked, best: float) -> str:
+def _why(item: RankedCandidate, best: float) -> str:
     """Say in words why a candidate was not added."""
     if not item.refitted:
         if item.score < 0.005:

@@ -25,8 +25,8 @@ from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Rival, Standing
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search.refit import free_of
-from eha_bench.diagnosis.search.state import Accepted, Search, Trial
-from eha_bench.diagnosis.unknown.curves import Located
+from eha_bench.diagnosis.search.state import Accepted, Refit, Search
+from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn
 from eha_bench.plants.model import Model
 
@@ -102,7 +102,7 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
         yield _rival(search, trial.fit, model, added, Standing.RUNNER_UP, behind)
 
 
-def _swapped(search: Search, item: Accepted, trial: Trial) -> Fit:
+def _swapped(search: Search, item: Accepted, trial: Refit) -> Fit:
     """Return the fit with a candidate in the place of what was added."""
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral
@@ -152,7 +152,7 @@ def _other_curves(search: Search, decision: Decision, found: Diagnosis) -> Itera
         yield _rival(search, fit, found.revised, [LEARNED], Standing.EQUIVALENT, behind)
 
 
-def _followed(item: Located) -> str:
+def _followed(item: LocatedCurve) -> str:
     return item.template.variable
 
 

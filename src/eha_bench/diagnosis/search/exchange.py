@@ -17,7 +17,7 @@ from eha_bench.diagnosis.fit.candidates import Start, all_starts
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.search.refit import Near, polish_at_rest
-from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds, Trial
+from eha_bench.diagnosis.search.state import Accepted, Refit, Search, Thresholds
 
 _RIVALS = 3
 CLOSE = 0.4
@@ -71,7 +71,7 @@ def _rivals(search: Search, item: Accepted) -> list[Start]:
 
 def _best(
     search: Search, item: Accepted, others: list[Accepted], starts: list[Start]
-) -> Trial | None:
+) -> Refit | None:
     """Return the best of some starts in an item's place, refitted to the end."""
     kept = search.snapshot()
     search.accepted = others

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import all_starts
-from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Comparison, compare, excess
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Improvement, compare, excess
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import without
 from eha_bench.diagnosis.search.refit import Near, Nearby, polish_at_rest
@@ -60,7 +60,7 @@ def joint(search: Search, limits: Thresholds) -> bool:
     return True
 
 
-def _beside(search: Search, item: Accepted) -> Comparison:
+def _beside(search: Search, item: Accepted) -> Improvement:
     """Return what one of two gains beside the other, refitted alone."""
     alone = without(search, item)
     left = excess(search.problem, alone).total

@@ -26,7 +26,7 @@ from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic
 from eha_bench.diagnosis.search.periodic import Wave, best_counts, in_parts, scan
 from eha_bench.diagnosis.search.screen import Screen, Screened, starting_point, unlike
-from eha_bench.diagnosis.search.state import Search, Trial, rival_share
+from eha_bench.diagnosis.search.state import Refit, Search, rival_share
 
 _POOR = 1.02
 """A fit this much above the noise may be caught in another minimum."""
@@ -61,7 +61,7 @@ def sticks(key: str, value: float) -> bool:
     return is_friction_at_rest(key) and value == 0.0
 
 
-def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
+def refit(search: Search, coarse: Problem, item: Screened) -> Refit:
     """Fit a screened candidate roughly, from where the search is."""
     vector = starting_point(coarse, item, search.fit)
     free = free_of(search, vector, [item.start])
@@ -72,7 +72,7 @@ def refit(search: Search, coarse: Problem, item: Screened) -> Trial:
     fit = levenberg_marquardt(
         coarse, vector, free, iterations=6 if moved else 4, known=known, refresh=int(moved)
     )
-    return Trial(item.start, fit, NOT_COMPARED)
+    return Refit(item.start, fit, NOT_COMPARED)
 
 
 def polish(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
@@ -253,7 +253,7 @@ class Near:
         best = {item.starts[-1].candidate: item for item in reversed(found)}
         return sorted(best.values(), key=lambda item: item.fit.cost)
 
-    def trials(self, most: int) -> list[Trial]:
+    def trials(self, most: int) -> list[Refit]:
         """Return the best of the screened refitted, first over short windows, then long ones.
 
         Args:
@@ -321,7 +321,7 @@ class Near:
         found = [item for name in names for item in self._turned[name][1]]
         return sorted(found, key=lambda item: item.fit.cost)
 
-    def turning(self, starts: Sequence[Start], most: int) -> list[Trial]:
+    def turning(self, starts: Sequence[Start], most: int) -> list[Refit]:
         """Return the best of what is periodic in the shaft's angle, refitted as `trials` does.
 
         Args:
@@ -369,8 +369,8 @@ class Near:
     def _refitted_from(self, item: Screened) -> Nearby:
         return self.refitted((item.start,), starting_point(self.problem, item, self.fit))
 
-    def _trial(self, item: Nearby) -> Trial:
-        return Trial(item.starts[-1], self.long(item), NOT_COMPARED)
+    def _trial(self, item: Nearby) -> Refit:
+        return Refit(item.starts[-1], self.long(item), NOT_COMPARED)
 
     def long(self, item: Nearby) -> Fit:
         """Fit over long windows from where short ones have led."""

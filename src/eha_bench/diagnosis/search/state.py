@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import Baseline
 from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.evidence import Comparison, Excess, Groups, excess, groups_of
+from eha_bench.diagnosis.fit.evidence import Excess, Groups, Improvement, excess, groups_of
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem
 
 
 @dataclass(frozen=True)
-class Trial:
+class Refit:
     """A candidate after its refit.
 
     Attributes:
@@ -22,7 +22,7 @@ class Trial:
 
     start: Start
     fit: Fit
-    comparison: Comparison
+    comparison: Improvement
 
     @property
     def candidate(self) -> str:
@@ -40,12 +40,12 @@ class Accepted:
     """
 
     start: Start
-    comparison: Comparison
+    comparison: Improvement
     equivalent: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Ranked:
+class RankedCandidate:
     """One line of the ranking: the best that a candidate could do as the first to be added."""
 
     candidate: str
@@ -81,8 +81,8 @@ class Search:
     excess_base: Excess
     excess_left: Excess
     accepted: list[Accepted] = field(default_factory=list)
-    ranking: list[Ranked] = field(default_factory=list)
-    looks: list[list[Trial]] = field(default_factory=list)
+    ranking: list[RankedCandidate] = field(default_factory=list)
+    looks: list[list[Refit]] = field(default_factory=list)
     looked_from: Fit | None = None
     exchanged_from: Fit | None = None
     near: object | None = None
@@ -174,7 +174,7 @@ class Thresholds:
         """Whether so much is missing that a remainder is to be expected."""
         return missing.relative > self.much
 
-    def allow(self, found: Comparison) -> bool:
+    def allow(self, found: Improvement) -> bool:
         """Whether something gains on runs left out as well, and no accident does as much."""
         return (
             found.gain > self.gain
@@ -183,7 +183,7 @@ class Thresholds:
             and found.runs_better >= self.runs_better
         )
 
-    def is_sure(self, found: Comparison) -> bool:
+    def is_sure(self, found: Improvement) -> bool:
         """Whether a gain is no accident, on runs left out."""
         all_of_it = min(found.share, found.share_out) > _NEARLY_ALL
         plain = min(found.gain, found.gain_out) > self.plain

@@ -31,10 +31,10 @@ from eha_bench.diagnosis.search.settle import rebase, refine, settle
 from eha_bench.diagnosis.search.start_angles import with_own_angles
 from eha_bench.diagnosis.search.state import (
     Accepted,
-    Ranked,
+    RankedCandidate,
+    Refit,
     Search,
     Thresholds,
-    Trial,
     begin,
     rival_share,
 )
@@ -121,7 +121,7 @@ def _worth_a_look(search: Search) -> bool:
     return left.relative > _WORTH and left.significance > REST_SIGNIFICANCE
 
 
-def _looked(search: Search) -> list[Trial]:
+def _looked(search: Search) -> list[Refit]:
     """Return a look from where the search is, or the last one where nothing has changed since."""
     if search.looks and search.looked_from is search.fit:
         return search.looks[-1]
@@ -130,7 +130,7 @@ def _looked(search: Search) -> list[Trial]:
     return search.looks[-1]
 
 
-def look(search: Search, *, first: bool) -> list[Trial]:
+def look(search: Search, *, first: bool) -> list[Refit]:
     """Screen everything, refit the most promising, and return these, the best first."""
     layout = search.problem.plant.layout
     used = [item.start.candidate for item in search.accepted]
@@ -171,7 +171,7 @@ def look(search: Search, *, first: bool) -> list[Trial]:
 
 def _confirm(
     search: Search, coarse: Problem, screened: Sequence[Screened], near: Near | None
-) -> list[Trial]:
+) -> list[Refit]:
     """Refit the most promising roughly, and to the end those that may win.
 
     Args:
@@ -202,9 +202,9 @@ def _confirm(
     return _finished(search, trials, afresh=near is None)
 
 
-def _finished(search: Search, trials: Sequence[Trial], *, afresh: bool) -> list[Trial]:
+def _finished(search: Search, trials: Sequence[Refit], *, afresh: bool) -> list[Refit]:
     """Refit those to the end that may win, the best first."""
-    done: list[Trial] = []
+    done: list[Refit] = []
     top = 0.0
     for number, trial in enumerate(trials):
         rough_gain = search.fit.cost - trial.fit.cost
@@ -220,7 +220,7 @@ def _finished(search: Search, trials: Sequence[Trial], *, afresh: bool) -> list[
     return done
 
 
-def _settled(search: Search, finals: Sequence[Trial]) -> list[Trial]:
+def _settled(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
     order = sorted(finals, key=lambda item: item.fit.cost)
     top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
@@ -234,9 +234,11 @@ def _settled(search: Search, finals: Sequence[Trial]) -> list[Trial]:
     return [*done, *(item for item in order if all(item is not other for other in close))]
 
 
-def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search) -> list[Ranked]:
+def _ranking(
+    best: dict[str, Screened], finals: Sequence[Refit], search: Search
+) -> list[RankedCandidate]:
     lines = [
-        Ranked(
+        RankedCandidate(
             item.candidate,
             min(item.comparison.share, item.comparison.share_out),
             item.comparison.p_value,
@@ -250,27 +252,29 @@ def _ranking(best: dict[str, Screened], finals: Sequence[Trial], search: Search)
     # where there is hardly any excess, shares of it mean nothing
     scale = max(search.excess_left.total, 300.0)
     lines += [
-        Ranked(name, item.gain / scale, float("nan"), search.fit.cost - item.gain, item.gain, False)
+        RankedCandidate(
+            name, item.gain / scale, float("nan"), search.fit.cost - item.gain, item.gain, False
+        )
         for name, item in best.items()
         if name not in done
     ]
     return lines
 
 
-def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
-    best: dict[str, Trial] = {}
+def _best_of_each(trials: Sequence[Refit]) -> list[Refit]:
+    best: dict[str, Refit] = {}
     for item in trials:
         if item.candidate not in best or item.fit.cost < best[item.candidate].fit.cost:
             best[item.candidate] = item
     return sorted(best.values(), key=lambda item: item.fit.cost)
 
 
-def _compared(search: Search, trial: Trial) -> Trial:
+def _compared(search: Search, trial: Refit) -> Refit:
     found = compare(search.fit, trial.fit, search.groups, search.excess_left.total)
     return replace(trial, comparison=found)
 
 
-def _choose(trials: Sequence[Trial], limits: Thresholds, share: float) -> Trial | None:
+def _choose(trials: Sequence[Refit], limits: Thresholds, share: float) -> Refit | None:
     good = [item for item in trials if _believed(item, limits, share)]
     if not good:
         return None
@@ -286,12 +290,12 @@ def _choose(trials: Sequence[Trial], limits: Thresholds, share: float) -> Trial 
     return min(alike, key=lambda item: len(item.start.keys))
 
 
-def _believed(item: Trial, limits: Thresholds, share: float) -> bool:
+def _believed(item: Refit, limits: Thresholds, share: float) -> bool:
     found = item.comparison
     return limits.allow(found) and min(found.share, found.share_out) > share
 
 
-def equivalents(chosen: Trial, trials: Sequence[Trial], groups: Groups) -> tuple[str, ...]:
+def equivalents(chosen: Refit, trials: Sequence[Refit], groups: Groups) -> tuple[str, ...]:
     """Return candidates whose fit is not worse than the chosen one's beyond resampling noise."""
     found = []
     for item in trials:
@@ -308,7 +312,7 @@ def equivalents(chosen: Trial, trials: Sequence[Trial], groups: Groups) -> tuple
     return tuple(found)
 
 
-def _add(search: Search, chosen: Trial, trials: Sequence[Trial]) -> None:
+def _add(search: Search, chosen: Refit, trials: Sequence[Refit]) -> None:
     # the fit first: interrupted in what follows, the two still belong together
     search.fit = chosen.fit
     search.accepted.append(

@@ -12,7 +12,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.short_windows import WINDOW
 from eha_bench.diagnosis.unknown.free_input import KNOTS
-from eha_bench.diagnosis.unknown.places import Place, Template, variables_of
+from eha_bench.diagnosis.unknown.places import SuspectPlace, Template, variables_of
 from eha_bench.plants.effects.learned import KNOTS as CURVE_KNOTS
 
 _HATS = 6
@@ -21,7 +21,7 @@ _MORE = 0.02
 
 
 @dataclass(frozen=True)
-class Located:
+class LocatedCurve:
     """A curve at one place with what it explains.
 
     Attributes:
@@ -92,7 +92,9 @@ class Curves:
             columns[piece.rows] = influence[piece.rows] @ weights
         return columns
 
-    def described(self, place: Place, variable: str, influence: FloatArray, size: float) -> Located:
+    def described(
+        self, place: SuspectPlace, variable: str, influence: FloatArray, size: float
+    ) -> LocatedCurve:
         """Return the best curve of a variable at a place.
 
         Args:
@@ -100,10 +102,10 @@ class Curves:
         """
         template = Template(place.equation, place.form, place.at, variable)
         share, amplitudes = self._share(self.columns(influence, variable))
-        located = Located(template, share, self.knots(variable), amplitudes * size)
+        located = LocatedCurve(template, share, self.knots(variable), amplitudes * size)
         return self._periodic(located, influence, size) if variable == "time" else located
 
-    def _periodic(self, trend: Located, influence: FloatArray, size: float) -> Located:
+    def _periodic(self, trend: LocatedCurve, influence: FloatArray, size: float) -> LocatedCurve:
         """Return a wave of any period instead of a trend, where it explains more.
 
         The input is taken as constant over each window there.
@@ -131,7 +133,7 @@ class Curves:
                 period = 1.0 / found
                 knots = np.linspace(0.0, period, CURVE_KNOTS, endpoint=False)
                 curve = _series(knots / period, amplitudes) * size
-                best = Located(trend.template, share, knots, curve, period)
+                best = LocatedCurve(trend.template, share, knots, curve, period)
         return best
 
     def _by_window(

@@ -11,7 +11,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.candidates import LEARNED, Start
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
-from eha_bench.diagnosis.unknown.curves import Located
+from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.places import curve_on
 from eha_bench.plants.effect import AT
 
@@ -21,7 +21,7 @@ _FALLS = 0.9
 
 
 def learn(
-    problem: Problem, short: Problem, fit: Fit, located: Located, step: float
+    problem: Problem, short: Problem, fit: Fit, located: LocatedCurve, step: float
 ) -> tuple[Start, Fit]:
     """Fit a located curve with everything that is fitted anyway: over short windows, then long."""
     plant = problem.plant

@@ -25,10 +25,10 @@ from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.short_windows import aligned_problem
-from eha_bench.diagnosis.unknown.curves import Curves, Located
+from eha_bench.diagnosis.unknown.curves import Curves, LocatedCurve
 from eha_bench.diagnosis.unknown.free_input import KNOTS, FreeInput, Support
 from eha_bench.diagnosis.unknown.places import (
-    Place,
+    SuspectPlace,
     Template,
     curve_on,
     places_of,
@@ -56,7 +56,7 @@ _FURTHEST = 0.3
 _TELLING = 0.1
 """Share of the excess from which what a curve follows means anything."""
 
-_VOLUMES = Place("flow", "additive", "volumes", ())
+_VOLUMES = SuspectPlace("flow", "additive", "volumes", ())
 """All volumes, each with an input of its own: to be weighed, not to be described."""
 
 
@@ -71,7 +71,7 @@ class Offered:
         left: what stays, as a share, of the excess in the channels that its sensors do not read.
     """
 
-    place: Place
+    place: SuspectPlace
     size: float
     influence: FloatArray
     free: Support
@@ -129,7 +129,7 @@ class Locator:
             found.append(self._weighed(_VOLUMES, 1.0, together))
         return sorted(self._with_curves(found), key=lambda item: -item.support)
 
-    def _influence(self, place: Place, size: float) -> FloatArray:
+    def _influence(self, place: SuspectPlace, size: float) -> FloatArray:
         """Return the change of the residual by the input's value at each instant, (N, KNOTS)."""
         centres = np.linspace(0.0, CURVE_KNOTS - 2.0, KNOTS)
         template = Template(place.equation, place.form, place.at, "time")
@@ -143,13 +143,13 @@ class Locator:
             columns.append(np.clip(change, -self.limit, self.limit))
         return np.column_stack(columns)
 
-    def _weighed(self, place: Place, size: float, influence: FloatArray) -> Offered:
+    def _weighed(self, place: SuspectPlace, size: float, influence: FloatArray) -> Offered:
         free = self.input.support(influence)
         return Offered(
             place, size, influence, free, free.log - self.nothing, self._left(place, free.rest)
         )
 
-    def _left(self, place: Place, rest: FloatArray) -> float:
+    def _left(self, place: SuspectPlace, rest: FloatArray) -> float:
         """Return what stays of the excess in the channels that a sensor's fault cannot reach."""
         names = self.plant.outputs
         others = ~np.isin(self.channels, [names.index(name) for name in place.sensors])
@@ -250,7 +250,7 @@ class Locator:
             out[item.at] = min(max(out[item.at] + float(share) * item.scale, item.low), item.high)
         return out
 
-    def described(self, offered: Sequence[Offered]) -> list[Located]:
+    def described(self, offered: Sequence[Offered]) -> list[LocatedCurve]:
         """Return curves of one variable at some places, the one that explains most first."""
         found = [
             self.curves.described(item.place, variable, item.influence, item.size)
@@ -268,7 +268,7 @@ class Locator:
 
 def locate(
     problem: Problem, fit: Fit, step: float, progress: ProgressHook
-) -> tuple[Locator, str, list[Located]]:
+) -> tuple[Locator, str, list[LocatedCurve]]:
     """Return the equation that is short, and curves in it, the one that explains most first.
 
     The equation is empty where nothing can act at all; there are no curves where no variable that
@@ -283,7 +283,7 @@ def locate(
     return locator, curves[0].template.equation if curves else best, curves
 
 
-def described(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
+def described(locator: Locator, offered: Sequence[Offered]) -> list[LocatedCurve]:
     """Return curves at the places that may be meant by the one that is believed."""
     best = believed(offered)
     kind = bool(best.place.sensors)
@@ -304,7 +304,9 @@ def described(locator: Locator, offered: Sequence[Offered]) -> list[Located]:
     )
 
 
-def by_what_it_follows(driven: list[Located], machine: list[Located], best: Place) -> list[Located]:
+def by_what_it_follows(
+    driven: list[LocatedCurve], machine: list[LocatedCurve], best: SuspectPlace
+) -> list[LocatedCurve]:
     """Return the drive's curves where what acts follows time or command, else the machine's.
 
     The torque of motor and pump enter one balance, and no sensor lies between them. Mechanics and

@@ -18,7 +18,7 @@ from eha_bench.plants.plant import Plant
 
 
 @dataclass(frozen=True)
-class Place:
+class SuspectPlace:
     """One place where something may act, and the variables that it may follow there.
 
     Attributes:
@@ -44,12 +44,12 @@ class Template:
     variable: str
 
 
-def places_of(plant: Plant) -> tuple[Place, ...]:
+def places_of(plant: Plant) -> tuple[SuspectPlace, ...]:
     """Return every place where something may act in a plant, form by form."""
     if LEARNED not in {effect.id for effect in plant.layout.effects}:
         return ()
     return tuple(
-        Place(spot.equation.value, form, spot.name, variables, spot.sensors)
+        SuspectPlace(spot.equation.value, form, spot.name, variables, spot.sensors)
         for spot in plant.layout.effect(LEARNED).spots
         for form, variables in spot.follows.items()
     )
@@ -104,7 +104,7 @@ def curve_on(
 
 
 def usual_size(
-    place: Place,
+    place: SuspectPlace,
     plant: Plant,
     noise: Mapping[str, float],
     span: Mapping[str, tuple[float, float]],

@@ -18,13 +18,13 @@ import math
 from eha_bench.plants.network.element import (
     HYDRAULIC,
     Anatomy,
+    BalanceSide,
     Effort,
     ElementKind,
     Flow,
     NodeKind,
     Oil,
     Port,
-    Side,
     Stops,
 )
 from eha_bench.plants.parameter import Parameter
@@ -108,7 +108,7 @@ def dead_b(dead_volume_b: float) -> float:
 
 def _anatomy(declared: frozenset[str]) -> Anatomy:
     common = (
-        Effort("on", force, Side.DRIVE),
+        Effort("on", force, BalanceSide.DRIVE),
         Flow("a", "", from_a),
         Flow("", "b", into_b),
     )

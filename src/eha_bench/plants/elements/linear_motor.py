@@ -12,15 +12,15 @@ import math
 
 from eha_bench.plants.network.element import (
     Anatomy,
+    BalanceSide,
     Command,
     Effort,
     ElementKind,
+    HeldSignal,
     Input,
     NodeKind,
     Port,
     Quantity,
-    Side,
-    Signal,
 )
 from eha_bench.plants.parameter import Parameter
 
@@ -41,8 +41,8 @@ def same(voltage: float) -> float:
 def _anatomy(declared: frozenset[str]) -> Anatomy:
     return Anatomy(
         (_CONSTANT, _LIMIT),
-        (Effort("on", force, Side.DRIVE, "torque"),),
-        signals=(Signal("voltage"),),
+        (Effort("on", force, BalanceSide.DRIVE, "torque"),),
+        signals=(HeldSignal("voltage"),),
         inputs=(Input("voltage", "V", True, "voltage"),),
         commands=(Command("voltage", "voltage", "V", "voltage_limit"),),
         quantities=(Quantity("voltage", "V", same, "voltage"),),

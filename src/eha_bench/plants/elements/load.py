@@ -14,9 +14,9 @@ from eha_bench.plants.network.element import (
     Anatomy,
     Effort,
     ElementKind,
+    HeldSignal,
     Input,
     Port,
-    Signal,
 )
 from eha_bench.plants.parameter import Parameter
 
@@ -32,7 +32,7 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
     return Anatomy(
         (_FORCE,),
         (Effort("on", against, hook="load"),),
-        signals=(Signal("measured"),),
+        signals=(HeldSignal("measured"),),
         inputs=(Input("force", "{effort}", False, "measured"),),
     )
 

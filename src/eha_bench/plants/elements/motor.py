@@ -13,15 +13,15 @@ import math
 
 from eha_bench.plants.network.element import (
     Anatomy,
+    BalanceSide,
     Command,
     Effort,
     ElementKind,
+    HeldSignal,
     Input,
     NodeKind,
     Port,
     Quantity,
-    Side,
-    Signal,
 )
 from eha_bench.plants.parameter import Parameter
 
@@ -87,8 +87,8 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
     if "resistance" not in declared and "input:voltage" not in declared and not bridged:
         return Anatomy(
             (_CONSTANT, _CURRENT_LIMIT),
-            (Effort("on", torque_of_current, Side.DRIVE, "torque"),),
-            signals=(Signal("current"),),
+            (Effort("on", torque_of_current, BalanceSide.DRIVE, "torque"),),
+            signals=(HeldSignal("current"),),
             inputs=(Input("current", "A", True, "current"),),
             commands=(Command("current", "current", "A", "current_limit"),),
             quantities=(Quantity("current", "A", same, "current"),),
@@ -97,12 +97,12 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
     current = Quantity("current", "A", current_with_emf if own_emf else current_of_voltage)
     torque = torque_with_emf if own_emf else torque_of_voltage
     parameters = (_CONSTANT, *((_EMF,) if own_emf else ()), _RESISTANCE)
-    efforts = (Effort("on", torque, Side.DRIVE, "torque"),)
+    efforts = (Effort("on", torque, BalanceSide.DRIVE, "torque"),)
     if bridged:
         return Anatomy(
             (*parameters, _DUTY_LIMIT, _SUPPLY),
             efforts,
-            signals=(Signal("duty"), Signal("supply"), Signal("voltage", value=bridge)),
+            signals=(HeldSignal("duty"), HeldSignal("supply"), HeldSignal("voltage", value=bridge)),
             inputs=(
                 Input("duty", "", True, "duty"),
                 Input("supply_voltage", "V", True, "supply", "supply_voltage"),
@@ -113,7 +113,7 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
     return Anatomy(
         (*parameters, _VOLTAGE_LIMIT),
         efforts,
-        signals=(Signal("voltage"),),
+        signals=(HeldSignal("voltage"),),
         inputs=(Input("voltage", "V", True, "voltage"),),
         commands=(Command("voltage", "voltage", "V", "voltage_limit"),),
         quantities=(current, Quantity("voltage", "V", _voltage, "voltage")),

@@ -20,10 +20,10 @@ from eha_bench.plants.network.element import (
     MECHANICAL,
     Anatomy,
     ElementKind,
+    HeldSignal,
     Input,
     Loop,
     Port,
-    Signal,
 )
 from eha_bench.plants.parameter import Parameter
 
@@ -54,7 +54,7 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
     gains = (_KP, _KV) if cascade else (_P, _D)
     return Anatomy(
         (*gains, _PERIOD),
-        signals=(Signal("reference"), Signal("added")),
+        signals=(HeldSignal("reference"), HeldSignal("added")),
         inputs=(
             Input("reference", "{position}", False, "reference"),
             Input("added", "{command}", True, "added"),

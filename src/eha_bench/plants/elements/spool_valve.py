@@ -26,10 +26,10 @@ from eha_bench.plants.network.element import (
     Command,
     ElementKind,
     Flow,
+    HeldSignal,
     Input,
     Port,
     Quantity,
-    Signal,
 )
 from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.smooth_root import smooth_root
@@ -180,22 +180,25 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
     common = (_GAIN, _SCALE, _NULL, _LAMINAR)
     if {"natural_frequency", "damping_ratio"} & declared:
         own: tuple[Parameter, ...] = (_FREQUENCY, _DAMPING)
-        spool: tuple[Signal, ...] = (
-            Signal("spool", spool_after, asked_for),
-            Signal("spool_rate", rate_after),
-            Signal("cosine", factor=cosine_after),
-            Signal("sine", factor=sine_after),
+        spool: tuple[HeldSignal, ...] = (
+            HeldSignal("spool", spool_after, asked_for),
+            HeldSignal("spool_rate", rate_after),
+            HeldSignal("cosine", factor=cosine_after),
+            HeldSignal("sine", factor=sine_after),
         )
     elif "time_constant" in declared:
         own = (_TIME,)
-        spool = (Signal("spool", lagging_after, asked_for), Signal("fade", factor=fade_after))
+        spool = (
+            HeldSignal("spool", lagging_after, asked_for),
+            HeldSignal("fade", factor=fade_after),
+        )
     else:
         own = ()
-        spool = (Signal("spool", value=asked_for),)
+        spool = (HeldSignal("spool", value=asked_for),)
     return Anatomy(
         (*common, *own),
         _LANDS,
-        signals=(Signal("demand"), *spool, Signal("opening", value=opened, hook="opening")),
+        signals=(HeldSignal("demand"), *spool, HeldSignal("opening", value=opened, hook="opening")),
         inputs=(Input("command", "V", True, "demand"),),
         commands=(Command("command", "demand", "V", "full_scale"),),
         quantities=(Quantity("spool", "", seen, "spool"),),

@@ -53,7 +53,7 @@ class Port:
     optional: bool = False
 
 
-class Side(StrEnum):
+class BalanceSide(StrEnum):
     """Which side of a balance an effort belongs to: what moves it, or what it moves."""
 
     DRIVE = "drive"
@@ -71,7 +71,7 @@ class Effort:
 
     port: str
     law: Law
-    side: Side = Side.LOAD
+    side: BalanceSide = BalanceSide.LOAD
     hook: str = ""
 
 
@@ -162,7 +162,7 @@ class Tie:
 
 
 @dataclass(frozen=True)
-class Signal:
+class HeldSignal:
     """A number that an element holds over an integration step.
 
     Attributes:
@@ -270,7 +270,7 @@ class Anatomy:
 
     parameters: tuple[Parameter, ...]
     contributions: tuple[Contribution, ...] = ()
-    signals: tuple[Signal, ...] = ()
+    signals: tuple[HeldSignal, ...] = ()
     inputs: tuple[Input, ...] = ()
     commands: tuple[Command, ...] = ()
     quantities: tuple[Quantity, ...] = ()

@@ -22,7 +22,7 @@ from eha_bench.plants.network.element import Law
 from eha_bench.plants.network.hooks import Hooks
 from eha_bench.plants.network.integration import LANES
 from eha_bench.plants.network.source import Writer
-from eha_bench.plants.network.system import Column, Coordinate, System
+from eha_bench.plants.network.system import Coordinate, PlantInput, System
 from eha_bench.plants.network.vector_math import vectorised
 
 _HEAD = '''"""Generated: the kernel of a plant's sweeps."""
@@ -210,7 +210,7 @@ class LaneWriter(Writer):
 
     # --- between steps -----------------------------------------------------------------------
 
-    def _input(self, number: int, column: Column, k: str, middle: str | None) -> str:
+    def _input(self, number: int, column: PlantInput, k: str, middle: str | None) -> str:
         default = "math.nan" if column.default == -2 else "0.0"
         if column.default >= 0:
             default = f"P[{column.default}]"

@@ -27,7 +27,7 @@ from eha_bench.plants.network.plant_file import Locate
 from eha_bench.plants.network.reach import determined_nodes
 from eha_bench.plants.network.roles import roles_of
 from eha_bench.plants.network.source import kernel_source
-from eha_bench.plants.network.system import Part, System
+from eha_bench.plants.network.system import BoundElement, System
 from eha_bench.plants.plant import Drive, Parametrised, Plant
 
 _WORTH_A_BLOCK = 3
@@ -319,7 +319,7 @@ class NetworkPlant(Plant):
             state[volume.pressure] = charge * (gas / taken) ** index - atmosphere
 
     @cached_property
-    def _closed_circuits(self) -> tuple[tuple[Part, str], ...]:
+    def _closed_circuits(self) -> tuple[tuple[BoundElement, str], ...]:
         """What holds the oil of a closed circuit, each with the cylinder at whose mid-stroke."""
         parts = self.system.parts.values()
         named = ((part, part.element.refers.get("mid_stroke_of")) for part in parts)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from eha_bench.plants.effect import Equation, Hook, Spot
 from eha_bench.plants.network.element import Friction, NodeKind
 from eha_bench.plants.network.network import UNITS
-from eha_bench.plants.network.system import Column, Coordinate, Part, System, Volume
+from eha_bench.plants.network.system import BoundElement, Coordinate, PlantInput, System, Volume
 
 _STATE = re.compile(r"\b([vxp])(\d+)\b")
 _TIME = re.compile(r"\bt\b")
@@ -69,7 +69,7 @@ def _motion(system: System, item: Coordinate) -> dict[str, str]:
     }
 
 
-def _on(system: System, item: Coordinate, kind: str) -> list[Part]:
+def _on(system: System, item: Coordinate, kind: str) -> list[BoundElement]:
     """Return the elements of a kind that act on a coordinate."""
     return [
         part
@@ -80,7 +80,7 @@ def _on(system: System, item: Coordinate, kind: str) -> list[Part]:
     ]
 
 
-def _default(system: System, part: Part, name: str) -> float:
+def _default(system: System, part: BoundElement, name: str) -> float:
     key = system.slot_of.get(f"{part.name}.{name}")
     return system.parameters[system.index[key]].default if key is not None else 0.0
 
@@ -260,7 +260,7 @@ def _motor(system: System) -> Iterator[Spot]:
         yield spot
 
 
-def _motors(system: System) -> Iterator[tuple[Part, Spot]]:
+def _motors(system: System) -> Iterator[tuple[BoundElement, Spot]]:
     for part in system.parts.values():
         if part.element.kind.id not in ("motor", "linear_motor"):
             continue
@@ -296,7 +296,7 @@ def _motors(system: System) -> Iterator[tuple[Part, Spot]]:
         )  # fmt: skip
 
 
-def _largest_current(system: System, part: Part) -> float:
+def _largest_current(system: System, part: BoundElement) -> float:
     """Return about the largest current (or voltage) of a motor."""
     resistance = _default(system, part, "resistance")
     if resistance:
@@ -313,7 +313,7 @@ def _geared(system: System) -> Iterator[Spot]:
             yield _spot(system, item)
 
 
-def _drives(system: System) -> Iterator[tuple[Column, Part]]:
+def _drives(system: System) -> Iterator[tuple[PlantInput, BoundElement]]:
     for column in system.columns:
         if column.command is not None and column.part is not None:
             yield column, column.part
@@ -366,7 +366,7 @@ def _drive(system: System) -> Iterator[Spot]:
         )
 
 
-def _usual_command(system: System, column: Column, part: Part) -> float:
+def _usual_command(system: System, column: PlantInput, part: BoundElement) -> float:
     """Return a command that matters, in its unit."""
     if column.command is not None and column.command.limit:
         limit = _default(system, part, column.command.limit)

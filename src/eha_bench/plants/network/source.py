@@ -9,10 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from eha_bench.plants.network.element import Effort, Friction, Side, Signal
+from eha_bench.plants.network.element import BalanceSide, Effort, Friction, HeldSignal
 from eha_bench.plants.network.hooks import CONDUCTANCES, STATES, Hooks
 from eha_bench.plants.network.roles import variables_of
-from eha_bench.plants.network.system import BYPASS, Column, Coordinate, Part, System, Volume
+from eha_bench.plants.network.system import (
+    BYPASS,
+    BoundElement,
+    Coordinate,
+    PlantInput,
+    System,
+    Volume,
+)
 
 # Dividing needs no test for zero: all of them together take long to compile. What is cached is what
 # Python calls; the rest is compiled into it.
@@ -112,7 +119,7 @@ class Writer:
 
     def _coordinate(self, item: Coordinate) -> None:
         system, n = self.system, item.number
-        sides: dict[Side, list[str]] = {Side.DRIVE: [], Side.LOAD: []}
+        sides: dict[BalanceSide, list[str]] = {BalanceSide.DRIVE: [], BalanceSide.LOAD: []}
         for part, term, ratio in system.terms(item, Effort):
             value = system.call(part, term.law)
             if term.hook == "torque":
@@ -125,7 +132,7 @@ class Writer:
             [f"return {self.hooks.apply(f'inertia:{item.name}', inertia, ())}"],
         )
         for side, terms in sides.items():
-            if side is Side.LOAD:
+            if side is BalanceSide.LOAD:
                 # what loads it from outside, and what of that reaches it
                 self.function(f"outside{n}", self.arguments, [f"return {self._sum(terms)}"])
                 raw = f"outside{n}({self.arguments})"
@@ -687,7 +694,7 @@ class Writer:
         )
 
     @property
-    def _factors(self) -> list[tuple[Part, Signal]]:
+    def _factors(self) -> list[tuple[BoundElement, HeldSignal]]:
         """Signals that follow from parameters and the length of a step alone."""
         return [
             (part, item)
@@ -740,7 +747,7 @@ class Writer:
 
     # --- the whole simulation ----------------------------------------------------------------
 
-    def _input(self, number: int, column: Column, k: str, middle: str | None) -> str:
+    def _input(self, number: int, column: PlantInput, k: str, middle: str | None) -> str:
         """Return the value of an input column at a tick or within the span after it."""
         at = f"inputs[{k}, {number}]"
         if column.held or middle is None:
@@ -777,7 +784,7 @@ class Writer:
                 lines.append(f"S[{place}] = {hooked}")
         return lines
 
-    def _asked_lines(self, number: int, column: Column, value: str) -> list[str]:
+    def _asked_lines(self, number: int, column: PlantInput, value: str) -> list[str]:
         """Lines from a command's value to what its drive is asked for."""
         assert column.command is not None
         assert column.part is not None
@@ -793,12 +800,12 @@ class Writer:
         lines.append(f"S[{system.asked(column.part, column.command)}] = asked{number}")
         return lines
 
-    def _acting(self, number: int, column: Column) -> str:
+    def _acting(self, number: int, column: PlantInput) -> str:
         assert column.part is not None
         return self.hooks.apply(f"drive:{column.part.name}", f"asked{number}", ())
 
     @property
-    def _commands(self) -> list[tuple[int, Column]]:
+    def _commands(self) -> list[tuple[int, PlantInput]]:
         return [(k, c) for k, c in enumerate(self.system.columns) if c.command is not None]
 
     def _imposable(self) -> list[tuple[int, int]]:

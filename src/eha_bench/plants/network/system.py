@@ -50,7 +50,7 @@ BYPASS = "bypass"
 
 
 @dataclass(frozen=True)
-class Part:
+class BoundElement:
     """An element as it is bound: what it does, with the parameters it has."""
 
     element: Element
@@ -105,7 +105,7 @@ class Volume:
 
 
 @dataclass(frozen=True)
-class Column:
+class PlantInput:
     """An input of the plant.
 
     Attributes:
@@ -122,7 +122,7 @@ class Column:
     signal: int
     default: int
     command: Command | None
-    part: Part | None
+    part: BoundElement | None
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ class System:
 
     # --- what each element does --------------------------------------------------------------
 
-    def _part(self, element: Element) -> Part:
+    def _part(self, element: Element) -> BoundElement:
         used = {
             f"input:{item.port}" for item in self.network.inputs.values() if item.of == element.name
         }
@@ -195,11 +195,11 @@ class System:
             tokens = dict(UNITS[moving[-1] if len(moving) > 1 else moving[0]])
             positions = [UNITS[kind]["position"] for kind in moving]
             tokens["ratio"] = "" if len(set(positions)) == 1 else "/".join(positions)
-        return Part(element, anatomy, tokens)
+        return BoundElement(element, anatomy, tokens)
 
     def _followers(self) -> None:
         """Find the nodes that follow others, and the coordinates that lead."""
-        ties: dict[str, tuple[Part, Tie]] = {}
+        ties: dict[str, tuple[BoundElement, Tie]] = {}
         for part in self.parts.values():
             for item in part.anatomy.contributions:
                 if isinstance(item, Tie):
@@ -311,7 +311,7 @@ class System:
         self.parameters = tuple(parameters)
         self.index = {item.name: place for place, item in enumerate(parameters)}
 
-    def _unit(self, unit: str, part: Part) -> str:
+    def _unit(self, unit: str, part: BoundElement) -> str:
         if "{command}" not in unit:
             return unit_of(unit, part.tokens)
         command = self._driven(part)
@@ -319,12 +319,12 @@ class System:
         text = unit_of(unit.replace("{command}", "{asked}"), {**part.tokens, "asked": asked or "1"})
         return {"1": "", "1/(m/s)": "s/m", "V/(m/s)": "V*s/m", "V/(m)": "V/m"}.get(text, text)
 
-    def _driven(self, part: Part) -> tuple[Command, ...]:
+    def _driven(self, part: BoundElement) -> tuple[Command, ...]:
         """Return the commands of the motor that an element drives, () where it drives none."""
         motor = self.parts.get(part.element.refers.get("motor", ""))
         return motor.anatomy.commands if motor else ()
 
-    def _check_unit(self, part: Part, name: str, unit: str) -> None:
+    def _check_unit(self, part: BoundElement, name: str, unit: str) -> None:
         """Refuse a quantity whose unit depends on another element, where it is a wrong one."""
         raw = self.network.source.get("elements", {}).get(part.name, {}).get(name)
         if not isinstance(raw, str):
@@ -380,17 +380,17 @@ class System:
                 self.signals[f"{node.name}.pressure"] = len(self.signals)
         self.signals["oil_temperature"] = len(self.signals)
 
-    def demand(self, part: Part, command: Command) -> int:
+    def demand(self, part: BoundElement, command: Command) -> int:
         """Return the place in `S` of what a command asks for within its limit."""
         return self.signals[f"{part.name}.{command.port}?"]
 
-    def asked(self, part: Part, command: Command) -> int:
+    def asked(self, part: BoundElement, command: Command) -> int:
         """Return the place in `S` of what a drive makes of that before its dynamics."""
         return self.signals[f"{part.name}.{command.port}!"]
 
     def _loops(self) -> None:
         """Find the controllers inside the plant, and the commands that they set."""
-        self.loops: dict[str, tuple[Part, Loop, Part, Command]] = {}
+        self.loops: dict[str, tuple[BoundElement, Loop, BoundElement, Command]] = {}
         for part in self.parts.values():
             loop = part.anatomy.loop
             if loop is None:
@@ -417,16 +417,23 @@ class System:
             self.loops[part.name] = part, loop, driven, driven.anatomy.commands[0]
 
     def _inputs(self) -> None:
-        self.columns: list[Column] = []
+        self.columns: list[PlantInput] = []
         for channel, item in self.network.inputs.items():
             where = self._locate("inputs", channel)
             if item.of in self.network.nodes:
                 held = False if item.held is None else item.held
                 key = f"{item.of}.pressure"
                 self.columns.append(
-                    Column(channel, "Pa", held, self.signals[key], self.index[self.slot_of[key]],
-                           None, None)
-                )  # fmt: skip
+                    PlantInput(
+                        channel,
+                        "Pa",
+                        held,
+                        self.signals[key],
+                        self.index[self.slot_of[key]],
+                        None,
+                        None,
+                    )
+                )
                 continue
             part = self.parts[item.of]
             own = {port.port: port for port in part.anatomy.inputs}
@@ -440,20 +447,24 @@ class System:
         self._complete_loops()
         self._complete_defaults()
         self.columns.append(
-            Column("oil_temperature", "K", False, self.signals["oil_temperature"], -2, None, None)
+            PlantInput(
+                "oil_temperature", "K", False, self.signals["oil_temperature"], -2, None, None
+            )
         )
         for column in self.columns:
             self._check_known("inputs", column.channel, column.unit)
         self.column_of = {item.channel: number for number, item in enumerate(self.columns)}
 
-    def _column(self, channel: str, part: Part, port: Input, held: bool | None) -> Column:
+    def _column(
+        self, channel: str, part: BoundElement, port: Input, held: bool | None
+    ) -> PlantInput:
         command = next((c for c in part.anatomy.commands if c.port == port.port), None)
         default = -1
         if port.default:
             default = self.index[self.slot_of[f"{part.name}.{port.default}"]]
         unit = self._unit(port.unit, part)
         signal = self.signals[f"{part.name}.{port.signal}"]
-        return Column(
+        return PlantInput(
             channel, unit, port.held if held is None else held, signal, default, command, part
         )
 
@@ -475,7 +486,7 @@ class System:
                 if port.default and all(c.signal != signal for c in self.columns):
                     self.columns.append(self._column(f"{part.name}.{port.port}", part, port, None))
 
-    def is_followed(self, column: Column) -> bool:
+    def is_followed(self, column: PlantInput) -> bool:
         """Whether a column holds what a controller inside the plant follows."""
         loop = column.part.anatomy.loop if column.part is not None else None
         return (
@@ -484,7 +495,7 @@ class System:
             and column.signal == self.signals[f"{column.part.name}.{loop.reference}"]
         )
 
-    def column_for(self, part: Part, command: Command) -> int:
+    def column_for(self, part: BoundElement, command: Command) -> int:
         """Return the input column of a command.
 
         Raises:
@@ -566,7 +577,7 @@ class System:
                        -1, f"{'v' if moving else 'x'}{item.number}")
             )  # fmt: skip
 
-    def _element_output(self, channel: str, part: Part, quantity: str) -> None:
+    def _element_output(self, channel: str, part: BoundElement, quantity: str) -> None:
         own = {item.name: item for item in part.anatomy.quantities}
         if quantity not in own:
             raise InputError(
@@ -624,7 +635,7 @@ class System:
             self.laws[function] = f"_l{len(self.laws)}"
         return self.laws[function]
 
-    def call(self, part: Part, law: Law, **extra: str) -> str:
+    def call(self, part: BoundElement, law: Law, **extra: str) -> str:
         """Return the text of a law's call with its arguments bound.
 
         Raises:
@@ -633,7 +644,7 @@ class System:
         bound = [self.bound(part, name, extra) for name in inspect.signature(law).parameters]
         return f"{self.law(law)}({', '.join(bound)})"
 
-    def through(self, part: Part, flow: Flow, law: Law) -> str:
+    def through(self, part: BoundElement, flow: Flow, law: Law) -> str:
         """Return the text of a call of a flow's law or slope, which may name the flow's own ends.
 
         Raises:
@@ -644,7 +655,7 @@ class System:
         own = {name: self.pressure(ports[port]) for name, port in ends.items() if port in ports}
         return self.call(part, law, **own)
 
-    def bound(self, part: Part, name: str, extra: Mapping[str, str]) -> str:
+    def bound(self, part: BoundElement, name: str, extra: Mapping[str, str]) -> str:
         """Return the expression that a law's argument stands for."""
         if name in extra:
             return extra[name]
@@ -664,7 +675,7 @@ class System:
             f"the element kind '{part.element.kind.id}' asks for '{name}', which it does not have"
         )
 
-    def _of_motion(self, part: Part, name: str) -> str | None:
+    def _of_motion(self, part: BoundElement, name: str) -> str | None:
         """Return the expression of a quantity of the nodes that an element moves, None for none."""
         moving = {
             port: node
@@ -689,7 +700,7 @@ class System:
             )
         return end
 
-    def _of_other(self, part: Part, name: str) -> str | None:
+    def _of_other(self, part: BoundElement, name: str) -> str | None:
         """Return the expression of a parameter of an element that is referred to, None for none."""
         for key, other in part.element.refers.items():
             if name.startswith(f"{key}_"):
@@ -738,7 +749,7 @@ class System:
         kind = self.network.nodes[node].kind
         return kind in MECHANICAL and self.leader_of(node) is item
 
-    def terms(self, item: Coordinate, kind: type) -> list[tuple[Part, Any, str]]:
+    def terms(self, item: Coordinate, kind: type) -> list[tuple[BoundElement, Any, str]]:
         """Return (part, contribution, ratio) of all that acts on a coordinate."""
         found = []
         for part in self.parts.values():
@@ -765,7 +776,7 @@ class System:
             found.append(f"({ratio}) * ({ratio}) * {value}" if ratio else value)
         return found
 
-    def flows(self) -> list[tuple[Part, Flow]]:
+    def flows(self) -> list[tuple[BoundElement, Flow]]:
         """Return every flow with its element, in the order of the file."""
         return [
             (part, term)
@@ -774,21 +785,21 @@ class System:
             if isinstance(term, Flow)
         ]
 
-    def ends(self, part: Part, flow: Flow) -> tuple[str, str]:
+    def ends(self, part: BoundElement, flow: Flow) -> tuple[str, str]:
         """Return the nodes that a flow leaves and enters, "" for none."""
         source = part.element.ports[flow.source] if flow.source else ""
         sink = part.element.ports[flow.sink] if flow.sink else ""
         return source, sink
 
-    def oils(self, volume: Volume) -> list[tuple[Part, Oil]]:
+    def oils(self, volume: Volume) -> list[tuple[BoundElement, Oil]]:
         """Return what adds oil to a volume."""
         return self._of_volume(volume, Oil)
 
-    def compliances(self, volume: Volume) -> list[tuple[Part, Compliance]]:
+    def compliances(self, volume: Volume) -> list[tuple[BoundElement, Compliance]]:
         """Return what gives way beside the oil of a volume."""
         return self._of_volume(volume, Compliance)
 
-    def _of_volume(self, volume: Volume, kind: type) -> list[tuple[Part, Any]]:
+    def _of_volume(self, volume: Volume, kind: type) -> list[tuple[BoundElement, Any]]:
         found = []
         for part in self.parts.values():
             for term in part.anatomy.contributions:

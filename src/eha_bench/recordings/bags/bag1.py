@@ -16,7 +16,7 @@ from eha_bench.recordings.bags.bag1_records import (
     CONNECTION,
     MESSAGE,
     Record,
-    Stretch,
+    RecordsFound,
     chunk_counts,
     chunk_times,
     connection,
@@ -72,7 +72,7 @@ class Bag1Source(BagFile):
             self._compare(record, content.size, found, torn=torn)
             yield found.batch
 
-    def _compare(self, record: Record, size: int, found: Stretch, *, torn: bool) -> None:
+    def _compare(self, record: Record, size: int, found: RecordsFound, *, torn: bool) -> None:
         """Note where a chunk does not hold what the bag's index counts."""
         for one in found.connections:
             self._declare(one)

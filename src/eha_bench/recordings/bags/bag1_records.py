@@ -68,7 +68,7 @@ def walk(data: memoryview, position: int) -> Iterator[Record]:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class RecordsFound:
     """What was found among the records of a chunk, or of the file itself.
 
     Attributes:
@@ -82,7 +82,7 @@ class Stretch:
     stop: int
 
 
-def messages(buffer: Bytes, position: int = 0) -> Stretch:
+def messages(buffer: Bytes, position: int = 0) -> RecordsFound:
     """Return all messages among the records from `position` on, up to one that does not fit.
 
     Raises:
@@ -131,7 +131,7 @@ def messages(buffer: Bytes, position: int = 0) -> Stretch:
         np.array(starts, dtype=np.int64),
         np.array(sizes, dtype=np.int64),
     )
-    return Stretch(batch, tuple(declared), position)
+    return RecordsFound(batch, tuple(declared), position)
 
 
 def _has_shape(data: memoryview, position: int, shape: _Shape) -> bool:

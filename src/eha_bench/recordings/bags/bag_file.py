@@ -10,7 +10,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.bags.blobs import Batch, Connection, collect
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import UnreadableTopic
-from eha_bench.recordings.source import Source, Span, Topic, Wanted
+from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
 from eha_bench.recordings.track import Track
 
 
@@ -47,7 +47,9 @@ class BagFile(Source):
             found.setdefault(one.topic, Topic(one.topic, one.encoded, None, skipped))
         return tuple(found.values())
 
-    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
+    def tracks(
+        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+    ) -> dict[str, Track]:
         """Return the samples of the wanted topics, in order of the log.
 
         Raises:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.recordings.batch_decoder import Part
+from eha_bench.recordings.batch_decoder import MessageGroup
 from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.payloads import Bytes, Payloads
 from eha_bench.recordings.source import Source, Wanted
@@ -43,7 +43,7 @@ class Batch:
     starts: NDArray[np.int64]
     sizes: NDArray[np.int64]
 
-    def parts(self, connections: list[int]) -> list[Part]:
+    def parts(self, connections: list[int]) -> list[MessageGroup]:
         """Return the messages of some connections, grouped by connection and size."""
         mine = np.isin(self.connections, connections)
         count = int(np.count_nonzero(mine))
@@ -55,7 +55,7 @@ class Batch:
                 rows = np.flatnonzero((numbers == number) & (sizes == size))
                 payloads = Payloads(self.buffer, int(rows.size), size, starts=starts[rows])
                 whole = rows.size == count
-                parts.append(Part(number, payloads, None if whole else rows, stamps[rows]))
+                parts.append(MessageGroup(number, payloads, None if whole else rows, stamps[rows]))
         return parts
 
 

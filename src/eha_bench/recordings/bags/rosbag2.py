@@ -15,7 +15,7 @@ from eha_bench.core.yaml_file import load
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.formats import open_file
 from eha_bench.recordings.naming import shown
-from eha_bench.recordings.source import Source, Span, Topic, Wanted
+from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
 from eha_bench.recordings.track import Track
 
 _FILES = ("*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
@@ -78,7 +78,9 @@ class Rosbag2Source(Source):
                 found.setdefault(topic.name, topic)
         return tuple(found.values())
 
-    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
+    def tracks(
+        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+    ) -> dict[str, Track]:
         """Return the samples of the wanted topics, file after file.
 
         Raises:

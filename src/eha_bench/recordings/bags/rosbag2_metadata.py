@@ -31,7 +31,7 @@ def write_rosbag2_metadata(folder: str | Path) -> Path:
         raise RecordingError(
             "the folder holds no MCAP file", where=Place(file=str(place)), hint="record first"
         )
-    parts = [(_Part.of(file), file.name) for file in files]
+    parts = [(_BagFile.of(file), file.name) for file in files]
     parts.sort(key=lambda part: (part[0].start, part[1]))
     start = min(part.start for part, _ in parts)
     stop = max(part.stop for part, _ in parts)
@@ -86,7 +86,7 @@ def write_rosbag2_metadata(folder: str | Path) -> Path:
 
 
 @dataclass(frozen=True)
-class _Part:
+class _BagFile:
     """What one file holds: start and stop in ns, and (type, encoding, count) by topic."""
 
     start: int
@@ -94,7 +94,7 @@ class _Part:
     topics: dict[str, tuple[str, str, int]]
 
     @classmethod
-    def of(cls, file: Path) -> _Part:
+    def of(cls, file: Path) -> _BagFile:
         """Scan a file."""
         source = McapSource(file)
         counts: dict[int, int] = {}

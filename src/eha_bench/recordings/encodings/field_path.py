@@ -17,7 +17,7 @@ class Attribute:
 
 
 @dataclass(frozen=True)
-class Element:
+class ArrayItem:
     """An element of an array, counted from 0."""
 
     index: int
@@ -36,7 +36,7 @@ class NamedElement:
 ALIASES = {"sec": "secs", "nanosec": "nsecs", "secs": "sec", "nsecs": "nanosec"}
 """A time's fields are named otherwise in ROS 1 and ROS 2; either name is understood."""
 
-Step = Attribute | Element | NamedElement
+Step = Attribute | ArrayItem | NamedElement
 
 
 def lists_names(field: str) -> bool:
@@ -65,7 +65,7 @@ class FieldPath:
                 if match is None:
                     break
                 inside = match[1].strip().strip("\"'")
-                steps.append(Element(int(inside)) if inside.isdecimal() else NamedElement(inside))
+                steps.append(ArrayItem(int(inside)) if inside.isdecimal() else NamedElement(inside))
             else:
                 if steps and text[position] != ".":
                     break
@@ -88,7 +88,7 @@ class FieldPath:
             match step:
                 case Attribute(name):
                     parts.append(f".{name}" if parts else name)
-                case Element(index):
+                case ArrayItem(index):
                     parts.append(f"[{index}]")
                 case NamedElement(name):
                     parts.append(f"[{name}]")

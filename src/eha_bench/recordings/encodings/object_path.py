@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, NamedElement
+from eha_bench.recordings.encodings.field_path import ArrayItem, Attribute, FieldPath, NamedElement
 
 
 class Objects(ABC):
@@ -33,7 +33,7 @@ class Objects(ABC):
                 case Attribute(name):
                     around.append(here)
                     here = self.field(here, name)
-                case Element(index):
+                case ArrayItem(index):
                     elements = self.elements(here)
                     here = elements[index] if index < len(elements) else None
                 case NamedElement(name):

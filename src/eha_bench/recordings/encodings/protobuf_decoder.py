@@ -12,7 +12,7 @@ from google.protobuf.message import DecodeError, Message
 from google.protobuf.message_factory import GetMessageClass
 
 from eha_bench.recordings.encodings.decoder import Column, Decoder, Encoded, UnreadableTopic, number
-from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, lists_names
+from eha_bench.recordings.encodings.field_path import ArrayItem, Attribute, FieldPath, lists_names
 from eha_bench.recordings.encodings.object_path import Objects
 from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.naming import among
@@ -127,7 +127,7 @@ def _check(kind: type[Message], path: FieldPath) -> None:
             raise UnreadableTopic(f"'{path}' takes an element of something that is no array")
         many = False
         if message is not None and message.GetOptions().map_entry:
-            if isinstance(step, Element):
+            if isinstance(step, ArrayItem):
                 raise UnreadableTopic(f"'{path}' takes a number of a map: give one of its keys")
             field = message.fields_by_name["value"]
             message = field.message_type

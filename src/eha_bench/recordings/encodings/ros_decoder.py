@@ -19,7 +19,7 @@ from eha_bench.recordings.encodings.definitions import (
 from eha_bench.recordings.encodings.field_path import FieldPath, NamedElement
 from eha_bench.recordings.encodings.packed_messages import are_packed, unpacked
 from eha_bench.recordings.encodings.payloads import Payloads
-from eha_bench.recordings.encodings.ros_layout import Layout, layout_of
+from eha_bench.recordings.encodings.ros_layout import MessageLayout, layout_of
 from eha_bench.recordings.encodings.ros_path import check_path
 from eha_bench.recordings.encodings.ros_walker import PayloadError
 from eha_bench.recordings.naming import shown
@@ -36,7 +36,7 @@ class RosDecoder(Decoder):
         self._ros1 = encoded.encoding == "ros1"
         self._name = short_name(encoded.schema_name.replace("::", "/"))
         self._paths = paths
-        self._layouts: dict[int, list[Layout]] = {}
+        self._layouts: dict[int, list[MessageLayout]] = {}
         self._kinds: dict[int, str] = {}
         self._definitions = definitions_of(encoded)
         try:
@@ -106,7 +106,7 @@ class RosDecoder(Decoder):
         except DamagedChunk as error:
             raise UnreadableTopic(f"a message is damaged: {error}") from error
 
-    def _layout(self, payloads: Payloads, row: int) -> Layout:
+    def _layout(self, payloads: Payloads, row: int) -> MessageLayout:
         try:
             layout = layout_of(
                 payloads.payload(row), self._definitions, self._name, self._paths, ros1=self._ros1
@@ -123,7 +123,7 @@ class RosDecoder(Decoder):
     @staticmethod
     def _fill(
         payloads: Payloads,
-        layout: Layout,
+        layout: MessageLayout,
         columns: list[Column],
         rows: IndexArray | None,
     ) -> None:
@@ -162,7 +162,7 @@ def definitions_of(encoded: Encoded) -> Definitions:
         raise UnreadableTopic(f"its schema cannot be read: {error}") from error
 
 
-def _fitting(payloads: Payloads, layout: Layout) -> BoolArray | None:
+def _fitting(payloads: Payloads, layout: MessageLayout) -> BoolArray | None:
     """Return which messages have the layout's guards; None if all have."""
     fits: BoolArray | None = None
     for offset, code, value in layout.words:

@@ -16,7 +16,7 @@ _PADDING = 3
 
 
 @dataclass(frozen=True)
-class Layout:
+class MessageLayout:
     """Where the numbers stand in every message that has the same size and the same `guards`.
 
     Attributes:
@@ -46,7 +46,7 @@ def layout_of(
     paths: tuple[FieldPath, ...],
     *,
     ros1: bool,
-) -> Layout:
+) -> MessageLayout:
     """Walk one message and return where `paths` stand in it.
 
     Raises:
@@ -59,7 +59,7 @@ def layout_of(
     # what stands behind the last wanted number does not matter, unless a number was not there
     last = max((leaf.offset for leaf in leaves if leaf), default=0)
     lengths = [guard for guard in walker.guards if guard[0] < last or None in leaves]
-    return Layout(leaves, (*lengths, *walker.names), frozenset(walker.labels))
+    return MessageLayout(leaves, (*lengths, *walker.names), frozenset(walker.labels))
 
 
 def _walked(

@@ -16,8 +16,8 @@ from eha_bench.recordings.encodings.definitions import (
 )
 from eha_bench.recordings.encodings.field_path import (
     ALIASES,
+    ArrayItem,
     Attribute,
-    Element,
     FieldPath,
     NamedElement,
     lists_names,
@@ -38,11 +38,11 @@ def check_path(definitions: Definitions, name: str, path: FieldPath) -> None:
             case Attribute(attribute), Nested(owner):
                 around.append(resolve(definitions, owner))
                 kind = _field(owner, around[-1], attribute)
-            case Element(index), Array(element, length):
+            case ArrayItem(index), Array(element, length):
                 if index >= length:
                     raise DefinitionError(f"'{path}' asks for more than the {length} elements")
                 kind = element
-            case Element(), Sequence(element):
+            case ArrayItem(), Sequence(element):
                 kind = element
             case NamedElement(label), (Array(element) | Sequence(element)):
                 inside = resolve(definitions, element.name) if isinstance(element, Nested) else ()

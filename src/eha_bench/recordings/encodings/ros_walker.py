@@ -24,8 +24,8 @@ from eha_bench.recordings.encodings.definitions import (
 )
 from eha_bench.recordings.encodings.field_path import (
     ALIASES,
+    ArrayItem,
     Attribute,
-    Element,
     FieldPath,
     NamedElement,
     Step,
@@ -220,7 +220,7 @@ class Walker:
             self._numbers(element, count, wanted, scope)
             return
         if isinstance(element, Nested) and self._is_fixed(element):
-            last = max((s[0].index for _, s in wanted if isinstance(s[0], Element)), default=-1)
+            last = max((s[0].index for _, s in wanted if isinstance(s[0], ArrayItem)), default=-1)
             if not any(isinstance(steps[0], NamedElement) for _, steps in wanted):
                 walked = min(count, last + 1)
                 self._each(element, walked, wanted, scope, depth)
@@ -247,7 +247,7 @@ class Walker:
         for index in range(self._bounded(count, 4 if isinstance(element, Text) else 0)):
             if not index % _TICK:
                 self._budget.tick()
-            inner = [(path, steps[1:]) for path, steps in wanted if steps[0] == Element(index)]
+            inner = [(path, steps[1:]) for path, steps in wanted if steps[0] == ArrayItem(index)]
             inner += [(path, steps[1:]) for path, steps in named]
             if not isinstance(element, Nested):
                 self._value(element, inner, scope, depth)
@@ -334,7 +334,7 @@ class Walker:
 
         for path, steps in wanted:
             match steps[0]:
-                case Element(index):
+                case ArrayItem(index):
                     self.leaves[path] = at(index)
                 case NamedElement(name):
                     self._pending[path] = _Pending(name, scope, at)

@@ -9,20 +9,25 @@ from itertools import pairwise
 from mcap.opcode import Opcode
 
 from eha_bench.recordings.budget import budget
-from eha_bench.recordings.decompress import DamagedChunk, Room, decompress, decompress_torn
+from eha_bench.recordings.decompress import (
+    DamagedChunk,
+    DecompressBuffer,
+    decompress,
+    decompress_torn,
+)
 from eha_bench.recordings.file_bytes import forget
 from eha_bench.recordings.mcap.demux import Split, Splitter
 from eha_bench.recordings.mcap.file import (
+    BareMessages,
     Chunk,
     McapFile,
-    Stretch,
     add_channel,
     add_schema,
     message_index,
 )
-from eha_bench.recordings.source import Span
+from eha_bench.recordings.source import TimeSpan
 
-Part = Chunk | Stretch
+Part = Chunk | BareMessages
 
 
 class ChunkReader:
@@ -43,7 +48,7 @@ class ChunkReader:
         self.unlike = 0
         self.counted: dict[int, dict[int, int]] = {}
 
-    def splits(self, ids: Collection[int] | None, span: Span | None = None) -> Iterator[Split]:
+    def splits(self, ids: Collection[int] | None, span: TimeSpan | None = None) -> Iterator[Split]:
         """Yield the records of every part that may hold one of the channels within the span."""
         splitter = Splitter()
         for part in self.needed(ids, span):
@@ -60,7 +65,7 @@ class ChunkReader:
                 self.lost += 1
                 self.notes.append(f"the chunk at byte {part.offset} is lost: {error}")
 
-    def open(self, chunk: Chunk, splitter: Splitter, room: Room | None = None) -> Split:
+    def open(self, chunk: Chunk, splitter: Splitter, room: DecompressBuffer | None = None) -> Split:
         """Return the records of a chunk, in `room` as long as no other chunk is opened into it.
 
         Raises:
@@ -107,7 +112,7 @@ class ChunkReader:
             elif opcode == Opcode.CHANNEL:
                 add_channel(self._file, start, length, found.buffer)
 
-    def needed(self, ids: Collection[int] | None, span: Span | None) -> list[Part]:
+    def needed(self, ids: Collection[int] | None, span: TimeSpan | None) -> list[Part]:
         """Return the parts to open, in order of time."""
         known = self._file.channels.keys()
         parts = [
@@ -148,7 +153,7 @@ def _without_none(counts: dict[int, int]) -> dict[int, int]:
     return {channel: count for channel, count in counts.items() if count}
 
 
-def _within(parts: list[Part], ids: Collection[int], span: Span) -> list[Part]:
+def _within(parts: list[Part], ids: Collection[int], span: TimeSpan) -> list[Part]:
     """Return the parts that overlap the span, and each channel's next ones on both sides."""
     keep = set()
     before = set(ids)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.recordings.budget import Budget
+from eha_bench.recordings.budget import ReadingBudget
 from eha_bench.recordings.encodings.payloads import Bytes, Payloads
 
 MESSAGE = 5
@@ -87,7 +87,7 @@ class Splitter:
         start: int,
         stop: int,
         index: Index | None = None,
-        allowed: Budget | None = None,
+        allowed: ReadingBudget | None = None,
     ) -> Split:
         """Return the records of buffer[start:stop]; ends early at one that does not fit.
 

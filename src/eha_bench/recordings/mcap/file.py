@@ -66,7 +66,7 @@ class Chunk:
 
 
 @dataclass
-class Stretch:
+class BareMessages:
     """Messages that lie outside of chunks: from `start` up to `stop`."""
 
     start: int
@@ -100,7 +100,7 @@ class McapFile:
     path: Path
     buffer: Bytes
     header: Header | None = None
-    parts: list[Chunk | Stretch] = field(default_factory=list)
+    parts: list[Chunk | BareMessages] = field(default_factory=list)
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     summary_channels: bool = False
@@ -301,10 +301,10 @@ def _take(file: McapFile, opcode: int, start: int, length: int) -> None:
     last = file.parts[-1] if file.parts else None
     match opcode:
         case Opcode.MESSAGE:
-            if isinstance(last, Stretch) and last.stop == start - RECORD_HEAD:
+            if isinstance(last, BareMessages) and last.stop == start - RECORD_HEAD:
                 last.stop = start + length
             else:
-                file.parts.append(Stretch(start - RECORD_HEAD, start + length))
+                file.parts.append(BareMessages(start - RECORD_HEAD, start + length))
         case Opcode.MESSAGE_INDEX if isinstance(last, Chunk) and length >= 6:
             channel, entries = struct.unpack_from("<HI", file.buffer.data, start)
             last.channels = last.channels if last.channels is not None else {}

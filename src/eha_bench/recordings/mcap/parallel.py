@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eha_bench.recordings.batch_decoder import BatchDecoder, Part, in_order
+from eha_bench.recordings.batch_decoder import BatchDecoder, MessageGroup, in_order
 from eha_bench.recordings.channel_map import Clock
-from eha_bench.recordings.decompress import DamagedChunk, Room
+from eha_bench.recordings.decompress import DamagedChunk, DecompressBuffer
 from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, PUBLISH_TIME, Split, Splitter
@@ -27,7 +27,7 @@ from eha_bench.recordings.track import Arena, Column, Stamps, Track
 _WORKERS = 2
 _FEWEST_CHUNKS = 4
 
-OpenChunk = Callable[[Chunk, Splitter, Room], Split]
+OpenChunk = Callable[[Chunk, Splitter, DecompressBuffer], Split]
 """Decompresses, checks and splits a chunk; raises DamagedChunk."""
 
 
@@ -50,7 +50,7 @@ class _Worker:
 
     def __init__(self, wanted: Mapping[str, Wanted], encoded: Callable[[int], Encoded]) -> None:
         self.splitter = Splitter()
-        self.room = Room()
+        self.room = DecompressBuffer()
         self.decoders = {topic: BatchDecoder(what, encoded) for topic, what in wanted.items()}
 
 
@@ -173,7 +173,7 @@ class ParallelReader:
             delta = PUBLISH_TIME if target.wanted.clock is Clock.PUBLISH else LOG_TIME
             rows = in_order([payloads for _, payloads in members])
             batch = [
-                Part(channel, payloads, where, payloads.column(delta, "<i8"))
+                MessageGroup(channel, payloads, where, payloads.column(delta, "<i8"))
                 for (channel, payloads), where in zip(members, rows, strict=True)
             ]
             stamps = worker.decoders[topic].decode(

@@ -7,17 +7,17 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
-from eha_bench.recordings.batch_decoder import Part, in_order
+from eha_bench.recordings.batch_decoder import MessageGroup, in_order
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.mcap.chunk_reader import ChunkReader
 from eha_bench.recordings.mcap.demux import LOG_TIME, PUBLISH_TIME, Split
-from eha_bench.recordings.mcap.file import Chunk, McapFile, Stretch, open_mcap
+from eha_bench.recordings.mcap.file import BareMessages, Chunk, McapFile, open_mcap
 from eha_bench.recordings.mcap.integrity import count_problems, data_problems, summary_problems
 from eha_bench.recordings.mcap.parallel import ParallelReader
 from eha_bench.recordings.naming import shown
-from eha_bench.recordings.source import Source, Span, Topic, Wanted
+from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
 from eha_bench.recordings.topic_reader import TopicReader, finished
 from eha_bench.recordings.track import Arena, StampColumn, Track
 
@@ -97,7 +97,9 @@ class McapSource(Source):
             found.setdefault(channel.topic, Topic(channel.topic, encoded, None, skipped))
         return tuple(found.values())
 
-    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
+    def tracks(
+        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+    ) -> dict[str, Track]:
         """Return the samples of the wanted topics, in file order.
 
         Raises:
@@ -122,7 +124,7 @@ class McapSource(Source):
         if not self._data_checked:
             self._data_checked = True
             self._wrong += data_problems(self._file)
-        starts = [part.start for part in self._file.parts if isinstance(part, Stretch)]
+        starts = [part.start for part in self._file.parts if isinstance(part, BareMessages)]
         counted = self._reader.counted
         bare: Counter[int] | None = None
         if all(start in counted for start in starts):
@@ -183,7 +185,7 @@ class McapSource(Source):
         return {c.id: c.topic for c in self._file.channels.values() if c.topic in wanted}
 
     def _together(
-        self, ids: Mapping[int, str], wanted: Mapping[str, Wanted], span: Span | None
+        self, ids: Mapping[int, str], wanted: Mapping[str, Wanted], span: TimeSpan | None
     ) -> dict[str, Track] | None:
         """Read on several cores, if nothing is out of the ordinary."""
         parts = self._reader.needed(ids, span)
@@ -244,7 +246,7 @@ class McapSource(Source):
         delta = PUBLISH_TIME if reader.clock is Clock.PUBLISH else LOG_TIME
         rows = in_order([payloads for _, payloads in members])
         batch = [
-            Part(channel, payloads, where, payloads.column(delta, "<i8"))
+            MessageGroup(channel, payloads, where, payloads.column(delta, "<i8"))
             for (channel, payloads), where in zip(members, rows, strict=True)
         ]
         try:

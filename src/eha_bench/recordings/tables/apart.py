@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import EhaBenchError, Place, RecordingError
-from eha_bench.recordings.budget import Budget, OverBudget, budget, limited, spending
+from eha_bench.recordings.budget import OverBudget, ReadingBudget, budget, limited, spending
 from eha_bench.recordings.channel_map import ChannelMap
 from eha_bench.recordings.tables.grouped import GroupedTable, Series
 from eha_bench.recordings.track import Stamps
@@ -290,7 +290,7 @@ def serve(kind: str, path: Path, questions: BinaryIO, answers: BinaryIO) -> None
             attempt(partial(_answered, source, json.loads(line)))
 
 
-def _limit(allowed: Budget) -> None:
+def _limit(allowed: ReadingBudget) -> None:
     """Let the process take so much beyond what it has, where a library does not look itself."""
     import resource
 

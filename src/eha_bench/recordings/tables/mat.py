@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.recordings.encodings.field_path import Element, FieldPath
+from eha_bench.recordings.encodings.field_path import ArrayItem, FieldPath
 from eha_bench.recordings.file_bytes import map_file
 from eha_bench.recordings.naming import among
 from eha_bench.recordings.tables.mat5 import DamagedMat, read_mat5
@@ -81,7 +81,7 @@ class MatSource(TableSource):
             steps = FieldPath.parse(name).steps
         except ValueError:
             steps = ()
-        if len(steps) > 1 and isinstance(steps[-1], Element):
+        if len(steps) > 1 and isinstance(steps[-1], ArrayItem):
             matrix = self._columns.get(str(FieldPath(steps[:-1])))
             index = steps[-1].index
             if matrix is not None and matrix.ndim == 2 and index < matrix.shape[1]:

@@ -63,7 +63,7 @@ def read_mat5(content: memoryview) -> MatArrays:
     mark = bytes(content[124:128])
     if mark not in {b"\x00\x01IM", b"\x01\x00MI"}:
         raise DamagedMat("its header is not that of MAT v5")
-    reader = _Reader("<" if mark.endswith(b"IM") else ">")
+    reader = _ArrayReader("<" if mark.endswith(b"IM") else ">")
     try:
         for kind, data in reader.elements(content[_HEADER:], padded=False):
             if kind == _COMPRESSED:
@@ -76,7 +76,7 @@ def read_mat5(content: memoryview) -> MatArrays:
     return reader.found
 
 
-class _Reader:
+class _ArrayReader:
     """Walks the elements of a file and keeps the arrays."""
 
     def __init__(self, order: str) -> None:

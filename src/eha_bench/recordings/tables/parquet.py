@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
-from eha_bench.recordings.encodings.field_path import Attribute, Element, FieldPath, Step
+from eha_bench.recordings.encodings.field_path import ArrayItem, Attribute, FieldPath, Step
 from eha_bench.recordings.naming import among
 from eha_bench.recordings.tables.table import TableSource
 
@@ -136,7 +136,7 @@ class ParquetSource(TableSource):
                 match step:
                     case Attribute(field):
                         column = pc.struct_field(column, field)
-                    case Element(index):
+                    case ArrayItem(index):
                         column = pc.list_element(column, index)
             if pa.types.is_decimal(column.type):
                 column = column.cast(pa.float64())
@@ -182,9 +182,9 @@ class ParquetSource(TableSource):
                         )
                     kind = kind.field(place).type
                     path = f"{path}.{field}" if in_structs else path
-                case Element() if _is_list(kind):
+                case ArrayItem() if _is_list(kind):
                     kind, in_structs = kind.value_type, False
-                case Attribute() | Element():
+                case Attribute() | ArrayItem():
                     raise RecordingError("the column holds no such elements", where=where)
                 case _:
                     raise RecordingError("a table's elements have no names", where=where)

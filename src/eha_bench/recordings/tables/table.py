@@ -15,7 +15,7 @@ from eha_bench.core.units import factor_and_offset
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.channel_map import ChannelMap, ChannelMapFile, TimeColumn
 from eha_bench.recordings.naming import among, shown
-from eha_bench.recordings.source import Source, Span, Topic, Wanted
+from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
 from eha_bench.recordings.track import Column, Stamps, Track
 
 _NUMBER = 8
@@ -73,7 +73,9 @@ class TableSource(Source):
         """The columns, each as a topic."""
         return tuple(Topic(name, None) for name in self.names())
 
-    def tracks(self, wanted: Mapping[str, Wanted], span: Span | None = None) -> dict[str, Track]:
+    def tracks(
+        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+    ) -> dict[str, Track]:
         """Refuse: a table has no topics."""
         del wanted, span
         raise RecordingError("a table has no topics", where=Place(file=self.path))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Baseline:
+class BaselineResult:
     """An earlier result.json (or the folder that holds it); read when a limit first needs it.
 
     Attributes:

@@ -39,7 +39,7 @@ _SPELLINGS = {"≤": "<=", "≥": ">=", "±": "+-", "+/-": "+-", "…": ".."}
 
 
 @dataclass(frozen=True)
-class Words:
+class LimitWords:
     """A limit's text taken apart.
 
     Attributes:
@@ -54,7 +54,7 @@ class Words:
 
 
 @lru_cache(4096)
-def split_words(text: str) -> Words:
+def split_words(text: str) -> LimitWords:
     """Return a limit's text without the words after its bounds.
 
     Raises:
@@ -71,10 +71,10 @@ def split_words(text: str) -> Words:
     match = _BASELINE.match(text)
     if match is not None:
         text, relative = match[1], True
-    return Words(text.strip(), confident, relative)
+    return LimitWords(text.strip(), confident, relative)
 
 
-def split_stated(text: str) -> Words:
+def split_stated(text: str) -> LimitWords:
     """Return the text of a limit as a result states it, without what stands beside its bounds.
 
     Raises:

@@ -17,8 +17,8 @@ from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode
 from eha_bench.core.units import base_unit
 from eha_bench.core.yaml_file import Real, StrictModel, validate
-from eha_bench.suites.acceptance.baseline import Baseline, scaled
-from eha_bench.suites.acceptance.grammar import Words, examples, parse_bounds, split_words
+from eha_bench.suites.acceptance.baseline import BaselineResult, scaled
+from eha_bench.suites.acceptance.grammar import LimitWords, examples, parse_bounds, split_words
 from eha_bench.suites.acceptance.specs import NONE, Specs, named
 
 Quantity: TypeAlias = Real | str
@@ -75,7 +75,7 @@ def judgement(
     scores: Located,
     mode: ControlMode,
     trial: str,
-    baseline: Baseline,
+    baseline: BaselineResult,
     signal: Signal | None,
     own: Specs = NONE,
 ) -> Judgement:
@@ -149,7 +149,7 @@ def safety_limits(safety: Located, mode: ControlMode) -> tuple[SafetyLimit, ...]
 
 
 def _acceptance(
-    metric: str, entry: Located, mode: ControlMode, trial: str, baseline: Baseline, own: Specs
+    metric: str, entry: Located, mode: ControlMode, trial: str, baseline: BaselineResult, own: Specs
 ) -> tuple[tuple[str, str], AcceptanceLimit | None]:
     """Return the (metric, channel) of an entry, and its limit if it has one."""
     spec = named(metric, own, entry.place())
@@ -192,7 +192,7 @@ def _acceptance(
     return (metric, channel), limit
 
 
-def _words(form: LimitFile, entry: Located) -> Words:
+def _words(form: LimitFile, entry: Located) -> LimitWords:
     try:
         return split_words(form.limit or "")
     except UnitError as error:

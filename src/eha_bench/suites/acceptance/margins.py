@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from eha_bench.core.errors import InputError, UnitError
 from eha_bench.core.located import Located
-from eha_bench.core.margin import Margin, parse_margin
+from eha_bench.core.margin import EquivalenceMargin, parse_margin
 from eha_bench.core.trial import ControlMode
 from eha_bench.suites.acceptance.specs import NONE, Specs, named
 
 
-def margins(matters: Located, mode: ControlMode, own: Specs = NONE) -> dict[str, Margin]:
+def margins(matters: Located, mode: ControlMode, own: Specs = NONE) -> dict[str, EquivalenceMargin]:
     """Return the smallest difference that matters between two results, by metric.
 
     `own` are the suite's own metrics.

@@ -12,7 +12,7 @@ from eha_bench.core.yaml_file import StrictModel
 from eha_bench.suites.signals.signal_model import Hertz
 
 
-class Grid(StrictModel):
+class FrequencyGrid(StrictModel):
     """`count` frequencies from `first` to `last`, both included."""
 
     first: Hertz
@@ -31,7 +31,8 @@ def _form(value: object) -> str:
 
 
 Frequencies = Annotated[
-    Annotated[Grid, Tag("grid")] | Annotated[tuple[Hertz, ...], Field(min_length=1), Tag("list")],
+    Annotated[FrequencyGrid, Tag("grid")]
+    | Annotated[tuple[Hertz, ...], Field(min_length=1), Tag("list")],
     Discriminator(_form),
 ]
 """A grid, or a list of frequencies in Hz."""

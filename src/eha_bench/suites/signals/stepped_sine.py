@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.signal import Tone
-from eha_bench.suites.signals.frequencies import Frequencies, Grid
+from eha_bench.suites.signals.frequencies import Frequencies, FrequencyGrid
 from eha_bench.suites.signals.signal_model import (
     Level,
     Moment,
@@ -49,7 +49,11 @@ class SteppedSine(SignalModel):
 
     @property
     def _frequencies(self) -> tuple[float, ...]:
-        return self.frequencies.values() if isinstance(self.frequencies, Grid) else self.frequencies
+        return (
+            self.frequencies.values()
+            if isinstance(self.frequencies, FrequencyGrid)
+            else self.frequencies
+        )
 
     @property
     def tones(self) -> tuple[Tone, ...]:

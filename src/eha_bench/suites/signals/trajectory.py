@@ -18,7 +18,7 @@ from eha_bench.suites.signals.table import Column, inside, read_columns
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class Samples(StrictModel):
+class TrajectorySamples(StrictModel):
     """The trajectory itself, so that a recording can be re-scored without the file.
 
     Attributes:
@@ -30,7 +30,7 @@ class Samples(StrictModel):
     value: Annotated[tuple[Finite, ...], Field(min_length=2)]
 
     @model_validator(mode="after")
-    def _increases(self) -> Samples:
+    def _increases(self) -> TrajectorySamples:
         if len(self.time) != len(self.value):
             raise ValueError(f"{len(self.time)} times for {len(self.value)} values")
         if any(np.diff(self.time) <= 0):
@@ -46,7 +46,9 @@ class Trajectory(SignalModel):
 
     kind: Literal["trajectory"]
     at: Moment = 0.0
-    samples: Samples | None = Field(default=None, description="instead of a file's columns")
+    samples: TrajectorySamples | None = Field(
+        default=None, description="instead of a file's columns"
+    )
     time: Column = Column(column="time", unit="s")
     value: Column | None = None
     file: str = ""
@@ -85,7 +87,7 @@ class Trajectory(SignalModel):
             self.value,
             context.unit_for(self.value.unit),
         )
-        return self.model_copy(update={"samples": Samples(time=time, value=value)})
+        return self.model_copy(update={"samples": TrajectorySamples(time=time, value=value)})
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:

@@ -55,7 +55,7 @@ class Coding:
 
 
 @dataclass(frozen=True)
-class Status:
+class StatusMessage:
     """A message in which the drive says what it measures.
 
     Attributes:
@@ -72,7 +72,7 @@ class Status:
 
 
 @dataclass(frozen=True)
-class Command:
+class CommandMessage:
     """The message that carries the reference of one control mode."""
 
     message: Message
@@ -99,7 +99,7 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class Drive:
+class CanDrive:
     """Everything that is particular to a drive, bound to the messages of its DBC.
 
     Attributes:
@@ -120,8 +120,8 @@ class Drive:
     file: CanTargetFile
     units: Mapping[str, str]
     messages: Mapping[int, Message]
-    status: Mapping[int, Status]
-    commands: Mapping[ControlMode, Command]
+    status: Mapping[int, StatusMessage]
+    commands: Mapping[ControlMode, CommandMessage]
     sync: Message | None
     state: Condition
     states: Mapping[int, str]

@@ -17,8 +17,8 @@ from eha_bench.targets.can.balance import (
     Tolerance,
     TorqueModel,
 )
-from eha_bench.targets.can.drive import Drive
-from eha_bench.targets.can.target_file import BalanceFile, FollowingFile, LimitFile
+from eha_bench.targets.can.drive import CanDrive
+from eha_bench.targets.can.target_file import BalanceFile, ChannelLimitFile, FollowingFile
 
 _STALE = 0.012
 """Oldest value that is used where the target says nothing, s: well within a 20 ms watchdog."""
@@ -47,7 +47,7 @@ class Following:
     unit: str = ""
 
 
-def channel_limit(channel: str, unit: str, file: LimitFile, where: Place) -> ChannelLimit:
+def channel_limit(channel: str, unit: str, file: ChannelLimitFile, where: Place) -> ChannelLimit:
     """Return a limit of the target file in SI.
 
     Raises:
@@ -89,7 +89,7 @@ def balance_limits(file: BalanceFile, model: TorqueModel) -> BalanceLimits:
 
 
 @dataclass(frozen=True)
-class Limits:
+class GuardLimits:
     """All that a guard checks."""
 
     channels: tuple[ChannelLimit, ...]
@@ -98,7 +98,7 @@ class Limits:
     balance: BalanceLimits | None = None
 
     @staticmethod
-    def of(drive: Drive, model: TorqueModel | None = None) -> Limits:
+    def of(drive: CanDrive, model: TorqueModel | None = None) -> GuardLimits:
         """Return the limits of a target file; balances only where the model is known.
 
         Raises:
@@ -110,8 +110,8 @@ class Limits:
 
         file = drive.file
         # a channel without limits of its own is still not to be believed for ever
-        limits = {name: file.limits.get(name, LimitFile()) for name in drive.channels}
-        return Limits(
+        limits = {name: file.limits.get(name, ChannelLimitFile()) for name in drive.channels}
+        return GuardLimits(
             tuple(
                 channel_limit(k, drive.units[k], v, where("limits", k)) for k, v in limits.items()
             ),
@@ -129,7 +129,7 @@ class Guard:
 
     def __init__(
         self,
-        limits: Limits,
+        limits: GuardLimits,
         safety: Sequence[SafetyLimit],
         linkage: Linkage | None,
         period: float = 1e-3,

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from eha_bench.core.errors import TargetFault
 from eha_bench.core.trial import ControlMode
 from eha_bench.targets.can.bus import Bus
-from eha_bench.targets.can.drive import Drive, Frame, Status, decode, frame
+from eha_bench.targets.can.drive import CanDrive, Frame, StatusMessage, decode, frame
 from eha_bench.targets.can.pacing import LoopHealth
 
 _MOST_FRAMES = 200
@@ -25,7 +25,7 @@ class Link:
         emergency_closed: whether the emergency stop is closed; True where the drive has none.
     """
 
-    def __init__(self, drive: Drive, bus: Bus, period: float) -> None:
+    def __init__(self, drive: CanDrive, bus: Bus, period: float) -> None:
         self.drive = drive
         self._bus = bus
         self._period = period
@@ -118,7 +118,11 @@ class Link:
             self.fixture_done = done.of(signals)
 
     def _stamp(
-        self, identifier: int, status: Status, signals: dict[str, float], health: LoopHealth | None
+        self,
+        identifier: int,
+        status: StatusMessage,
+        signals: dict[str, float],
+        health: LoopHealth | None,
     ) -> float | None:
         """Return when a status frame was measured; None where a newer one is known."""
         age = 0
@@ -142,7 +146,7 @@ class Link:
     def _count_gaps(
         self,
         identifier: int,
-        status: Status,
+        status: StatusMessage,
         signals: Mapping[str, float],
         health: LoopHealth | None,
     ) -> None:

@@ -14,7 +14,14 @@ from eha_bench.core.near_miss import likely, suggest
 from eha_bench.core.trial import ControlMode, mode_named
 from eha_bench.core.units import base_unit
 from eha_bench.targets.can.bus import check_channel
-from eha_bench.targets.can.drive import Coding, Command, Condition, Drive, Status, coding
+from eha_bench.targets.can.drive import (
+    CanDrive,
+    Coding,
+    CommandMessage,
+    Condition,
+    StatusMessage,
+    coding,
+)
 from eha_bench.targets.can.target_file import CanTargetFile
 
 if TYPE_CHECKING:
@@ -25,14 +32,14 @@ _MISSPELT = 0.8
 """So like a known channel is one that was meant to be it."""
 
 
-def load_drive(path: Path) -> Drive:
+def load_drive(path: Path) -> CanDrive:
     """Read a target.yaml of kind `can` and its DBC.
 
     Raises:
         InputError: a wrong key, unit, message or signal, with file, line and key; or python-can
             and cantools are not installed.
     """
-    reader = _Reader(path)
+    reader = _DriveReader(path)
     file = reader.file
     for name in STATES:
         if name not in file.state.values:
@@ -49,7 +56,7 @@ def load_drive(path: Path) -> Drive:
     if file.control_word.enable[-1].state != "enabled":
         raise reader.error("enabling does not end in the state 'enabled'", ("control_word",))
     status, commands = _status(reader), _commands(reader)
-    return Drive(
+    return CanDrive(
         path=path,
         file=file,
         units=reader.units,
@@ -76,7 +83,7 @@ def load_drive(path: Path) -> Drive:
     )
 
 
-class _Reader:
+class _DriveReader:
     """The two files while they are read: places for messages, look-up of names."""
 
     def __init__(self, path: Path) -> None:
@@ -202,7 +209,7 @@ def _database(path: Path, where: Place) -> Any:
         raise InputError(f"not a DBC file ({first[0]})", where=Place(file=str(path))) from error
 
 
-def _status(reader: _Reader) -> dict[int, Status]:
+def _status(reader: _DriveReader) -> dict[int, StatusMessage]:
     file = reader.file
     names: dict[str, dict[str, Coding]] = {}
     for channel, place in file.channels.items():
@@ -223,11 +230,11 @@ def _status(reader: _Reader) -> dict[int, Status]:
         if counter:
             reader.signal(name, counter, ("counters", name))
         modulus = 1 << message.get_signal_by_name(counter).length if counter else 1
-        result[message.frame_id] = Status(message, channels, counter, modulus)
+        result[message.frame_id] = StatusMessage(message, channels, counter, modulus)
     return result
 
 
-def _commands(reader: _Reader) -> dict[ControlMode, Command]:
+def _commands(reader: _DriveReader) -> dict[ControlMode, CommandMessage]:
     commands = {}
     word = reader.file.control_word.signal
     for mode, place in reader.file.commands.items():
@@ -240,11 +247,11 @@ def _commands(reader: _Reader) -> dict[ControlMode, Command]:
         code = reader.coding(place.message, place, named.channel, keys)
         if not named.known:
             named = replace(named, declared=reader.unit_of(named.channel, place))
-        commands[named] = Command(message, code, place.fixed)
+        commands[named] = CommandMessage(message, code, place.fixed)
     return commands
 
 
-def _sync(reader: _Reader) -> Message | None:
+def _sync(reader: _DriveReader) -> Message | None:
     sync = reader.file.sync
     if sync is None:
         return None
@@ -253,7 +260,7 @@ def _sync(reader: _Reader) -> Message | None:
     return reader.message(sync.message, ("sync", "message"))
 
 
-def _condition(reader: _Reader, place: Any, *keys: str) -> Condition | None:
+def _condition(reader: _DriveReader, place: Any, *keys: str) -> Condition | None:
     if place is None:
         return None
     reader.signal(place.message, place.signal, keys)
@@ -262,7 +269,7 @@ def _condition(reader: _Reader, place: Any, *keys: str) -> Condition | None:
     return Condition(reader.message(place.message, keys), place.signal, mask, value)
 
 
-def _heartbeat(reader: _Reader) -> Message | None:
+def _heartbeat(reader: _DriveReader) -> Message | None:
     heartbeat = reader.file.heartbeat
     if heartbeat is None:
         return None
@@ -271,7 +278,7 @@ def _heartbeat(reader: _Reader) -> Message | None:
     return reader.message(heartbeat.message, ("heartbeat", "message"))
 
 
-def _fixture(reader: _Reader) -> Message | None:
+def _fixture(reader: _DriveReader) -> Message | None:
     fixture = reader.file.fixture
     if fixture is None:
         return None

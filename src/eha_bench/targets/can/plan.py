@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from eha_bench.control.controller import Controller
 from eha_bench.core.linkage import Linkage
 from eha_bench.core.trial import ControlMode, Trial
-from eha_bench.targets.can.guard import Limits
+from eha_bench.targets.can.guard import GuardLimits
 
 
 @dataclass(frozen=True)
-class Plan:
+class DrivePlan:
     """What a trial asks of the drive, worked out before anything moves.
 
     Attributes:
@@ -33,7 +33,7 @@ class Plan:
     command_limit: float
     position: float
     linkage: Linkage | None
-    limits: Limits
+    limits: GuardLimits
     constants: dict[str, str]
 
     @property

@@ -7,17 +7,17 @@ import math
 import numpy as np
 
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial
-from eha_bench.targets.can.drive import Drive, Frame
-from eha_bench.targets.can.guard import Limits
+from eha_bench.targets.can.drive import CanDrive, Frame
+from eha_bench.targets.can.guard import GuardLimits
 
 
 def preview(
-    drive: Drive,
+    drive: CanDrive,
     mode: ControlMode,
     trial: Trial,
     position: float,
     command_limit: float,
-    limits: Limits,
+    limits: GuardLimits,
 ) -> tuple[str, ...]:
     """Return one line for everything that a run of the trial would send or check."""
     file, word = drive.file, drive.file.control_word
@@ -53,7 +53,7 @@ def preview(
     return tuple(lines)
 
 
-def _reference(drive: Drive, mode: ControlMode, trial: Trial, word: int) -> list[str]:
+def _reference(drive: CanDrive, mode: ControlMode, trial: Trial, word: int) -> list[str]:
     """Return the first frame of every value that the reference holds, as far as they are few."""
     clock = trial.clock()
     values = trial.reference(clock)

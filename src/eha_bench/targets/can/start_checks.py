@@ -10,7 +10,7 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import TargetFault
 from eha_bench.targets.can.guard import Guard
 from eha_bench.targets.can.link import Link, NotThere
-from eha_bench.targets.can.plan import Plan
+from eha_bench.targets.can.plan import DrivePlan
 
 _SETTLED = 0.02
 Idle = Callable[[float, Callable[[], bool]], bool]
@@ -19,7 +19,7 @@ Idle = Callable[[float, Callable[[], bool]], bool]
 class StartCheck:
     """The checks, in their order; each waits with the loop running and no torque."""
 
-    def __init__(self, plan: Plan, link: Link, idle: Idle) -> None:
+    def __init__(self, plan: DrivePlan, link: Link, idle: Idle) -> None:
         self._plan = plan
         self._link = link
         self._idle = idle

@@ -24,13 +24,13 @@ from eha_bench.plants.model import Model, model_from
 from eha_bench.targets.can.adapter import adapter_of
 from eha_bench.targets.can.balance import TorqueModel
 from eha_bench.targets.can.bus import Bus, check_channel
-from eha_bench.targets.can.drive import Drive
-from eha_bench.targets.can.guard import Limits
+from eha_bench.targets.can.drive import CanDrive
+from eha_bench.targets.can.guard import GuardLimits
 from eha_bench.targets.can.hold import Hold
 from eha_bench.targets.can.link import Link
 from eha_bench.targets.can.load import load_drive
 from eha_bench.targets.can.pacing import LoopHealth, RealTime
-from eha_bench.targets.can.plan import Plan
+from eha_bench.targets.can.plan import DrivePlan
 from eha_bench.targets.can.preview import preview
 from eha_bench.targets.can.recorder import Recorder
 from eha_bench.targets.can.target_file import ControlPlace
@@ -42,7 +42,7 @@ from eha_bench.targets.target import Ending, Identity, Journal, Outcome, Stoppin
 class CanTarget(Target):
     """Runs trials on the drive that a DBC and a target.yaml describe."""
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: CanDrive) -> None:
         """Read what the target names; the bus is opened on entering.
 
         Raises:
@@ -51,7 +51,7 @@ class CanTarget(Target):
         self._drive = drive
         self._model = model_from(drive.model) if drive.model else None
         self._controllers = _controllers(drive)
-        self._limits = Limits.of(drive, _torque_model(drive, self._model))
+        self._limits = GuardLimits.of(drive, _torque_model(drive, self._model))
         self._linkage = _linkage(self._model)
         self._hold = Hold(drive.file.name, adapter_of(drive.file.bus))
         self._bus: Bus | None = None
@@ -60,7 +60,7 @@ class CanTarget(Target):
         self._run: TrialRun | None = None
 
     @property
-    def drive(self) -> Drive:
+    def drive(self) -> CanDrive:
         """The drive's description."""
         return self._drive
 
@@ -119,7 +119,7 @@ class CanTarget(Target):
             self._drive, plan.mode, trial, plan.position, plan.command_limit, self._limits
         )
 
-    def _plan(self, trial: Trial) -> Plan:
+    def _plan(self, trial: Trial) -> DrivePlan:
         host = self._drive.file.control is ControlPlace.HOST
         mode = (self._drive.command or ControlMode.CURRENT) if host else trial.mode
         where = Place(file=str(self._drive.path), key="commands")
@@ -141,7 +141,7 @@ class CanTarget(Target):
                 self._drive.units.get(trial.channel, trial.mode.unit),
             )
             controller = self._controllers.make(trial.mode, context)
-        return Plan(
+        return DrivePlan(
             trial, mode, controller, command_of(mode) if direct else "", limit,
             self._position(trial), self._linkage, self._limits, self._constants(),
         )  # fmt: skip
@@ -367,11 +367,11 @@ class CanTarget(Target):
         raise TargetFault("the drive does not answer", hint="check its supply and the bus")
 
 
-def _controllers(drive: Drive) -> ControllerSet:
+def _controllers(drive: CanDrive) -> ControllerSet:
     return load_controllers(drive.controller or shipped("controllers/paper.yaml"))
 
 
-def _torque_model(drive: Drive, model: Model | None) -> TorqueModel | None:
+def _torque_model(drive: CanDrive, model: Model | None) -> TorqueModel | None:
     """Return what the balances need of the nominal model; None where none is checked."""
     balance = drive.file.balance
     if balance.torque is None and balance.motion is None:
@@ -395,12 +395,12 @@ def _nowhere(time: float, values: Sequence[float]) -> None:
     """Keep no journal of a tick."""
 
 
-def _derived(drive: Drive) -> tuple[str, ...]:
+def _derived(drive: CanDrive) -> tuple[str, ...]:
     both = {"pressure_a", "pressure_b"} <= set(drive.channels)
     return ("pressure_difference",) if both else ()
 
 
-def _command(drive: Drive) -> str:
+def _command(drive: CanDrive) -> str:
     return "" if drive.command is None else command_of(drive.command)
 
 

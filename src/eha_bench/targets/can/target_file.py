@@ -113,7 +113,7 @@ class FramesFile(StrictModel):
     signals: dict[str, float]
 
 
-class PistonFile(StrictModel):
+class PistonSignalFile(StrictModel):
     """Signal that locks the rod."""
 
     signal: str
@@ -121,7 +121,7 @@ class PistonFile(StrictModel):
     free: int
 
 
-class BypassFile(StrictModel):
+class BypassSignalFile(StrictModel):
     """Signal that opens the bypass."""
 
     signal: str
@@ -144,13 +144,13 @@ class FixtureFile(StrictModel):
     message: str
     request: Annotated[str, Field(description="signal with a new number for every request")]
     done: Annotated[PlaceFile, Field(description="repeats the number when it is done")]
-    piston: PistonFile
-    bypass: BypassFile
+    piston: PistonSignalFile
+    bypass: BypassSignalFile
     position: PositionFile
     timeout: Seconds = 5.0
 
 
-class SetupFile(StrictModel):
+class ManualSetupFile(StrictModel):
     """How a person has set up a rig that has no such fixture."""
 
     piston: Piston
@@ -160,7 +160,7 @@ class SetupFile(StrictModel):
     ] = 1e-3
 
 
-class LimitFile(StrictModel):
+class ChannelLimitFile(StrictModel):
     """What a channel has to keep at every tick; a key that is left out is not checked."""
 
     low: Quantity | None = None
@@ -260,8 +260,8 @@ class CanTargetFile(StrictModel):
         default_factory=list
     )
     fixture: FixtureFile | None = None
-    setup: SetupFile | None = None
-    limits: dict[str, LimitFile] = Field(default_factory=dict)
+    setup: ManualSetupFile | None = None
+    limits: dict[str, ChannelLimitFile] = Field(default_factory=dict)
     following: dict[str, FollowingFile] = Field(default_factory=dict)
     joint_agrees: Annotated[
         float | None, Unit("rad"), Field(description="joint angle against rod position")

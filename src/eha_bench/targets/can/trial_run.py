@@ -20,7 +20,7 @@ from eha_bench.targets.can.bus import BusLost
 from eha_bench.targets.can.guard import Guard
 from eha_bench.targets.can.link import Link, NotThere
 from eha_bench.targets.can.pacing import LoopHealth, Pacer
-from eha_bench.targets.can.plan import Plan
+from eha_bench.targets.can.plan import DrivePlan
 from eha_bench.targets.can.start_checks import StartCheck
 from eha_bench.targets.crash import error_text
 from eha_bench.targets.target import Ending, Outcome, Stopping
@@ -59,7 +59,7 @@ class TrialRun:
         arm: called when the torque is about to come on.
     """
 
-    plan: Plan
+    plan: DrivePlan
     link: Link
     stopping: Stopping
     health: LoopHealth

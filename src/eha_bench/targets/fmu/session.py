@@ -13,7 +13,7 @@ from eha_bench.targets.fmu.description import Variable
 from eha_bench.targets.fmu.process import Process
 
 
-class Session:
+class FmuSession:
     """An FMU between two ticks, as `ClosedLoop` sees it."""
 
     def __init__(

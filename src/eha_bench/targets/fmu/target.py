@@ -29,7 +29,7 @@ from eha_bench.targets.channel_check import check_channels
 from eha_bench.targets.closed_loop import ClosedLoop
 from eha_bench.targets.fmu.description import Description, Places, Variable
 from eha_bench.targets.fmu.process import Process
-from eha_bench.targets.fmu.session import Session
+from eha_bench.targets.fmu.session import FmuSession
 from eha_bench.targets.fmu.target_file import FmuFile, VariableFile
 from eha_bench.targets.target import Ending, Identity, Outcome, Stopping, Target, never
 
@@ -362,9 +362,9 @@ class FmuTarget(Target):
         fmpy.extract(str(self._description.path), str(folder.path))
         return folder
 
-    def _session(self, library: Process, trial: Trial, clock: FloatArray) -> Session:
+    def _session(self, library: Process, trial: Trial, clock: FloatArray) -> FmuSession:
         library.start(float(clock[-1] - clock[0]), self._start_values(trial.setup, trial))
-        return Session(
+        return FmuSession(
             library, self._command, tuple(self._outputs.values()), tuple(self._outputs),
             self._linkage if len(self._channels) > len(self._outputs) else None,
             float(clock[0]), self._largest_step(),

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import StrictModel
-from eha_bench.targets.sensors import Sensor
+from eha_bench.targets.sensors import SimulatedSensor
 
 SILENCE: Final = 600.0
 """Time for an FMU to answer, s: large models take minutes to start."""
@@ -23,7 +23,7 @@ class VariableFile(StrictModel):
     ] = None
 
 
-class PistonFile(StrictModel):
+class PistonVariableFile(StrictModel):
     """The variable that locks the piston, set before the run starts."""
 
     variable: Annotated[str, Field(min_length=1)]
@@ -31,7 +31,7 @@ class PistonFile(StrictModel):
     free: float = 0.0
 
 
-class BypassFile(StrictModel):
+class BypassVariableFile(StrictModel):
     """The variable that opens the bypass, set before the run starts."""
 
     variable: Annotated[str, Field(min_length=1)]
@@ -39,11 +39,11 @@ class BypassFile(StrictModel):
     closed: float = 0.0
 
 
-class SetupFile(StrictModel):
+class FmuSetupFile(StrictModel):
     """How a trial's setup reaches the FMU."""
 
-    piston: PistonFile | None = None
-    bypass: BypassFile | None = None
+    piston: PistonVariableFile | None = None
+    bypass: BypassVariableFile | None = None
 
 
 class FmuFile(StrictModel):
@@ -65,7 +65,7 @@ class FmuFile(StrictModel):
         dict[str, VariableFile],
         Field(description="start variables of channels that a trial may give a start value"),
     ] = Field(default_factory=dict)
-    setup: SetupFile = Field(default_factory=SetupFile)
+    setup: FmuSetupFile = Field(default_factory=FmuSetupFile)
     step: Annotated[
         float | None,
         Unit("s"),
@@ -82,5 +82,6 @@ class FmuFile(StrictModel):
     ] = ""
     controller: Annotated[str, Field(description="controller.yaml, relative to this file")] = ""
     sensors: Annotated[
-        dict[str, Sensor], Field(description="noise and resolution by channel; none by default")
+        dict[str, SimulatedSensor],
+        Field(description="noise and resolution by channel; none by default"),
     ] = Field(default_factory=dict)

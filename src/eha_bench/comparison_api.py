@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from eha_bench.api import Given, target_for, tell_step_summary, write_reports
-from eha_bench.bench.interleaved import Interleaved, Plan, run_interleaved
+from eha_bench.bench.interleaved import Interleaved, InterleavedPlan, run_interleaved
 from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.store import Shelf
@@ -20,7 +20,7 @@ from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Comparison
 from eha_bench.comparison.sequential import shares
 from eha_bench.comparison.side import Side, load_side
-from eha_bench.comparison.verdict import Verdict
+from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError
 from eha_bench.core.output_folder import writable
@@ -180,7 +180,7 @@ def ab(
     loaded = load_suite(suite)
     openers = {"a": partial(target_for, loaded, a), "b": partial(target_for, loaded, b)}
     names = (openers["a"]().identity.name, openers["b"]().identity.name)
-    plan = Plan(loaded.sha256, names, repeats, seed)
+    plan = InterleavedPlan(loaded.sha256, names, repeats, seed)
     shelf = Shelf(f"{loaded.name}-ab")
     folder = Path(out) if out else (shelf.latest() if resume else None) or shelf.claim()
     looks = shares(repeats)
@@ -190,7 +190,7 @@ def ab(
         return compare_sides(sides[0], sides[1], across_targets=True, looks=looks)
 
     def decided(results: Mapping[str, Result]) -> bool:
-        return not compared(results).of(Verdict.UNDECIDED)
+        return not compared(results).of(ComparisonVerdict.UNDECIDED)
 
     run = run_interleaved(
         loaded, openers, folder, plan,
