@@ -1,0 +1,155 @@
+"""Exchange: what was added first gives way to what fits better in its place."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from known_search import LinearProblem, add, assumed, refitted, search_of, shape, strength
+
+from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.search import exchange as module
+from eha_bench.diagnosis.search.exchange import exchange
+from eha_bench.diagnosis.search.state import Refit, Search, Thresholds
+
+TRUE, ALIKE, OTHER = "coulomb_friction", "current_deadband", "current_lag"
+STRENGTH = {
+    TRUE: "coulomb_friction.friction_force",
+    ALIKE: "current_deadband.deadband",
+    OTHER: "current_lag.time_constant",
+}
+
+
+@pytest.fixture
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[tuple[set[str], set[str]]]:
+    """Every attempt: the candidates that were tried, and the effects that were kept meanwhile."""
+    attempts: list[tuple[set[str], set[str]]] = []
+
+    class Near:
+        """Fits every candidate over all rows; the real one begins with short windows."""
+
+        def __init__(self, search: Search, coarse: object) -> None:
+            self.search = search
+
+        def promising(self, starts: Sequence[Start], most: int) -> None:
+            self.starts = starts
+            kept = {item.start.candidate for item in self.search.accepted}
+            attempts.append(({item.candidate for item in starts}, kept))
+
+        def trials(self, most: int) -> list[Refit]:
+            found = [refitted(self.search, start) for start in self.starts]
+            return sorted(found, key=lambda item: item.fit.cost)[:most]
+
+    monkeypatch.setattr(module, "Near", Near)
+    return attempts
+
+
+def problem(size: float = 20.0, likeness: float = 0.95, **truth: float) -> Any:
+    """Friction is missing, and a deadband does nearly the same to the readings."""
+    true = size * shape(1.0)
+    alike = likeness * true + np.sqrt(1.0 - likeness**2) * size * shape(2.0)
+    slopes = {"viscous_friction": 0.1 * shape(0.0), STRENGTH[TRUE]: true / 7.0,
+              STRENGTH[ALIKE]: alike / 0.1, STRENGTH[OTHER]: shape(3.0) / 0.002}  # fmt: skip
+    return LinearProblem(slopes, {STRENGTH[TRUE]: 7.0} | truth)
+
+
+def names(search: Search) -> list[str]:
+    return [item.start.candidate for item in search.accepted]
+
+
+def test_the_wrong_look_alike_is_replaced(tried: list[Any]) -> None:
+    search = search_of(problem(), "viscous_friction")
+    add(search, ALIKE, TRUE, OTHER)
+    before = search.fit.cost
+    assert exchange(search, Thresholds())
+    assert names(search) == [TRUE]
+    assert strength(search, search.fit, TRUE) == pytest.approx(7.0, rel=0.05)
+    assert strength(search, search.fit, ALIKE) == 0.0
+    assert search.fit.cost < before - Thresholds().gain
+    assert search.excess_left.relative < 0.1 < search.excess_base.relative
+    # measured against the fit with nothing in its place, not against the look-alike
+    assert search.accepted[0].comparison.share > 0.9
+    assert search.exchanged_from is None
+
+
+def test_the_right_one_stays_and_is_not_tried_twice(tried: list[Any]) -> None:
+    search = search_of(problem(), "viscous_friction")
+    add(search, TRUE, ALIKE, OTHER)
+    fit, left = search.fit, search.excess_left
+    assert not exchange(search, Thresholds())
+    assert names(search) == [TRUE]
+    assert (search.fit, search.excess_left, search.exchanged_from) == (fit, left, fit)
+    attempts = len(tried)
+    assert attempts == 1
+    assert not exchange(search, Thresholds())
+    assert len(tried) == attempts
+
+
+@pytest.mark.parametrize(("gain", "changed"), [(10.0, True), (1e9, False)])
+def test_less_than_the_least_gain_changes_nothing(
+    gain: float, changed: bool, tried: list[Any]
+) -> None:
+    search = search_of(problem(), "viscous_friction")
+    add(search, ALIKE, TRUE)
+    assert exchange(search, Thresholds(gain=gain)) is changed
+    assert names(search) == ([TRUE] if changed else [ALIKE])
+
+
+def test_only_close_rivals_of_its_own_look_are_tried(tried: list[Any]) -> None:
+    search = search_of(problem(), "viscous_friction")
+    add(search, ALIKE, TRUE, OTHER)
+    exchange(search, Thresholds())
+    # the lag gained next to nothing in that look
+    assert tried == [({ALIKE, TRUE}, set())]
+
+
+def test_what_else_was_added_is_kept_meanwhile_and_no_rival(tried: list[Any]) -> None:
+    both = problem(**{STRENGTH[OTHER]: 0.004 * 10.0})
+    search = search_of(both, "viscous_friction")
+    add(search, OTHER)
+    add(search, ALIKE, TRUE, OTHER)
+    exchange(search, Thresholds())
+    assert tried == [({OTHER}, {ALIKE}), ({ALIKE, TRUE}, {OTHER})]
+    assert names(search) == [OTHER, TRUE]
+    assert strength(search, search.fit, OTHER) == pytest.approx(0.04, rel=0.1)
+
+
+def test_an_assumed_parameter_is_never_exchanged(tried: list[Any]) -> None:
+    search = search_of(problem(), "viscous_friction")
+    search.accepted.append(assumed("voltage_limit"))
+    assert not exchange(search, Thresholds())
+    assert tried == []
+
+
+def test_the_winner_is_not_its_own_equal(tried: list[Any]) -> None:
+    search = search_of(problem(), "viscous_friction")
+    add(search, ALIKE, TRUE)
+    search.accepted[0] = search.accepted[0].__class__(
+        search.accepted[0].start, search.accepted[0].comparison, (TRUE, OTHER)
+    )
+    exchange(search, Thresholds())
+    assert search.accepted[0].equivalent == (OTHER,)
+
+
+def test_an_interruption_leaves_the_search_as_it_was(
+    monkeypatch: pytest.MonkeyPatch, tried: list[Any]
+) -> None:
+    search = search_of(problem(), "viscous_friction")
+    add(search, ALIKE, TRUE)
+    kept = (search.fit, search.excess_left, list(search.accepted), search.problem)
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    stopped: Callable[..., None] = stop
+    monkeypatch.setattr(module, "polish_at_rest", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        exchange(search, Thresholds())
+    assert (search.fit, search.excess_left, search.accepted, search.problem) == kept

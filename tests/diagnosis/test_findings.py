@@ -1,0 +1,161 @@
+"""What a finished search found: effects with intervals, the ranking, and the sentences."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from known_search import LinearProblem, add, assumed, model, search_of, shape
+
+from eha_bench.diagnosis.fit.evidence import NOT_COMPARED
+from eha_bench.diagnosis.fit.own_parameters import Late, Own, Places
+from eha_bench.diagnosis.fit.uncertainty import Estimate
+from eha_bench.diagnosis.outcome.decide import Decision
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
+from eha_bench.diagnosis.outcome.findings import (
+    assemble,
+    lateness_estimates,
+    lateness_note,
+    own_estimates,
+)
+from eha_bench.diagnosis.search.state import RankedCandidate, Search
+
+MASS, FRICTION, LAG = "mass", "coulomb_friction", "current_lag"
+TRUTH = {MASS: 97.0, "coulomb_friction.friction_force": 7.0, "current_lag.time_constant": 0.004}
+
+
+def finished_search(*added: str, **truth: float) -> Search:
+    """A search over readings in which the true effects show, with some of them added."""
+    slopes = {MASS: shape(0.0), "coulomb_friction.friction_force": 4.0 * shape(1.0),
+              "current_lag.time_constant": 3e3 * shape(2.0)}  # fmt: skip
+    problem: Any = LinearProblem(slopes, TRUTH | truth)
+    search = search_of(problem, MASS)
+    for name in added:
+        add(search, name)
+    return search
+
+
+def found(search: Search, verdict: Verdict = Verdict.EFFECT, *notes: str) -> Diagnosis:
+    dataset: Any = SimpleNamespace(model=model())
+    base: Any = SimpleNamespace(
+        keys=(MASS,), nuisance=(), notes=("of the gate",), starts=1, agreed=1, measured=()
+    )
+    return assemble(dataset, base, search, Decision(verdict, search.fit, notes, None))
+
+
+def test_effects_stand_with_intervals_around_the_truth_the_strongest_first() -> None:
+    search = finished_search(FRICTION, LAG)
+    search.accepted.reverse()
+    result = found(search)
+    assert result.verdict is Verdict.EFFECT
+    assert [item.id for item in result.effects] == [FRICTION, LAG]
+    for item, name in zip(result.effects, ("friction_force", "time_constant"), strict=True):
+        value = item.parameters[name]
+        truth = TRUTH[f"{item.id}.{name}"]
+        assert value.low < truth < value.high
+        assert value.high - value.low < 0.1 * truth
+        assert item.p_value < 1e-3
+    assert [item.equation for item in result.effects] == ["force", "actuation"]
+    mass = result.calibrated[MASS]
+    assert mass.low < 97.0 < mass.high
+    assert mass.unit == "kg"
+
+
+def test_the_revised_model_holds_what_was_found_and_the_recalibrated_one_does_not() -> None:
+    search = finished_search(FRICTION, LAG)
+    result = found(search)
+    assert {item.id for item in result.revised.effects} == {FRICTION, LAG}
+    assert result.revised.parameters[MASS] == pytest.approx(97.0, rel=0.01)
+    assert result.recalibrated.effects == ()
+    at = model().plant.layout.index[MASS]
+    assert result.recalibrated.parameters[MASS] == search.base.vector[at]
+
+
+def test_no_verdict_names_no_effect() -> None:
+    result = found(finished_search(FRICTION, LAG), Verdict.NONE)
+    assert result.effects == ()
+
+
+def test_notes_are_those_of_the_gate_then_of_the_decision() -> None:
+    search = finished_search(FRICTION, LAG)
+    search.accepted.append(assumed("voltage_limit"))
+    notes = found(search, Verdict.EFFECT, "of the decision").notes
+    assert notes[0] == "of the gate"
+    assert notes[1] == "voltage_limit is only assumed in the model; the data ask for 1000 V"
+    assert notes[2] == "of the decision"
+
+
+def test_look_alikes_stand_beside_what_was_added_with_what_separates_them() -> None:
+    search = finished_search(FRICTION, LAG)
+    search.accepted[0] = replace(search.accepted[0], equivalent=("presliding_friction",))
+    result = found(search)
+    assert result.equivalent == ((FRICTION, "presliding_friction"),)
+    assert set(result.separate) == {FRICTION, "presliding_friction"}
+
+
+def line(candidate: str, score: float, *, refitted: bool, p_value: float = 0.2) -> RankedCandidate:
+    return RankedCandidate(candidate, score, p_value, 4.0e4, score, refitted)
+
+
+def test_the_ranking_is_what_was_added_then_refitted_then_the_rest() -> None:
+    search = finished_search(FRICTION)
+    shares = replace(NOT_COMPARED, share=0.9, share_out=0.8, p_value=1e-9)
+    search.accepted = [
+        replace(search.accepted[0], comparison=shares, equivalent=("presliding_friction",))
+    ]
+    search.ranking = [
+        line("current_deadband", 0.0, refitted=True),
+        line("viscosity_drift", 0.4, refitted=False),
+        line("torque_saturation", 0.001, refitted=False),
+        line(LAG, 0.3, refitted=True),
+        line("presliding_friction", 0.79, refitted=True, p_value=1e-9),
+        line(FRICTION, 0.5, refitted=True),
+    ]
+    ranking = found(search).ranking
+    assert [(item.id, item.score) for item in ranking] == [
+        # the score that it was added for, not the one of the first look
+        (FRICTION, 0.8),
+        ("presliding_friction", 0.79),
+        (LAG, 0.3),
+        ("current_deadband", 0.0),
+        ("viscosity_drift", 0.4),
+        ("torque_saturation", 0.001),
+    ]
+    assert [item.reason for item in ranking] == [
+        "added",
+        "fits as well as the effect that was added",
+        "refitted, it explains 30.0 % of the excess error on runs left out, where the best "
+        "explains 80.0 %; by chance with a probability of 0.2",
+        "refitted with all parameters, it is no better on runs left out of the fit",
+        "one simulation predicts that it explains 40.0 % of the excess error; others promise more, "
+        "so it was not refitted",
+        "its simulated response does not resemble the residual",
+    ]
+    assert all(item.error_after == pytest.approx(np.sqrt(4.0e4 / 1200)) for item in ranking)
+    assert ranking[0].p_value == 1e-9
+
+
+def test_a_run_s_own_estimates_are_sorted_by_run() -> None:
+    layout = model().plant.layout
+    places = Places(layout, (Own(MASS, "first", 67), Own(MASS, "second", 68)))
+    values = {"mass in first": Estimate(90.0, 89.0, 91.0, ""), MASS: Estimate(1.0, 1.0, 1.0, "kg")}
+    assert own_estimates(places, values) == {"first": {MASS: Estimate(90.0, 89.0, 91.0, "kg")}}
+
+
+def test_late_stamps_are_no_effect_but_a_property_of_the_log() -> None:
+    places = Places(model().plant.layout, (), (Late("drive", 67), Late("block", 68)))
+    late = lateness_estimates(places, {"lateness of drive": Estimate(1.2e-3, 1.1e-3, 1.3e-3, "")})
+    assert late == {"drive": Estimate(1.2e-3, 1.1e-3, 1.3e-3, "s")}
+    assert lateness_note(late) == [
+        "the stamps of 'drive' are 1.2 ms late (1.1 to 1.3 ms) against those of the inputs: a "
+        "property of the log, not an effect"
+    ]
+    assert lateness_note({}) == []
