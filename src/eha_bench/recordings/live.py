@@ -167,6 +167,11 @@ class LiveWriter:
         if self._failure is not None:
             raise self._unwritable(self._failure)
 
+    def settle(self) -> None:
+        """Wait until no write is under way; a disk that does not answer is waited for."""
+        with self._lock:
+            pass
+
     def add_metadata(self, metadata: Mapping[str, str]) -> None:
         """Add text by key, such as how the run ended; a key that is there is replaced."""
         with self._lock:

@@ -11,6 +11,7 @@ import ctypes
 import gc
 import os
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 from typing import Self
@@ -22,8 +23,14 @@ from eha_bench.core.per_cent import per_cent
 
 _LOCK_ALL = 1 | 2 | 4
 """MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT: every page once it is used."""
+_LOOK_EVERY = 2e-3
+"""Longest sleep without a look at what has to be watched, s."""
 LATE = 0.5
 """Share of a period by which a tick has to be late to be an overrun."""
+
+
+def _nothing() -> None:
+    """Watch nothing."""
 
 
 class Pacer:
@@ -39,10 +46,19 @@ class Pacer:
         """Let tick 0 be at a time (of time.monotonic) in s."""
         self.start = start
 
-    def wait(self, tick: int) -> float:
-        """Wait until a tick is due and return the time of time.monotonic then, s."""
+    def wait(self, tick: int, watch: Callable[[], None] = _nothing) -> float:
+        """Wait until a tick is due and return the time of time.monotonic then, s.
+
+        Args:
+            tick: its number.
+            watch: called every few milliseconds of a long wait; what it raises ends the wait.
+        """
         due = self.start + tick * self._period
         now = time.monotonic()
+        while due - now - self._spin > _LOOK_EVERY:
+            time.sleep(_LOOK_EVERY)
+            watch()
+            now = time.monotonic()
         if due - now > self._spin:
             time.sleep(due - now - self._spin)
             now = time.monotonic()

@@ -3,9 +3,6 @@
 The loop hands a tick over by one small write to a pipe; compressing and writing happen in the
 other process, with its own interpreter lock. When the loop's process is killed, the recorder finds
 the end of the pipe, notes it in the recording and closes the file.
-
-On the pipe: `<u32 length>` and a JSON object open or close a recording, `0` and a tick of
-1 + n doubles add to it.
 """
 
 from __future__ import annotations
@@ -15,31 +12,26 @@ import fcntl
 import json
 import os
 import select
-import signal
 import struct
 import subprocess
 import sys
-import termios
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
-from eha_bench.core.errors import EhaBenchError, RecordingError
+from eha_bench.core.errors import RecordingError
+from eha_bench.targets.can.heartbeat import Heartbeat, Silence
+from eha_bench.targets.can.recorder_process import LENGTH, REAL_TIME
 
-_LENGTH = struct.Struct("<I")
-_INT = struct.Struct("i")
-_FEWEST_LATE = 5
 _PIPE_BYTES = 1 << 20
-_REAL_TIME = "--real-time"
 _CHECK_EVERY = 20
 _CLOSE_TIMEOUT = 1.5
 """Seconds that closing a recording may take: a run that has ended leaves within two."""
 _END_TIMEOUT = 0.3
 _OPEN_TIMEOUT = 30.0
-_STALLED = 0.09
-"""Seconds without a byte taken after which a recorder counts as stalled."""
+_HINT = "check the disk; what was written can be read"
 
 
 class Recorder:
@@ -51,12 +43,15 @@ class Recorder:
         It needs little of a processor, but on a busy machine an ordinary process may wait longer
         for it than the pipe lasts.
         """
-        command = [sys.executable, "-m", "eha_bench.targets.can.recorder"]
+        self._heartbeat = Heartbeat.make()
+        shared = self._heartbeat.descriptor
+        command = [sys.executable, "-m", "eha_bench.targets.can.recorder_process", str(shared)]
         if real_time:
-            command.append(_REAL_TIME)
+            command.append(REAL_TIME)
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
-        )
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
+            pass_fds=(shared,),
+        )  # fmt: skip
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._in = self._process.stdin.fileno()
@@ -67,9 +62,7 @@ class Recorder:
         os.set_blocking(self._out.fileno(), False)
         self._row = struct.Struct("<I")
         self._ticks = 0
-        self._written = self._taken = 0
-        self._moved = time.monotonic()
-        self._late = 0
+        self._silence = Silence(time.monotonic())
         self._opened = False
         self._open = False
         self._failure = ""
@@ -116,7 +109,7 @@ class Recorder:
             if not select.select([self._out], [], [], max(until - time.monotonic(), 0.0))[0]:
                 self._failure = "the recorder does not answer"
             self._heard()
-        self._moved, self._late = time.monotonic(), 0
+        self._silence = Silence(time.monotonic())
 
     def append(self, at: float, values: Sequence[float]) -> None:
         """Add a tick: s since the epoch, SI; takes microseconds.
@@ -130,34 +123,27 @@ class Recorder:
         row = self._row.pack(0, at, *values)
         try:
             # shorter than PIPE_BUF: all of it or nothing
-            self._written += os.write(self._in, row)
-            self._look_for_a_stall()
+            os.write(self._in, row)
         except BlockingIOError as error:
             self._failure = "the disk does not keep up with the recording"
             raise RecordingError(self._failure) from error
         except OSError as error:
             self._failure = f"the recorder is gone ({error.strerror})"
             raise RecordingError(self._failure) from error
+        self.watch()
 
-    def _look_for_a_stall(self) -> None:
-        """Compare what waits in the pipe with what was written: the rest the recorder has taken.
+    def watch(self) -> None:
+        """See whether the recorder beats; asked every few milliseconds it finds a stall in 0.1 s.
 
         Raises:
-            RecordingError: it has taken nothing for a tenth of a second.
+            RecordingError: it has stalled.
         """
-        now = time.monotonic()
-        waiting = _INT.unpack(fcntl.ioctl(self._in, termios.FIONREAD, _INT.pack(0)))[0]
-        taken = self._written - waiting
-        if taken != self._taken or not waiting:
-            self._taken, self._moved = taken, now
-            self._late = 0
+        if not self._open or self._failure:
             return
-        self._late += 1
-        # a loop that itself was held up has no right to complain
-        if now - self._moved > _STALLED and self._late >= _FEWEST_LATE:
-            milliseconds = 1000 * (now - self._moved)
-            self._failure = f"the recorder has stalled: it took nothing for {milliseconds:.0f} ms"
-            raise RecordingError(self._failure, hint="check the disk; what was written can be read")
+        silent = self._silence.of(self._heartbeat.count, time.monotonic())
+        if silent:
+            self._failure = f"the recorder has stalled: no sign of it for {1000 * silent:.0f} ms"
+            raise RecordingError(self._failure, hint=_HINT)
 
     def close(self, metadata: Mapping[str, str]) -> str:
         """End the recording with what is known at its end; return what failed, "" if nothing."""
@@ -185,19 +171,19 @@ class Recorder:
             self._process.wait(_END_TIMEOUT if self._failure else _CLOSE_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
-            self._process.wait()
+            with suppress(subprocess.TimeoutExpired):  # a dead disk keeps even a killed process
+                self._process.wait(_END_TIMEOUT)
+        self._heartbeat.close()
 
     def _say(self, what: Mapping[str, Any]) -> None:
         data = json.dumps(what).encode()
-        data = _LENGTH.pack(len(data)) + data
+        data = LENGTH.pack(len(data)) + data
         try:
             while data:
                 if not select.select([], [self._in], [], _CLOSE_TIMEOUT)[1]:
                     raise TimeoutError("the disk does not answer")
                 with suppress(BlockingIOError):
-                    sent = os.write(self._in, data[: select.PIPE_BUF])
-                    self._written += sent
-                    data = data[sent:]
+                    data = data[os.write(self._in, data[: select.PIPE_BUF]) :]
         except OSError as error:
             self._failure = f"the recorder is gone ({error.strerror})"
             raise RecordingError(self._failure) from error
@@ -213,86 +199,3 @@ class Recorder:
             elif not line and (closed or self._process.poll() is not None):
                 self._failure = "the recorder is gone"
         return bool(self._failure)
-
-
-def serve(stream: BinaryIO, answers: BinaryIO) -> None:
-    """Write what comes on `stream` until it ends; say `closed`, or what failed, on `answers`."""
-    from eha_bench.recordings import LiveWriter
-
-    writer: LiveWriter | None = None
-    row = struct.Struct("<d")
-
-    def failed(error: EhaBenchError) -> None:
-        with suppress(OSError):
-            answers.write((" ".join(str(error).split()) + "\n").encode())
-            answers.flush()
-
-    def close(metadata: Mapping[str, str]) -> None:
-        nonlocal writer
-        if writer is not None:
-            closing, writer = writer, None
-            try:
-                closing.add_metadata(metadata)
-                closing.close()
-            except RecordingError as error:
-                failed(error)
-
-    while True:
-        head = stream.read(_LENGTH.size)
-        if len(head) < _LENGTH.size:
-            break
-        (length,) = _LENGTH.unpack(head)
-        if length == 0:
-            data = stream.read(row.size)
-            if len(data) < row.size:
-                break
-            if writer is not None:
-                time, *values = row.unpack(data)
-                try:
-                    writer.append(time, values)
-                except RecordingError as error:
-                    failed(error)
-                    with suppress(RecordingError):
-                        writer.close()
-                    writer = None
-            continue
-        data = stream.read(length)
-        if len(data) < length:
-            break
-        order = json.loads(data)
-        if "close" in order:
-            close(order["close"])
-            with suppress(OSError):
-                answers.write(b"closed\n")
-                answers.flush()
-            continue
-        row = struct.Struct(f"<{1 + len(order['channels'])}d")
-        files = {name: base64.b64decode(text) for name, text in order["attachments"].items()}
-        try:
-            writer = LiveWriter(
-                order["path"],
-                order["channels"],
-                epoch_ns=order["epoch_ns"],
-                metadata=order["metadata"],
-                attachments=files,
-            )
-            with suppress(OSError):
-                answers.write(b"opened\n")
-                answers.flush()
-        except RecordingError as error:
-            failed(error)
-    close({"ending": "fault", "ending_reason": "the bench ended without closing the recording"})
-
-
-def main() -> None:
-    """Entry point of the process: a Ctrl-C is the loop's business, its end comes by the pipe."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
-    if _REAL_TIME in sys.argv:
-        with suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
-    serve(sys.stdin.buffer, sys.stdout.buffer)
-
-
-if __name__ == "__main__":
-    main()

@@ -266,7 +266,7 @@ class CanTarget(Target):
         with RealTime(file.priority) as real_time:
             run = TrialRun(
                 plan, link, stopping, health, real_time.scheduling, self._recorder.append,
-                lambda: self._hold.arm(trial.id),
+                lambda: self._hold.arm(trial.id), self._recorder.watch,
             )  # fmt: skip
             self._run = run
             epoch = time.time_ns()

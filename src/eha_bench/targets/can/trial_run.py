@@ -57,6 +57,7 @@ class TrialRun:
         scheduling: how the thread runs, for the recording.
         append: takes every tick: time in s, and the values in the order of `channels`.
         arm: called when the torque is about to come on.
+        watch: called every few milliseconds while the torque is on; raises what has to end the run.
     """
 
     plan: DrivePlan
@@ -66,6 +67,7 @@ class TrialRun:
     scheduling: str
     append: Append
     arm: Callable[[], None]
+    watch: Callable[[], None]
     armed: bool = False
     safe: str = ""
 
@@ -164,7 +166,8 @@ class TrialRun:
         zero = self._rest()
         for step in file.control_word.enable:
             while self.link.state != step.state:
-                now = pacer.wait(tick)
+                now = pacer.wait(tick, self.watch)
+                self.watch()
                 self.link.exchange(now, now + self.period * file.loop.reply)
                 if self.link.state == step.state:
                     break
@@ -280,7 +283,7 @@ class _Loop:
         tick, last, commanded = 0, -1, 0.0
         size = len(self._reference)
         while tick < size:
-            now = pacer.wait(tick)
+            now = pacer.wait(tick, run.watch)
             run.health.tick(now, now - pacer.start - tick * period, tick - last - 1)
             last = tick
             run.link.exchange(now, now + reply, run.health)
