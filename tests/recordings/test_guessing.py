@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from eha_bench.recordings import guessing, info
 from eha_bench.recordings.guessing import first_map
 
 
@@ -28,3 +29,34 @@ def test_what_a_column_is(tmp_path: Path, column: str, line: str) -> None:
 def test_a_clock_in_any_unit_of_time(tmp_path: Path, unit: str) -> None:
     (tmp_path / "log.csv").write_text(f"Time [{unit}],p_a\n0,1\n0.1,2\n0.2,4\n")
     assert f'time: {{column: "Time [{unit}]", unit: {unit}}}' in first_map(tmp_path / "log.csv")
+
+
+def test_thousands_of_columns_like_nothing_are_not_compared_letter_by_letter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = [f"topic{number}_col_{number}" for number in range(2000)]
+    row = ",".join(["1.5"] * 2001)
+    (tmp_path / "wide.csv").write_text("\n".join([",".join(["time", *names]), row, row]) + "\n")
+
+    def never(*_: object) -> None:
+        raise AssertionError("compared")
+
+    monkeypatch.setattr(guessing, "SequenceMatcher", never)
+    assert first_map(tmp_path / "wide.csv").count("guessed: no channel") == 2000
+
+
+def test_names_that_differ_in_signs_alone_are_numbered_at_once() -> None:
+    names = guessing._Names(["x"])
+    found = [names.unlike("x") for _ in range(50_000)]
+    assert found[:2] == ["x_2", "x_3"]
+    assert len(set(found)) == 50_000
+
+
+def test_of_a_very_wide_table_the_first_columns_are_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eha_bench.recordings.information._MOST_COLUMNS", 2)
+    (tmp_path / "wide.csv").write_text("t_s,p_a,p_b,x\n0,1,2,3\n1,1,2,3\n")
+    found = info(tmp_path / "wide.csv")
+    assert [topic.name for topic in found.topics] == ["t_s", "p_a"]
+    assert "2 of its 4 columns were not looked at" in found.notes

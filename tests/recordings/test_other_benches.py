@@ -123,6 +123,18 @@ def test_names_and_units_are_taken_over(tmp_path: Path, name: str) -> None:
         assert found.epoch_ns == 1_740_830_400_000_000_000
 
 
+def test_a_log_with_one_number_for_two_topics_is_refused(tmp_path: Path) -> None:
+    path = ulog(tmp_path / "a.ulg")
+    content = path.read_bytes()
+    head = content.index(b"A" + struct.pack("<BH", 0, 0)) - 2
+    length, _ = struct.unpack_from("<HB", content, head)
+    again = struct.pack("<HB", 7, ord("A")) + struct.pack("<BH", 0, 0) + b"else"
+    whole = head + 3 + length
+    path.write_bytes(content[:whole] + again + content[whole:])
+    with pytest.raises(RecordingError, match="topic 0 is declared twice, as '.*' and 'else'"):
+        info(path)
+
+
 def test_ulog_arrays_and_dropouts(tmp_path: Path) -> None:
     entry = {"topic": "fast", "field": "pair[1]", "unit": "A"}
     path = ulog(tmp_path / "a.ulg", dropout=True)

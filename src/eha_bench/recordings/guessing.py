@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import SequenceMatcher
+from functools import lru_cache
 from pathlib import Path
 
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import RecordingError, UnitError
 from eha_bench.core.units import base_unit, factor_and_offset
+from eha_bench.recordings.budget import budget, spending
 from eha_bench.recordings.information import RecordingInformation, info
 from eha_bench.recordings.tables.self_description import named_unit
 from eha_bench.recordings.values import ValueInformation
@@ -31,6 +35,11 @@ _WORDS = {
     "reference": ("reference", "setpoint", "set point", "target", "desired"),
 }
 _ALIASES = frozenset(alias for aliases in _WORDS.values() for alias in aliases)
+_LETTERS = {
+    alias: tuple(Counter(alias).items())
+    for channel, aliases in _WORDS.items()
+    for alias in (channel.replace("_", " "), *aliases)
+}
 _UNIT_AT_END = re.compile(
     r"[_\s]+(bar|mbar|psi|pa|kpa|mpa|mm|cm|m|um|rad|deg|rpm|a|ma|v|mv|n|kn|s|ms|us|ns|degc|c|k)$",
     re.I,
@@ -41,6 +50,8 @@ _SPELT = {
 }  # fmt: skip
 _TIMES = ("time", "timestamp", "t", "stamp", "zeit", "seconds", "sec")
 _LIKE = 0.75
+_SHARE = 0.9
+"""What letters alike count beside whole words."""
 _THE_VALUE = ("data", "fluid_pressure", "temperature", "value")
 """Fields that are all that a message is about: the topic's name tells what that is."""
 _BESIDE = ("variance", "data_offset")
@@ -73,9 +84,10 @@ def first_map(path: str | Path) -> str:
     Raises:
         RecordingError: it is no recording, or holds no numbers.
     """
-    found = info(path)
-    table = all(not topic.encoding for topic in found.topics)
-    guesses = _guesses(found, table=table)
+    with spending(Path(path)):
+        found = info(path)
+        table = all(not topic.encoding for topic in found.topics)
+        guesses = _guesses(found, table=table)
     if not guesses:
         raise RecordingError(f"{path}: it holds no numbers that a channel could be")
     lines = [
@@ -88,12 +100,11 @@ def first_map(path: str | Path) -> str:
     owner: dict[str, Guess] = {}
     for guess in sorted(guesses, key=lambda guess: -guess.likeness):
         owner.setdefault(guess.channel, guess)
-    taken = set(owner)
+    names = _Names(owner)
     for guess in guesses:
         name = guess.channel
         if owner[name] is not guess:
-            name = _unique(guess.place, taken)
-            taken.add(name)
+            name = names.unlike(_plain_name(guess.place))
         known = name in CHANNELS
         unit = guess.unit or (CHANNELS[name].unit if known else "")
         why = guess.reason if known else "no channel is called like it"
@@ -108,6 +119,7 @@ def _guesses(found: RecordingInformation, *, table: bool) -> list[Guess]:
     clocks = {name for name, _ in _clocks(found)} if table else set()
     for topic in found.topics:
         for value in topic.values:
+            budget().tick()
             if table and value.name in clocks:
                 continue
             if table:
@@ -136,13 +148,13 @@ def _guess(title: str, value: ValueInformation, place: str) -> Guess:
         if unit and not _fits(unit, channel):
             continue
         for alias in (channel.replace("_", " "), *aliases):
-            ratio = _like(words, alias)
+            ratio = _like(words, alias, max(likeness, _LIKE))
             if ratio > likeness:
                 best, likeness = channel, ratio
     if not _is_unit(unit):
         unit = ""
     if likeness < _LIKE:
-        return Guess(_unique(place, set()), place, unit, "", 0.0)
+        return Guess(_plain_name(place), place, unit, "", 0.0)
     reason = f"'{title}' is like {best}" + (f", and {unit} fits" if unit else "")
     return Guess(best, place, unit, reason.replace("\n", " "), likeness)
 
@@ -153,7 +165,8 @@ def _words(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", " ", apart.lower()).strip()
 
 
-def _like(words: str, alias: str) -> float:
+def _like(words: str, alias: str, least: float) -> float:
+    """Return how alike they are, 0 to 1; 0 where that is below `least`."""
     if words == alias:
         return 1.0
     # whole words at the end tell most: `/drive/current_cmd`
@@ -161,9 +174,21 @@ def _like(words: str, alias: str) -> float:
         return 0.95
     if len(alias) > 3 and f" {alias} " in f" {words} ":
         return 0.9
-    return SequenceMatcher(None, words, alias).ratio() * 0.9 if len(alias) > 3 else 0.0
+    if len(alias) < 4:
+        return 0.0
+    # two bounds first: in a table of thousands of columns nearly all are far from every alias
+    enough = least * (len(words) + len(alias)) / (2 * _SHARE)
+    if min(len(words), len(alias)) < enough or _in_common(words, alias) < enough:
+        return 0.0
+    return _SHARE * SequenceMatcher(None, words, alias).ratio()
 
 
+def _in_common(words: str, alias: str) -> int:
+    """Return how many letters they share, in whatever order."""
+    return sum(min(count, words.count(letter)) for letter, count in _LETTERS[alias])
+
+
+@lru_cache(maxsize=4096)
 def _fits(unit: str, channel: str) -> bool:
     wanted = CHANNELS[channel].unit
     if not wanted:
@@ -175,6 +200,7 @@ def _fits(unit: str, channel: str) -> bool:
     return True
 
 
+@lru_cache(maxsize=4096)
 def _is_unit(unit: str) -> bool:
     try:
         base_unit(unit)
@@ -211,14 +237,29 @@ def _clock_lines(found: RecordingInformation) -> list[str]:
     return ["sample_rate: 1 kHz  # ASSUMED: no column is called like a time"]
 
 
-def _unique(place: str, taken: set[str]) -> str:
+def _plain_name(place: str) -> str:
     """Return a channel's name for a place that is like no known channel."""
     words = re.sub(r"\b(topic|field|column):", " ", place)
     name = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_") or "channel"
-    unique, number = name, 2
-    while unique in taken or unique == "time":
-        unique, number = f"{name}_{number}", number + 1
-    return unique
+    return name if name != "time" else "time_2"
+
+
+class _Names:
+    """Names that are given once."""
+
+    def __init__(self, taken: Iterable[str]) -> None:
+        self._taken = set(taken)
+        self._next: dict[str, int] = {}
+
+    def unlike(self, name: str) -> str:
+        """Return the name, with a number where it is taken."""
+        unique = name
+        while unique in self._taken:
+            number = self._next.get(name, 2)
+            self._next[name] = number + 1
+            unique = f"{name}_{number}"
+        self._taken.add(unique)
+        return unique
 
 
 def _quoted(text: str) -> str:

@@ -105,6 +105,8 @@ class RecordingInformation:
 
 _MOST_VISITS = 4_000_000
 """Topics whose values are looked at, times topics of the file: each look goes through all."""
+_MOST_COLUMNS = 10_000
+"""Columns of a table whose values are looked at."""
 
 
 def info(path: str | Path) -> RecordingInformation:
@@ -218,8 +220,9 @@ def _of_topic(topic: Topic, stamps: Stamps, start: int) -> TopicInformation:
 
 def _of_table(file: Path, source: TableSource) -> RecordingInformation:
     columns = []
-    units = source.units()
-    for name in source.names():
+    units, names = source.units(), source.names()
+    unseen = len(names) - _MOST_COLUMNS
+    for name in names[:_MOST_COLUMNS]:
         try:
             budget().tick()
             column = source.column(name)
@@ -248,7 +251,10 @@ def _of_table(file: Path, source: TableSource) -> RecordingInformation:
         metadata=source.metadata(),
         attachments={},
         health="damaged" if source.damaged else "good",
-        notes=source.notes,
+        notes=(
+            *source.notes,
+            *([f"{unseen} of its {len(names)} columns were not looked at"] * (unseen > 0)),
+        ),
     )
 
 

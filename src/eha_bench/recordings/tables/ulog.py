@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import mmap
+import struct
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,13 @@ from eha_bench.recordings.tables.grouped import GroupedTable, Series
 from eha_bench.recordings.tables.library import reading_with
 from eha_bench.recordings.track import Stamps
 
+_FILE_HEAD: Final = 16
+_HEAD: Final = struct.Struct("<HB")
+"""Of a message: its length and kind."""
+_SUBSCRIBED: Final = struct.Struct("<BH")
+"""Which instance of a topic has which number; its name follows."""
+_SUBSCRIPTION: Final = ord("A")
+_KINDS: Final = frozenset(b"BFIMPQADRLCSO")
 _TIMES = 8
 """Messages take so many times their size in the file while they are read."""
 
@@ -26,6 +35,7 @@ class UlogSource(GroupedTable):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         budget().hold(_TIMES * path.stat().st_size, "the log")
+        self._refuse_doubles(path)
         with reading_with("pyulog", "ulog", self.path):
             from pyulog import ULog
 
@@ -53,6 +63,36 @@ class UlogSource(GroupedTable):
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
         """What the log says of its system."""
         return {"ulog": self._info} if self._info else {}
+
+    def _refuse_doubles(self, path: Path) -> None:
+        """Refuse a log that gives two topics one number: the library would mix their messages."""
+        topics: dict[int, bytes] = {}
+        size = path.stat().st_size
+        with (
+            path.open("rb") as stream,
+            mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as log,
+        ):
+            place = _FILE_HEAD
+            while place + _HEAD.size <= size:
+                length, kind = _HEAD.unpack_from(log, place)
+                place += _HEAD.size
+                if kind not in _KINDS:
+                    return  # damaged from here on, which the library finds as well
+                if kind == _SUBSCRIPTION and _SUBSCRIBED.size <= length <= size - place:
+                    instance, number = _SUBSCRIBED.unpack_from(log, place)
+                    named = log[place + _SUBSCRIBED.size : place + length] + bytes([instance])
+                    if topics.setdefault(number, named) != named:
+                        one, other = (
+                            text[:-1].decode("utf-8", "replace")[:80]
+                            for text in (topics[number], named)
+                        )
+                        raise RecordingError(
+                            f"topic {number} is declared twice, as '{one}' and '{other}'",
+                            where=Place(file=self.path),
+                            hint="the file is damaged: its messages cannot be told apart",
+                        )
+                place += length
+                budget().tick()
 
     def _keep(self, group: str, fields: Mapping[str, NDArray[Any]]) -> None:
         stamps = fields.get("timestamp")
