@@ -131,7 +131,7 @@ def test_a_log_with_one_number_for_two_topics_is_refused(tmp_path: Path) -> None
     again = struct.pack("<HB", 7, ord("A")) + struct.pack("<BH", 0, 0) + b"else"
     whole = head + 3 + length
     path.write_bytes(content[:whole] + again + content[whole:])
-    with pytest.raises(RecordingError, match="topic 0 is declared twice, as '.*' and 'else'"):
+    with pytest.raises(RecordingError, match=r"topic 0 is declared twice, as '.*' and 'else'"):
         info(path)
 
 
