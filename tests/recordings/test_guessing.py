@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from eha_bench.recordings import guessing, info
+from eha_bench.recordings.budget import OutOfTime
 from eha_bench.recordings.guessing import first_map
 
 
@@ -60,3 +61,21 @@ def test_of_a_very_wide_table_the_first_columns_are_looked_at(
     found = info(tmp_path / "wide.csv")
     assert [topic.name for topic in found.topics] == ["t_s", "p_a"]
     assert "2 of its 4 columns were not looked at" in found.notes
+    assert found.unseen == 2
+    assert "# 2 more topics or columns were not looked at" in first_map(tmp_path / "wide.csv")
+
+
+def test_no_column_is_looked_at_when_time_is_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "wide.csv").write_text("t_s,p_a,p_b,x\n0,1,2,3\n1,1,2,3\n")
+    asked: list[str] = []
+
+    def late(_: object, name: str) -> None:
+        asked.append(name)
+        raise OutOfTime("it takes more than 3 s")
+
+    monkeypatch.setattr("eha_bench.recordings.tables.csv_source.CsvSource.column", late)
+    found = info(tmp_path / "wide.csv")
+    assert asked == ["t_s"]
+    assert found.notes[-2:] == ("it takes more than 3 s", "4 of its 4 columns were not looked at")

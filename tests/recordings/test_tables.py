@@ -323,6 +323,15 @@ def test_a_damaged_mat_file_is_read_up_to_the_damage(tmp_path: Path, frame: pd.D
         recordings.read(tmp_path / "c.mat", channels=MAP)
 
 
+def test_a_mat_array_that_stands_twice_is_no_good_file(tmp_path: Path, frame: pd.DataFrame) -> None:
+    savemat(tmp_path / "log.mat", {name: frame[name].to_numpy() for name in frame})
+    content = (tmp_path / "log.mat").read_bytes()
+    (tmp_path / "log.mat").write_bytes(content + content[128:])
+    found = recordings.info(tmp_path / "log.mat")
+    assert found.health == "damaged"
+    assert "stands in it twice" in found.notes[0]
+
+
 def test_mat_arrays_are_those_of_scipy(tmp_path: Path) -> None:
     from scipy.io import loadmat
 

@@ -26,6 +26,10 @@ class OverBudget(RecordingError):
     """Reading the recording would take more than it may."""
 
 
+class OutOfTime(OverBudget):
+    """There is no time left for any part of it."""
+
+
 @dataclass(frozen=True)
 class ReadingLimits:
     """What somebody allows a file, whatever its size; None for the default.
@@ -71,7 +75,7 @@ class ReadingBudget:
         """Check that there is time left; called from every loop whose length a file decides.
 
         Raises:
-            OverBudget: there is none.
+            OutOfTime: there is none.
         """
         now = time.monotonic()
         if now < self._next_look:
@@ -79,7 +83,7 @@ class ReadingBudget:
         # asking for the processor's time may take a hundred times as long as a look at the clock
         self._next_look = now + _LOOK_EVERY
         if time.process_time() > self._end:
-            raise OverBudget(
+            raise OutOfTime(
                 f"it takes more than the {self.seconds:.3g} s that a file of this size may take",
                 where=self._where,
                 hint="if you trust the file, allow more with --max-time",

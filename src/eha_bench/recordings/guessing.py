@@ -94,6 +94,8 @@ def first_map(path: str | Path) -> str:
         f"# A first channel map of {Path(path).name}, GUESSED from names and units:",
         "# check every line. value = (raw * scale + offset) in `unit`, then SI",
     ]
+    if found.unseen:
+        lines.append(f"# {found.unseen} more topics or columns were not looked at")
     if table:
         lines += _clock_lines(found)
     lines.append("channels:")

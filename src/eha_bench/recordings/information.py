@@ -11,7 +11,7 @@ import numpy as np
 
 from eha_bench.core.errors import RecordingError
 from eha_bench.recordings import sample
-from eha_bench.recordings.budget import budget, spending
+from eha_bench.recordings.budget import OutOfTime, budget, spending
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import READ_ENCODINGS, UnreadableTopic
 from eha_bench.recordings.encodings.field_path import FieldPath
@@ -81,6 +81,7 @@ class RecordingInformation:
         attachments: size in bytes by name.
         health: `good`, or `damaged` if something is lost.
         notes: what was found, one sentence each.
+        unseen: topics or columns whose values were not looked at, since there are too many.
         schema_version: version of this description.
     """
 
@@ -96,6 +97,7 @@ class RecordingInformation:
     attachments: Mapping[str, int]
     health: str
     notes: tuple[str, ...]
+    unseen: int = 0
     schema_version: int = SCHEMA_VERSION
 
     def as_dict(self) -> dict[str, Any]:
@@ -157,6 +159,7 @@ def _described(file: Path) -> RecordingInformation:
         attachments={name: len(data) for name, data in source.attachments().items()},
         health="damaged" if source.damaged or problem else "good",
         notes=notes,
+        unseen=unseen,
     )
 
 
@@ -221,7 +224,7 @@ def _of_topic(topic: Topic, stamps: Stamps, start: int) -> TopicInformation:
 def _of_table(file: Path, source: TableSource) -> RecordingInformation:
     columns = []
     units, names = source.units(), source.names()
-    unseen = len(names) - _MOST_COLUMNS
+    late: tuple[str, ...] = ()
     for name in names[:_MOST_COLUMNS]:
         try:
             budget().tick()
@@ -237,8 +240,12 @@ def _of_table(file: Path, source: TableSource) -> RecordingInformation:
                     values=(ValueInformation.of(name, unit, looked_at),),
                 )
             )
+        except OutOfTime as error:
+            late = (error.what,)
+            break
         except RecordingError as error:
             columns.append(TopicInformation(name, "", "", 0, readable=error.what))
+    unseen = len(names) - len(columns)
     return RecordingInformation(
         path=str(file),
         format=source.format,
@@ -253,8 +260,10 @@ def _of_table(file: Path, source: TableSource) -> RecordingInformation:
         health="damaged" if source.damaged else "good",
         notes=(
             *source.notes,
+            *late,
             *([f"{unseen} of its {len(names)} columns were not looked at"] * (unseen > 0)),
         ),
+        unseen=unseen,
     )
 
 

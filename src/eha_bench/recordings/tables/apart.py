@@ -25,7 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import EhaBenchError, Place, RecordingError
-from eha_bench.recordings.budget import OverBudget, ReadingBudget, budget, limited, spending
+from eha_bench.recordings.budget import (
+    OutOfTime,
+    OverBudget,
+    ReadingBudget,
+    budget,
+    limited,
+    spending,
+)
 from eha_bench.recordings.channel_map import ChannelMap
 from eha_bench.recordings.tables.grouped import GroupedTable, Series
 from eha_bench.recordings.track import Stamps
@@ -47,6 +54,7 @@ _PATIENCE = 60.0
 _GRACE = 2
 """Seconds of processor time beyond the budget, in which it is said that there is no more."""
 _LONGEST = 64 << 20
+_OVER = (OutOfTime, OverBudget)
 
 
 class ApartTable(GroupedTable):
@@ -173,7 +181,10 @@ class ApartTable(GroupedTable):
         if len(raw) < size:
             raise self._crashed()
         if "error" in answer_head:
-            kind = OverBudget if answer_head["over"] else RecordingError
+            self._torn |= bool(answer_head["torn"])
+            kind = next(
+                (kind for kind in _OVER if kind.__name__ in answer_head["over"]), RecordingError
+            )
             place = {key: answer_head["place"][key] for key in ("file", "line", "key", "topic")}
             raise kind(answer_head["error"], where=Place(**place), hint=answer_head["hint"])
         return answer_head, raw
@@ -270,8 +281,9 @@ def serve(kind: str, path: Path, questions: BinaryIO, answers: BinaryIO) -> None
     def refuse(error: EhaBenchError) -> None:
         where = error.where
         place = {"file": where.file, "line": where.line, "key": where.key, "topic": where.topic}
-        over = isinstance(error, OverBudget)
-        say({"error": error.what, "hint": error.hint, "place": place, "over": over})
+        over = [kind.__name__ for kind in _OVER if isinstance(error, kind)][:1]
+        torn = source is not None and source.damaged
+        say({"error": error.what, "hint": error.hint, "place": place, "over": over, "torn": torn})
 
     def opened() -> tuple[Mapping[str, Any], bytes]:
         nonlocal source

@@ -122,6 +122,8 @@ class _ArrayReader:
         name = name or bytes(own[1]).decode("latin-1")
         if not name or len(self.found.numbers) + len(self.found.others) > _MOST:
             return  # a function's workspace has no name
+        if name in self.found.numbers or name in self.found.others:
+            raise DamagedMat(f"'{name}' stands in it twice")
         if kind == 17:  # an object of a class: it has no shape
             self.found.others[name] = "an object"
             return

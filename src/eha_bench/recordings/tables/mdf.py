@@ -129,6 +129,7 @@ class MdfSource(GroupedTable):
                 f"'{found.name[:80]}' holds records, no numbers", where=Place(file=self.path)
             )
         if len(values) != rows:
+            self._torn = True
             raise RecordingError(
                 f"'{found.name[:80]}' holds {len(values)} samples, not the {rows} declared",
                 where=Place(file=self.path),
@@ -147,6 +148,7 @@ class MdfSource(GroupedTable):
         with reading_with("asammdf", "mdf", self.path):
             seconds = np.asarray(log.get_master(group), dtype=np.float64)
         if len(seconds) != rows or not np.all(np.abs(seconds) < 2**32):
+            self._torn = True
             raise RecordingError(
                 "the clock of a channel group is damaged", where=Place(file=self.path)
             )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import mmap
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -14,6 +16,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.encodings.field_path import ArrayItem, Attribute, FieldPath, Step
 from eha_bench.recordings.naming import among
+from eha_bench.recordings.tables.parquet_pages import NoPage, pages_of
 from eha_bench.recordings.tables.table import TableSource
 
 DESCRIPTION: Final = b"eha_bench"
@@ -44,6 +47,8 @@ class ParquetSource(TableSource):
         # made anew at every access, and as long as the table is wide
         self._schema = self._file.schema_arrow
         self._names = tuple(self._schema.names)
+        self._rows = self._file.metadata.num_rows
+        self._leaves = self._file.metadata.num_columns
         self._describe()
 
     def _describe(self) -> None:
@@ -127,9 +132,7 @@ class ParquetSource(TableSource):
         owner = name if name in self.names() else self._owner(name)
         steps = FieldPath.parse(name).steps[1:] if owner != name else ()
         stored = self._stored(owner, steps, where)
-        values, size = self._sizes(stored)
-        # a run of equal values or of nothing takes a few bytes of the file, however long it is
-        budget().hold(_NUMBER * values + size, f"'{name}'")
+        self._hold(stored, name, where)
         try:
             column = self._file.read(columns=[stored]).column(owner)
             for step in steps:
@@ -144,8 +147,8 @@ class ParquetSource(TableSource):
                 column = column.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.duration("ns"))
             found: NDArray[Any] = column.to_numpy()
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-            raise RecordingError(
-                f"cannot be read ({' '.join(str(error).split())[:200]})", where=where
+            raise self._damaged(
+                f"cannot be read ({' '.join(str(error).split())[:200]})", where
             ) from error
         if not found.size:
             raise RecordingError("the table is empty", where=where, hint="record it again")
@@ -194,29 +197,88 @@ class ParquetSource(TableSource):
             raise RecordingError("the column does not hold numbers", where=where)
         return path
 
-    def _sizes(self, path: str) -> tuple[int, int]:
-        """Return how many values are stored under a path, and their bytes once decompressed."""
-        values, size = self._file.metadata.num_rows, 0
-        for stored, (count, taken) in self._stored_sizes.items():
-            if stored == path or stored.startswith(f"{path}."):
-                values, size = max(values, count), size + taken
-        return values, size
+    def _hold(self, path: str, owner: str, where: Place) -> None:
+        """Hold what is stored under a path against the budget, and the index against the pages.
+
+        Raises:
+            RecordingError: the pages hold another number of values than the index at the end says.
+            OverBudget: it would take too much.
+        """
+        chunks = self._chunks.get(path, [])
+        values = max(self._rows, sum(chunk.values for chunk in chunks))
+        size = sum(chunk.size for chunk in chunks)
+        # a run of equal values or of nothing takes a few bytes of the file, however long it is
+        budget().hold(_NUMBER * values + size, f"'{owner}'")
+        size = 0
+        for chunk in chunks:
+            try:
+                found = pages_of(self._content, chunk.start, chunk.end)
+            except NoPage as error:
+                raise self._damaged(f"its pages are damaged: {error}", where) from error
+            if found.values != chunk.values or (
+                chunk.rows is not None and chunk.rows != chunk.values
+            ):
+                rows = chunk.values if chunk.rows is None else chunk.rows
+                raise self._damaged(
+                    f"its pages hold {found.values} values, not the {rows} that the file's index "
+                    "declares",
+                    where,
+                )
+            size += found.size
+        budget().hold(_NUMBER * values + size, f"'{owner}'")
+
+    def _damaged(self, what: str, where: Place) -> RecordingError:
+        self._torn = True
+        return RecordingError(what, where=where, hint="the file is damaged: record it again")
 
     @cached_property
-    def _stored_sizes(self) -> dict[str, tuple[int, int]]:
-        """How many values and bytes each path of the file holds, over all row groups."""
-        sizes: dict[str, tuple[int, int]] = {}
+    def _content(self) -> mmap.mmap:
+        with Path(self.path).open("rb") as stream:
+            return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+
+    @cached_property
+    def _chunks(self) -> dict[str, list[_Chunk]]:
+        """What is stored under each path, over all row groups and all that a struct holds."""
+        chunks: dict[str, list[_Chunk]] = {}
+        schema = self._file.schema
+        flat = [schema.column(place).max_repetition_level == 0 for place in range(self._leaves)]
         for number in range(self._file.metadata.num_row_groups):
             group = self._file.metadata.row_group(number)
             for place in range(group.num_columns):
                 budget().tick()
                 part = group.column(place)
-                count, taken = sizes.get(part.path_in_schema, (0, 0))
-                sizes[part.path_in_schema] = (
-                    count + max(part.num_values, 0),
-                    taken + max(part.total_uncompressed_size, 0),
+                start = part.data_page_offset
+                if part.dictionary_page_offset and 0 < part.dictionary_page_offset < start:
+                    start = part.dictionary_page_offset
+                chunk = _Chunk(
+                    start,
+                    start + max(part.total_compressed_size, 0),
+                    max(part.num_values, 0),
+                    max(part.total_uncompressed_size, 0),
+                    group.num_rows if flat[place] else None,
                 )
-        return sizes
+                steps = part.path_in_schema.split(".")
+                for depth in range(1, len(steps) + 1):
+                    chunks.setdefault(".".join(steps[:depth]), []).append(chunk)
+        return chunks
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """A leaf of the table in one row group, as the index at the file's end describes it.
+
+    Attributes:
+        start, end: where its pages lie.
+        values: how many, nulls too.
+        size: bytes once decompressed.
+        rows: of the row group, each with one value; None where a value is a list.
+    """
+
+    start: int
+    end: int
+    values: int
+    size: int
+    rows: int | None
 
 
 def _is_list(kind: Any) -> bool:

@@ -101,6 +101,7 @@ class TdmsSource(GroupedTable):
         with reading_with("nptdms", "tdms", self.path):
             values: NDArray[Any] = np.asarray(channel[:])
         if len(values) != len(channel):
+            self._torn = True
             raise RecordingError(
                 f"'{channel.name[:80]}' holds {len(values)} samples, not {len(channel)}",
                 where=Place(file=self.path),
