@@ -123,6 +123,26 @@ def test_names_and_units_are_taken_over(tmp_path: Path, name: str) -> None:
         assert found.epoch_ns == 1_740_830_400_000_000_000
 
 
+@pytest.mark.parametrize("compression", [0, 2])
+def test_samples_beyond_the_count_of_an_mdf_are_said(tmp_path: Path, compression: int) -> None:
+    path = tmp_path / "a.mf4"
+    with MDF(version="4.10") as log:
+        log.append([Signal(PRESSURE, TIME, name="pressure_a", unit="bar")])
+        log.save(path, overwrite=True, compression=compression)
+    whole = info(path)
+    assert (whole.health, whole.notes) == ("good", ())
+    content = bytearray(path.read_bytes())
+    group = content.index(b"##CG")
+    links = struct.unpack_from("<Q", content, group + 16)[0]
+    place = group + 24 + 8 * links + 8
+    assert struct.unpack_from("<Q", content, place)[0] == COUNT
+    struct.pack_into("<Q", content, place, COUNT // 2)
+    path.write_bytes(content)
+    found = info(path)
+    assert found.health == "damaged"
+    assert f"declares {COUNT // 2} samples, its data hold {COUNT}" in found.notes[0]
+
+
 def test_a_log_with_one_number_for_two_topics_is_refused(tmp_path: Path) -> None:
     path = ulog(tmp_path / "a.ulg")
     content = path.read_bytes()

@@ -34,6 +34,7 @@ class Hdf5Source(GroupedTable):
         super().__init__(path)
         self._left_out: dict[str, str] = {}
         self._attributes: dict[str, str] = {}
+        self._records: tuple[str, NDArray[Any]] = ("", np.empty(0))
         with reading_with("h5py", "hdf5", self.path):
             import h5py
 
@@ -118,8 +119,11 @@ class Hdf5Source(GroupedTable):
     def _read(self, path: str, dataset: Any, field: str) -> NDArray[Any]:
         budget().hold(dataset.size * dataset.dtype.itemsize, f"'{path[:80]}'")
         with reading_with("h5py", "hdf5", self.path):
-            values: NDArray[Any] = np.asarray(dataset[()] if not field else dataset[field])
-            return _column(values)
+            if not field:
+                return _column(np.asarray(dataset[()]))
+            if self._records[0] != path:  # one field after the other takes as long as all of them
+                self._records = (path, np.asarray(dataset[()]))
+            return _column(self._records[1][field])
 
 
 class Mat73Source(Hdf5Source):

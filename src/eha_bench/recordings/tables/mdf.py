@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import mmap
 import re
 import weakref
 from collections.abc import Mapping
@@ -21,6 +22,7 @@ from eha_bench.recordings.budget import budget
 from eha_bench.recordings.channel_map import ChannelMap
 from eha_bench.recordings.tables.grouped import GroupedTable, Series
 from eha_bench.recordings.tables.library import reading_with
+from eha_bench.recordings.tables.mdf_blocks import stored_bytes
 from eha_bench.recordings.track import Stamps
 
 OWN: Final = "written by eha-bench"
@@ -52,6 +54,7 @@ class MdfSource(GroupedTable):
             self._start = int(getattr(header, "abs_time", 0) or 0)
             comment = str(getattr(header, "comment", "") or "")
             self._take(self._log)
+            self._look_for_more(self._log)
         self._comment: dict[str, str] = {"comment": comment[:1000]} if comment else {}
         own = _OWN.search(html.unescape(comment))
         if own is not None:
@@ -115,6 +118,25 @@ class MdfSource(GroupedTable):
                 self._clocks[name] = partial(self._stamps_of, log, number, rows)
             elif name:
                 self._notes.append(f"the group '{name[:80]}' has no clock of its own")
+
+    def _look_for_more(self, log: Any) -> None:
+        """Compare what the groups declare with what their data hold."""
+        if not self._series or str(log.version) < "4":
+            return
+        with self._path.open("rb") as stream:
+            content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+        for number, group in enumerate(log.groups):
+            head = group.channel_group
+            record = int(head.samples_byte_nr + head.invalidation_bytes_nr)
+            if group.data_group.record_id_len or not record:
+                continue  # records of several groups lie among each other
+            stored = stored_bytes(content, int(group.data_group.data_block_addr))
+            if stored is not None and stored // record > head.cycles_nr:
+                self._torn = True
+                self._notes.append(
+                    f"the group '{_called(group, number)[:80]}' declares {head.cycles_nr} samples, "
+                    f"its data hold {stored // record}: what is beyond the count was not read"
+                )
 
     def _samples(self, log: Any, group: int, index: int, rows: int) -> NDArray[Any]:
         """Return the physical values of a channel; NaN where they are marked as invalid."""
