@@ -12,9 +12,9 @@ from functools import lru_cache
 from pathlib import Path
 
 from eha_bench.core.channels import CHANNELS
-from eha_bench.core.errors import RecordingError, UnitError
+from eha_bench.core.errors import Place, RecordingError, UnitError
 from eha_bench.core.units import base_unit, factor_and_offset
-from eha_bench.recordings.budget import budget, spending
+from eha_bench.recordings.budget import OverBudget, budget, spending
 from eha_bench.recordings.information import RecordingInformation, info
 from eha_bench.recordings.tables.self_description import named_unit
 from eha_bench.recordings.values import ValueInformation
@@ -88,6 +88,13 @@ def first_map(path: str | Path) -> str:
         found = info(path)
         table = all(not topic.encoding for topic in found.topics)
         guesses = _guesses(found, table=table)
+    if not guesses and found.unseen:
+        raise OverBudget(
+            f"no number was found in the time that a file of this size may take; {found.unseen} "
+            "of its topics or columns were not looked at",
+            where=Place(file=str(path)),
+            hint="if you trust the file, allow more with --max-time",
+        )
     if not guesses:
         raise RecordingError(f"{path}: it holds no numbers that a channel could be")
     lines = [

@@ -130,9 +130,15 @@ def _described(file: Path) -> RecordingInformation:
     own = sample.is_own(source.metadata())
     stamps = {name: track.stamps for name, track in tracks.items()}
     filled = [topic for topic in topics if stamps[topic.name].size]
-    looked = filled[: max(1, _MOST_VISITS // max(len(topics), 1))]
-    values = {topic.name: _values_of(source, topic, own=own) for topic in looked}
-    unseen = len(filled) - len(looked)
+    values: dict[str, tuple[ValueInformation, ...]] = {}
+    late: tuple[str, ...] = ()
+    for topic in filled[: max(1, _MOST_VISITS // max(len(topics), 1))]:
+        try:
+            values[topic.name] = _values_of(source, topic, own=own)
+        except OutOfTime as error:
+            late = (error.what,)
+            break
+    unseen = len(filled) - len(values)
     start = min((int(times.min()) for times in stamps.values() if times.size), default=0)
     end = max((int(times.max()) for times in stamps.values() if times.size), default=start)
     records = source.metadata()
@@ -141,6 +147,7 @@ def _described(file: Path) -> RecordingInformation:
         *source.notes,
         *source.skipped(),
         *([problem] if problem else []),
+        *late,
         *([f"the values of {unseen} of {len(topics)} topics were not read"] * bool(unseen)),
     )
     return RecordingInformation(
@@ -174,6 +181,8 @@ def _values_of(source: Source, topic: Topic, *, own: bool) -> tuple[ValueInforma
         fields = tuple(names) or number_fields(topic.encoded, source.example(topic.name))
         paths = tuple(FieldPath.parse(field) for field in fields)
         track = source.tracks({topic.name: Wanted(paths, Clock.LOG)})[topic.name]
+    except OutOfTime:
+        raise
     except (UnreadableTopic, RecordingError, ValueError):
         return ()
     return tuple(

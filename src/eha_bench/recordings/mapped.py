@@ -25,6 +25,7 @@ from eha_bench.recordings.series import (
     seconds_in_place,
     unwrapped,
 )
+from eha_bench.recordings.shared_memory import SharedMemory
 from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.track import Column, Stamps, Track, freeze
@@ -139,17 +140,19 @@ def _recording(
     time = _time(aligned.stamps, epoch) if exact is None else exact
     notes = [*read.notes, *aligned.notes]
     values: dict[str, Column] = {}
+    memory = SharedMemory(aligned.columns)
     for name, entry in read.mapping.channels.items():
         topic, column = read.keys[name]
         raw = aligned.columns.pop(name)
+        shared = memory.leave(name)
         kind = read.tracks[topic].kinds.get(column, "")
         notes += rounding_note(name, raw, kind)
-        raw, found = unwrapped(name, raw, kind, entry, time)
+        plain, found = unwrapped(name, raw, kind, entry, time)
         notes += found
-        if any(np.may_share_memory(raw, other) for other in aligned.columns.values()):
-            raw = raw.copy()
+        if shared and np.may_share_memory(plain, raw):
+            plain = plain.copy()
         factor, offset = read.mapping.to_si(name)
-        values[name] = _affine(_affine(raw, entry.scale, entry.offset), factor, offset)
+        values[name] = _affine(_affine(plain, entry.scale, entry.offset), factor, offset)
         notes += nan_note(name, values[name], time)
     for array in (time, *values.values()):
         freeze(array)

@@ -14,12 +14,14 @@ from eha_bench.recordings.bags.bag1_records import (
     CHUNK,
     CHUNK_INFO,
     CONNECTION,
+    INDEX,
     MESSAGE,
     Record,
     RecordsFound,
     chunk_counts,
     chunk_times,
     connection,
+    index_problem,
     messages,
     torn_chunk,
     u32,
@@ -186,5 +188,10 @@ class Bag1Source(BagFile):
             if times is not None:
                 self._times[times[0]] = times[1]
                 self._counts[times[0]] = chunk_counts(record, data)
+        elif record.op == INDEX:
+            problem = index_problem(record)
+            if problem:
+                self._damaged = True
+                self._notes.append(problem)
         elif record.op == MESSAGE:
             self._loose = True

@@ -16,12 +16,14 @@ from eha_bench.recordings.budget import budget
 from eha_bench.recordings.encodings.decoder import Encoded
 from eha_bench.recordings.encodings.payloads import Bytes
 
-MESSAGE, BAG_HEADER, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 5, 6, 7
+MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 4, 5, 6, 7
 _TICK = 4096
 _AS_OBJECTS = 160
 """Bytes that a message's four numbers take before they are an array."""
 _LENGTH = struct.Struct("<I")
 _TIME = struct.Struct("<II")
+_INDEX_ENTRY = 12
+"""Bytes: a time and a place."""
 
 Fields = dict[str, bytes]
 
@@ -198,6 +200,17 @@ def connection(record: Record, data: memoryview) -> Connection | None:
     )
     topic = record.fields["topic"].decode("utf-8", "replace")
     return Connection(u32(number), topic, encoded)
+
+
+def index_problem(record: Record) -> str:
+    """Return how the count of an index record differs from what it lists, empty if it does not."""
+    declared, there = u32(record.fields.get("count", b"")), record.stop - record.start
+    if declared * _INDEX_ENTRY == there:
+        return ""
+    return (
+        f"the index at byte {record.start} counts {declared} messages and lists "
+        f"{there // _INDEX_ENTRY}"
+    )
 
 
 def chunk_counts(record: Record, data: memoryview) -> dict[int, int]:

@@ -14,6 +14,7 @@ from eha_bench.recordings.bags.bag_file import BagFile
 from eha_bench.recordings.bags.blobs import Batch, Connection, joined
 from eha_bench.recordings.budget import OverBudget, budget
 from eha_bench.recordings.encodings.decoder import Encoded
+from eha_bench.recordings.naming import shown
 
 _BATCH = 8192
 _ROW = 200
@@ -97,13 +98,28 @@ class SqliteSource(BagFile):
                         " FROM message_definitions"
                     )
                 }
-            found = {}
+            found: dict[int, Connection] = {}
+            declared: dict[str, Encoded] = {}
             for number, topic, kind, encoding in database.execute(
                 "SELECT id, name, type, serialization_format FROM topics"
             ):
                 written, text = schemas.get(str(kind), ("", b""))
                 encoded = Encoded(str(encoding), str(kind), written, text)
+                if declared.setdefault(str(topic), encoded) != encoded:
+                    self._damaged = True
+                    self._conflicts.add(str(topic))
+                    known = declared[str(topic)].schema_name
+                    self._notes.append(
+                        f"topic '{shown([str(topic)])}' is declared twice, as '{shown([known])}' "
+                        f"and '{shown([str(kind)])}': its messages are not read"
+                    )
                 found[int(number)] = Connection(int(number), str(topic), encoded)
+            strangers = database.execute(
+                "SELECT count(*) FROM messages WHERE topic_id NOT IN (SELECT id FROM topics)"
+            ).fetchone()[0]
+            if strangers:
+                self._damaged = True
+                self._notes.append(f"{strangers} messages belong to no topic; they are left out")
             return found
 
     def _batches(self, topics: set[str]) -> Iterator[Batch]:
