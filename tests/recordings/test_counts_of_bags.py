@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from eha_bench.recordings import info
+from eha_bench.recordings import info, read
 from eha_bench.recordings.shared_memory import SharedMemory
 
 COUNT = 200
@@ -69,6 +70,25 @@ def test_topics_of_a_rosbag2_that_are_not_what_they_say(bag: Path, change: str, 
     found = info(bag)
     assert found.health == "damaged"
     assert said in found.notes[0]
+
+
+def test_times_that_no_clock_gives_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "late.mcap"
+    with path.open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+        channel = writer.register_channel("/f", "cdr", schema)
+        for k in range(10):
+            stamp = 2**63 + k * 1000
+            writer.add_message(channel, stamp, b"\0\1\0\0" + bytes(8), stamp)
+        writer.finish()
+    said = "topic '/f': 10 of 10 messages have a time out of range"
+    mapping = {"channels": {"force": {"topic": "/f", "field": "data", "unit": "N"}}}
+    assert said in read(path, channels=mapping).notes
+    found = info(path)
+    assert said in found.notes
+    assert found.health == "damaged"
 
 
 def test_columns_of_one_memory_are_known_without_comparing_all_pairs() -> None:

@@ -21,7 +21,7 @@ from eha_bench.recordings.series import gaps, irregularity, typical_step
 from eha_bench.recordings.source import Source, Topic, Wanted
 from eha_bench.recordings.tables.self_description import named_unit
 from eha_bench.recordings.tables.table import TableSource
-from eha_bench.recordings.track import Stamps
+from eha_bench.recordings.track import Stamps, beyond_range
 from eha_bench.recordings.values import ValueInformation
 
 SCHEMA_VERSION = 1
@@ -143,8 +143,10 @@ def _described(file: Path) -> RecordingInformation:
     end = max((int(times.max()) for times in stamps.values() if times.size), default=start)
     records = source.metadata()
     problem = _description_problem(source, records)
+    beyond = [note for name, times in stamps.items() if (note := beyond_range(name, times))]
     notes = (
         *source.notes,
+        *beyond,
         *source.skipped(),
         *([problem] if problem else []),
         *late,
@@ -164,7 +166,7 @@ def _described(file: Path) -> RecordingInformation:
         channels=dict(records.get(sample.UNITS, {})),
         metadata={name: dict(record) for name, record in records.items()},
         attachments={name: len(data) for name, data in source.attachments().items()},
-        health="damaged" if source.damaged or problem else "good",
+        health="damaged" if source.damaged or problem or beyond else "good",
         notes=notes,
         unseen=unseen,
     )

@@ -28,7 +28,7 @@ from eha_bench.recordings.series import (
 from eha_bench.recordings.shared_memory import SharedMemory
 from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
 from eha_bench.recordings.tables.table import TableSource
-from eha_bench.recordings.track import Column, Stamps, Track, freeze
+from eha_bench.recordings.track import Column, Stamps, Track, beyond_range, freeze
 
 _SECOND = 1_000_000_000
 
@@ -125,7 +125,11 @@ def _read(source: Source, mapping: ChannelMap, span: TimeSpan) -> _SourceRead:
     keys, wanted = _wanted(source, mapping)
     tracks, zero = _tracks(source, mapping, wanted, span)
     _refuse_lost(source, tracks)
-    notes = [*source.notes, *source.skipped(), *strangers, *left_out]
+    beyond: list[str] = []
+    if not isinstance(source, TableSource) and mapping.clock is not Clock.HEADER:
+        found = (beyond_range(topic, track.stamps) for topic, track in tracks.items())
+        beyond = [note for note in found if note]
+    notes = [*source.notes, *source.skipped(), *beyond, *strangers, *left_out]
     return _SourceRead(mapping, tracks, keys, zero, notes, sensors)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
+from eha_bench.recordings.naming import shown
 
 Stamps = NDArray[np.int64]
 Column = FloatArray
@@ -156,3 +157,11 @@ class StampColumn:
         assert self._leader is not None
         stamps = self._leader.finish()
         return stamps if stamps.size == self._count else stamps[: self._count]
+
+
+def beyond_range(topic: str, stamps: Stamps) -> str:
+    """Return a note on stamps that no clock gives, of 2^63 ns and more; empty if there are none."""
+    count = int(np.count_nonzero(stamps < 0))
+    if not count:
+        return ""
+    return f"topic '{shown([topic])}': {count} of {stamps.size} messages have a time out of range"
