@@ -269,7 +269,7 @@ def _judged(pairs: Sequence[_Pair], looks: Sequence[float]) -> list[Compared]:
 
 
 def _dependence(pairs: Sequence[_Pair]) -> dict[int, FloatArray]:
-    """Return, by place, the prior of how alike neighbouring repeats are, where they can be seen."""
+    """Return, by place, the prior of the correlation of neighbouring repeats where it is seen."""
     seen = {
         place: likelihood
         for place, pair in enumerate(pairs)

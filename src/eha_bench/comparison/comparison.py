@@ -52,7 +52,7 @@ class Compared:
         p_difference, p_beyond, p_same: p-values of 'no difference', of 'differs by no more than
             the margin' and of 'differs by the margin or more', corrected for all metrics looked
             at (Holm).
-        verdict: what is said.
+        verdict: of the comparison.
         more_repeats: on each side, that would decide with 80 % probability; None if unknown.
         method: how it was tested.
         reason: why it is not compared or not decided, or what else there is to say.

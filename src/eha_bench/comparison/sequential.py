@@ -24,7 +24,7 @@ _GROWTH = 1.25
 def shares(repeats: int) -> tuple[float, ...]:
     """Return the share of the error rate at each look, one a pair, the later the larger.
 
-    Element i belongs to the look at i + 1 pairs; 0 where nobody looks.
+    Element i belongs to the look at i + 1 pairs; 0 where there is no look.
     """
     first = min(FIRST_LOOK, repeats)
     weights = [0.0] * (first - 1) + [_GROWTH**i for i in range(repeats - first + 1)]

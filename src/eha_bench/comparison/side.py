@@ -127,7 +127,7 @@ def load_side(path: str | Path) -> Side:
         )
     aside = () if own.is_file() else tuple(file for file in files if _is_set_aside(file, path))
     found = [(Result.read(file), file.parent) for file in files if file not in aside]
-    # in the order of their runs: neighbours may be alike
+    # in the order of their runs: neighbours may be correlated
     found.sort(key=lambda entry: entry[0].provenance.get("started", ""))
     return Side(str(path), tuple(found), tuple(file.parent for file in aside))
 

@@ -222,7 +222,7 @@ def odds(
     Args:
         rivals: explanations. layout: of the rows.
         grams: inner products up to the end of each block, (blocks, rows, rows).
-        before: length of the recordings that there are already, which rivals fit alike, s.
+        before: length of the recordings that there are already, which rivals fit equally well, s.
     """
     count, blocks = len(rivals), len(grams)
     total = before / BLOCK + np.arange(1, blocks + 1)

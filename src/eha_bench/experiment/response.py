@@ -21,7 +21,7 @@ from eha_bench.plants.plant import Drive
 STEP = 3.4e-4
 """Integration step, s: as coarse as while a diagnosis searches, where differences count."""
 MEMORY = 0.02
-"""How long an unexplained remainder stays alike, s: what it adds up to is no white noise."""
+"""Correlation time of an unexplained remainder, s: it does not average out as white noise does."""
 _SIGMAS = 4.0
 """Noise, in standard deviations, that a reading has to stay off a limit: one sample in 16,000."""
 _REMAINDER = 3.0

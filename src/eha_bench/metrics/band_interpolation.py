@@ -30,7 +30,7 @@ class CrossingCurve:
     Attributes:
         values: (n,) at the response's frequencies.
         sd: (n,) standard deviations.
-        common: what moves all values alike.
+        common: uncertainty that all values share.
     """
 
     values: FloatArray

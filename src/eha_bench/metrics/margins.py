@@ -4,8 +4,8 @@ A loop that compares the reference with the measurement has T = L / (1 + L) from
 measurement, so L = T / (1 - T), and 1 / L = 1 / T - 1, which is interpolated: for poles without
 zeros its real part is a polynomial of f^2, and its imaginary part over f as well. What a controller
 adds on other ways (feedforward, inner loops) is part of this L: the margins are those of the loop
-with unity feedback that answers alike. They can be estimated only where the reference excited
-the loop at its crossover, and the points there are reliable.
+with unity feedback that answers the same way. They can be estimated only where the reference
+excited the loop at its crossover, and the points there are reliable.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ def phase_lag(tone: ToneResponse, factor: float, convention: str) -> Measure:
     """Return the lag in rad times a factor.
 
     In [-90, 270) degrees, where the response does not set in later than that: each whole turn that
-    its onset is later counts. Where a lag of so many turns is as likely, it is said.
+    its onset is later counts. Where a lag of more turns is as likely, the reason says so.
     """
     if abs(tone.response.value) < 3.0 * math.sqrt(tone.response.variance) or tone.ratio == 0.0:
         raise NotScored("the response's fundamental is lost in its noise: it has no phase")

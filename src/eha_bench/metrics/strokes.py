@@ -191,7 +191,7 @@ def _parts(rest: FloatArray, found: list[Stroke]) -> list[FloatArray]:
 
 
 def _between_strokes(rest: FloatArray, found: list[Stroke], noise: Noise) -> Budget:
-    """Return what strokes that are not alike add, where they scatter by more than their noise."""
+    """Return the variance between strokes, where they scatter by more than their noise."""
     freedom = len(found) - 2
     if len(found) < _FEWEST_ALIKE or not noise.known:
         return Budget()

@@ -276,7 +276,7 @@ def _tracks(
 
 
 def _time(stamps: Stamps, epoch: int) -> FloatArray:
-    """Return stamps in s; nobody needs them any more, so their memory is used again."""
+    """Return stamps in s; they are not needed afterwards, so their memory is used again."""
     if stamps.base is not None or not stamps.flags.writeable:
         return seconds(stamps, epoch)
     time = seconds_in_place(stamps, epoch)

@@ -208,7 +208,7 @@ def _messages(split: Split) -> _Messages:
 
 
 def _copy(sink: McapSink, file: McapFile, split: Split, tally: _Tally) -> None:
-    """Write one chunk or stretch; messages of a channel that nobody declares cannot be kept."""
+    """Write one chunk or stretch; messages of an undeclared channel cannot be kept."""
     if not split.messages:
         return
     found = _messages(split)

@@ -105,7 +105,7 @@ class Growing:
 
 
 def freeze(array: NDArray[Any]) -> None:
-    """Let nobody write to an array any more, nor to the memory that it is a part of."""
+    """Make an array read-only, and the memory that it is a part of."""
     inner: Any = array
     while isinstance(inner, np.ndarray):
         inner.setflags(write=False)

@@ -118,7 +118,7 @@ def row_of(item: Compared) -> Row:
 
 
 def note_of(item: Compared) -> str:
-    """Return what else is to be said: why not compared, how many more repeats."""
+    """Return a row's note: why it was not compared, or how many more repeats it takes."""
     parts = [item.reason] if item.reason else []
     if item.verdict is ComparisonVerdict.UNDECIDED:
         if item.baseline.runs == item.candidate.runs == 1:

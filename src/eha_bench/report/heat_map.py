@@ -31,7 +31,7 @@ class HeatRow:
 
     Attributes:
         cells: the drawing.
-        told: what it shows, in words.
+        told: description for screen readers.
     """
 
     cells: Markup

@@ -36,7 +36,7 @@ class Transport(ABC):
 
     @abstractmethod
     def send(self, frames: list[Frame]) -> None:
-        """Send frames in one go; what cannot be sent is lost, as on a bus that nobody reads."""
+        """Send frames in one go; what cannot be sent is lost, as on a bus without a reader."""
 
     @abstractmethod
     def close(self) -> None:

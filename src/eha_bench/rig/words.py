@@ -42,7 +42,7 @@ class DriveStates:
                 if number <= reached + 1:
                     self.state = step.state
                 return
-        self.state = "off"  # disable, reset, or a word that nobody knows
+        self.state = "off"  # disable, reset, or an unknown word
 
     def fail(self) -> None:
         """Go into fault."""

@@ -31,7 +31,7 @@ _NO_SCRIPT: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data
 
 
 def policy_of(page: str) -> str:
-    """Return the content security policy that a page of ours declares, nobody may frame it.
+    """Return the content security policy of one of our pages, which no other page may frame.
 
     A page that declares none of ours is shown without scripts.
     """

@@ -99,7 +99,7 @@ class SensorNoise:
 
 
 def _slow(n: int, step: float, seed: np.random.SeedSequence) -> FloatArray:
-    """Return an error of standard deviation 1 that is alike for 1 / `step` ticks, (n,).
+    """Return an error of standard deviation 1 with a correlation time of 1 / `step` ticks, (n,).
 
     First-order autoregressive: e_k = a e_(k-1) + sqrt(1 - a^2) w_k with a = exp(-step), from its
     stationary distribution on.

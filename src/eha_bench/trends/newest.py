@@ -69,7 +69,7 @@ def spread_of(residuals: FloatArray, own: float) -> float:
     """
     middle = float(np.median(residuals))
     sigma = _TO_SIGMA * float(np.median(np.abs(residuals - middle)))
-    sigma = sigma or float(residuals.std())  # most are exactly alike: counts, rounded values
+    sigma = sigma or float(residuals.std())  # most are exactly equal: counts, rounded values
     return max(sigma, own) if math.isfinite(own) else sigma
 
 

@@ -82,7 +82,7 @@ def _spread(values: FloatArray, lag: int) -> float:
     if np.count_nonzero(squares) > _FEWEST_THAT_DIFFER * squares.size:
         for _ in range(_ROUNDS):
             square *= float(np.mean(np.minimum(squares / square, _BEND**2))) / _OF_NORMAL
-    # else most nights are exactly alike (counts, a simulator without noise)
+    # else most nights are exactly equal (counts, a simulator without noise)
     return math.sqrt(square / 2.0)
 
 

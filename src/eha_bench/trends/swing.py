@@ -20,7 +20,7 @@ from eha_bench.core.arrays import FloatArray
 FEWEST: Final = 40
 """Nights below which no swing is looked for."""
 
-_SHORTEST: Final = 20.0  # nights of a period: what is faster is scatter that is alike
+_SHORTEST: Final = 20.0  # nights of a period: what is faster is correlated scatter
 _ROUNDS_SEEN: Final = 1.25  # how often the period has to have come round
 _PERIODS: Final = 60
 _NUMBERS: Final = 4  # level, sine, cosine, period

@@ -68,7 +68,7 @@ def chance_of_sum(
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if mean_at(middle) < total else (low, middle)
-    # nights that are alike are as many fewer
+    # correlated nights count as fewer
     exponent = low * total - float(np.interp(low * shares, tilts, cumulant).sum())
     rise = low * low * float(shares**2 @ np.interp(low * shares, tilts, curvature))
     return _upper(max(exponent, 0.0) / inflation, math.sqrt(rise / inflation))

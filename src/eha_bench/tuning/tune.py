@@ -256,7 +256,7 @@ class _Tuning:
         )
 
     def _explained(self, first: GainSearch) -> Contradiction:
-        """Return why nothing passes; what nobody kept so far gets a search of its own first."""
+        """Return why nothing passes; a limit not kept so far is searched for alone first."""
         tried = [*first.tried]
         asked: set[tuple[int, ...]] = set()
         size = max(8, 4 * len(self.trying.space.factors))

@@ -1,7 +1,8 @@
 """The colour of a sensor's noise: what it remembers from sample to sample.
 
-Behind a sensor's own low-pass filter neighbouring samples err alike. Differences of neighbours then
-tell too little of the noise (`noise`), and all of it that is slow would pass for something missing.
+Behind a sensor's own low-pass filter the errors of neighbouring samples are correlated. Differences
+of neighbours then tell too little of the noise (`noise`), and all of it that is slow would pass for
+something missing.
 
 Whiteness is tested by the correlation of neighbours; its standard error of n^(-1/2) holds for any
 distribution, so also for readings with a coarse step (Bartlett, J. R. Stat. Soc. Suppl. 8 (1946)

@@ -562,7 +562,7 @@ def _clock(
 def _held_across(inputs: Mapping[str, FloatArray], k: int) -> bool:
     """Whether every input rests before and after a gap and is the same: it was so within it.
 
-    What moves on either side took a way through the gap that nobody knows.
+    What moves on either side took an unknown path through the gap.
     """
     return all(
         np.ptp(values[max(0, k - _RESTS) : k + _RESTS]) <= SAME * np.ptp(values)

@@ -188,7 +188,7 @@ def _is_smooth(beside: FloatArray, step: float) -> bool:
 
 
 def _together(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two readings are alike, one of them perhaps later."""
+    """Whether two readings are equal, one of them perhaps later."""
     for lag in range(int(_LATER * one.size) + 1):
         for early, late in ((one, other), (other, one)):
             first, second = early[: early.size - lag], late[lag:]

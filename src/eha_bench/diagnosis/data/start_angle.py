@@ -29,4 +29,4 @@ class StartAngle:
 
 
 KNOWN = StartAngle()
-"""All runs begin alike: the phase of effects of the angle says where."""
+"""All runs begin at the same angle, which the phase of effects of the angle fixes."""

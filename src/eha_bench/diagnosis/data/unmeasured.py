@@ -1,4 +1,4 @@
-"""States that nobody measures, where windows begin in the midst of a run.
+"""Unmeasured states where windows begin in the midst of a run.
 
 A window needs every state at its start. What has no sensor, or a dead one, is carried there: the
 run is simulated from its beginning, and at every window's start what is measured is set again, what

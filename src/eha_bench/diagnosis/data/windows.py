@@ -5,7 +5,7 @@ from their start; so does a position loop inside the plant, where a log is too s
 free rod integrates every error, so those runs are cut into windows of some 0.4 s (Bock's multiple
 shooting with the start states taken from the measurement; Ljung, System Identification, 2nd ed.
 1999, section 5.3). A window never starts at a jump of the command, nor within 1.5 mm of a stop or
-reversal, where bristles and backlash have a state nobody measured.
+reversal, where bristles and backlash have an unmeasured state.
 
 Where an input is a measured state its noise drives every simulation, and what that adds up to grows
 with the length of a window, so then locked and bypassed runs are cut as well, and where nothing
@@ -237,7 +237,7 @@ def _start(
         command = measured.inputs.get(asked)
         current = measured.column(name)
         if first in measured.breaks and current is not None and np.isfinite(current[first]):
-            # nobody knows what was asked for in the gap, and a polynomial bends where it steps
+            # what was commanded in the gap is unknown, and a polynomial bends where it steps
             state[name] = float(current[first])
         elif name not in state and command is not None:
             state[name] = float(command[first if first in measured.breaks else max(0, first - 1)])

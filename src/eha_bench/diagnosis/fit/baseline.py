@@ -103,7 +103,7 @@ class Baseline:
 def is_friction_at_rest(key: str) -> bool:
     """Whether a parameter says how friction behaves at rest.
 
-    That is nobody's declared knowledge: it is fitted always, and never an effect. Sticking (0) is
+    No data sheet declares that: it is always fitted, and never an effect. Sticking (0) is
     asked for again like any other: creeping may have imitated what was missing.
     """
     return key.endswith(_CREEPS)

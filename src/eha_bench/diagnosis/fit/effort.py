@@ -21,7 +21,7 @@ def counted() -> Iterator[list[float]]:
 
 
 def simulated(seconds: float) -> None:
-    """Note a simulated time, s; outside of `counted` nobody asks."""
+    """Note a simulated time, s; outside of `counted` it is dropped."""
     spent = _SIMULATED.get()
     if spent is not None:
         spent.append(seconds)

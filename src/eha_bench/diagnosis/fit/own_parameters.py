@@ -1,6 +1,6 @@
 """Where every number of a fit stands: the plant's parameters, and those that a run has of its own.
 
-A load that nobody measured is another one in every run. So a parameter under `per_run` stands in a
+An unmeasured load differs from run to run. So a parameter under `per_run` stands in a
 vector once for all runs, where no run reads it, and behind the plant's layout once for each
 training run, where a fit moves it with everything else (`Run.vector` puts it in its place). Only
 its own run tells of it.

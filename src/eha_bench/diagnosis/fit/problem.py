@@ -328,7 +328,7 @@ class Problem:
         return np.concatenate(self._each(lambda part: self._weighted(part, in_run(part), {})))
 
     def residual(self, vector: FloatArray) -> FloatArray:
-        """Return the whitened weighted residual: white, variance 1 where all is said.
+        """Return the whitened weighted residual: white, variance 1 where the model is complete.
 
         (size,) of the readings, and behind them one of each belief.
         """

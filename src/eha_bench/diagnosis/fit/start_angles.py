@@ -27,7 +27,7 @@ from eha_bench.plants.effect import BoundEffect
 from eha_bench.plants.layout import Layout
 
 _CHANCE = 1e-3
-"""Probability with which runs that begin alike are told to begin apart."""
+"""Probability of finding different start angles where the runs have the same."""
 _NEARLY = 0.75
 """Share of what angles of their own explain that a common one explains where runs begin alike: an
 integrated speed drifts, and phases half a radian off cost a quarter (the square of a cosine)."""
@@ -173,7 +173,7 @@ def angles_note(starts: Mapping[str, StartAngle]) -> str:
 def _scanned(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle], float, float]:
     """Return the best of some angles for each run, and the cost with zero and with these.
 
-    A run that fits alike at every angle tells none, and has none. Short windows begin at measured
+    A run that fits equally well at every angle has no estimate. Short windows begin at measured
     angles, so no other parameter has to be right.
     """
     counts = counts_on(short.plant.layout, vector)

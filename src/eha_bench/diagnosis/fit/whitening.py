@@ -3,8 +3,8 @@
 A reading less what those before it say of its noise is independent of them, and as large as the
 noise when divided by what stays unknown: the innovations form of a Gaussian likelihood (Brockwell,
 Davis, Time Series: Theory and Methods, 2nd ed. 1991, section 8.6). It is linear in the readings, so
-residuals, their slopes and their sensitivities all go through it alike. After a gap, and where a
-window begins, less is known of what was before.
+residuals, their slopes and their sensitivities all go through the same filter. After a gap, and
+where a window begins, less is known of what was before.
 """
 
 from __future__ import annotations

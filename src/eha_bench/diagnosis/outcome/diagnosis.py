@@ -40,7 +40,7 @@ class FoundEffect:
 
     Attributes:
         id: public name. equation: balance it acts in. parameters: with 95 % intervals, SI.
-        at: node, element or channel where it acts; "all" for all of a kind alike.
+        at: node, element or channel where it acts; "all" for all of a kind.
         settings: its words (which chamber, which sensor).
         share: part of the excess that it explains on runs left out in turn, when it was added; at
             most 1, below 0 where it does harm there.

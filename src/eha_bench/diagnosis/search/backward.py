@@ -15,7 +15,7 @@ from eha_bench.diagnosis.search.refit import BENT, polish_afresh, sticks
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
 _SURE = 5.0
-"""Size, in standard deviations, from which nobody asks whether an effect is there."""
+"""Size, in standard deviations, from which an effect is there beyond doubt."""
 
 
 def without_idle(search: Search, limits: Thresholds) -> Fit | None:

@@ -1,7 +1,7 @@
 """Finds the count and phase of an effect that is periodic in the shaft's angle.
 
 A model that is a little off loses the angle in a long replay, and with it the phase: every count
-looks alike. The measured speed does not: its noise, integrated over seconds, is a hundredth of a
+looks the same. The measured speed does not: its noise, integrated over seconds, is a hundredth of a
 radian. So an effect is looked for over short windows, each of which begins at the angle that the
 measured speed has come to. For a fixed count the effect is then nearly linear in its sine and
 cosine amplitudes: two simulations say what it would gain. Only the best counts are refitted, over

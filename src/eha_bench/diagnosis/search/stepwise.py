@@ -116,7 +116,7 @@ def _nearly(search: Search) -> bool:
 
 
 def _worth_a_look(search: Search) -> bool:
-    """Whether so much is left that another cause could be told from what a fit leaves over."""
+    """Whether enough is left to distinguish another cause from what a fit leaves over."""
     left = search.excess_left
     return left.relative > _WORTH and left.significance > REST_SIGNIFICANCE
 

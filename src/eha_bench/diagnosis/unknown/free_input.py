@@ -1,4 +1,4 @@
-"""How well an input that nobody knows, free at every time, would explain a residual at one place.
+"""How well an unknown input, free at every time, would explain a residual at one place.
 
 Each window's residual is r = J s + H a + G d + e: s what calibrated parameters are off, a the
 amplitudes of a curve, d the values of an unknown input at a few instants of the window, e noise of

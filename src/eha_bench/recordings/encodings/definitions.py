@@ -192,7 +192,7 @@ def resolve(definitions: Definitions, name: str) -> Fields:
     """Return the fields of a message type, from the log or from the standard ones.
 
     Raises:
-        DefinitionError: nobody defines it.
+        DefinitionError: it is not defined.
     """
     fields = definitions.get(name)
     if fields is None:

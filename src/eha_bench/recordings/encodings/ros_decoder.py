@@ -1,4 +1,4 @@
-"""ROS messages (CDR and ROS 1) as columns: one layout serves every message that is alike."""
+"""ROS messages (CDR and ROS 1) as columns: one layout serves every message of the same shape."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _BLOCK = 2048
 
 
 class RosDecoder(Decoder):
-    """Finds the layout of a message once and reads all that are alike at one go."""
+    """Finds the layout of a message once and reads all of the same shape at one go."""
 
     def __init__(self, encoded: Encoded, paths: tuple[FieldPath, ...]) -> None:
         self._ros1 = encoded.encoding == "ros1"
@@ -90,7 +90,7 @@ class RosDecoder(Decoder):
             index = np.flatnonzero(~fits)
             left = left.rows(index)
             rows = index if rows is None else rows[index]
-        # arrays of ever changing length: no two messages are alike, so take them one by one
+        # arrays of ever changing length: no two messages have one shape, so take them one by one
         for row in range(left.count):
             one = left.rows(np.array([row]))
             target = np.array([row if rows is None else rows[row]])

@@ -1,4 +1,4 @@
-"""Where the wanted numbers stand in one serialized ROS message, and what makes others alike."""
+"""Where the wanted numbers stand in a serialized ROS message, and which others have that layout."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _walked(
     paths: tuple[FieldPath, ...],
     ros1: bool,
 ) -> Walker:
-    """Walk a message; nobody agrees on wide strings, but the message must come out even."""
+    """Walk a message; writers differ in wide strings, but it must end where its data end."""
     first: PayloadError | None = None
     for wide in _WIDE:
         walker = Walker(payload, definitions, paths, ros1=ros1, wide=wide)

@@ -138,7 +138,7 @@ class McapSource(Source):
         ]
 
     def _refuse_conflicts(self, ids: Mapping[int, str]) -> None:
-        """Refuse to read a channel that is declared twice: nobody knows whose its messages are."""
+        """Refuse to read a channel that is declared twice: its messages may be of either."""
         for (channel, schema), text in self._file.conflicts.items():
             for number, topic in ids.items():
                 if channel == number or schema == self._file.channels[number].schema_id:

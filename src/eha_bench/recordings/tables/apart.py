@@ -52,7 +52,7 @@ _SLACK = 256 << 20
 _PATIENCE = 60.0
 """Seconds of waiting beyond the budget: the other process starts, and the machine may be busy."""
 _GRACE = 2
-"""Seconds of processor time beyond the budget, in which it is said that there is no more."""
+"""Seconds of processor time beyond the budget, left to report that it is used up."""
 _LONGEST = 64 << 20
 _OVER = (OutOfTime, OverBudget)
 
@@ -257,7 +257,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def serve(kind: str, path: Path, questions: BinaryIO, answers: BinaryIO) -> None:
-    """Open a file, say what it holds, and answer until nobody asks any more."""
+    """Open a file, say what it holds, and answer until the other end closes."""
     module, _, name = _KINDS[kind].partition(":")
     source: GroupedTable | None = None
 

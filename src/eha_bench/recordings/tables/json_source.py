@@ -24,7 +24,7 @@ _BLANK = " \t\r\n"
 _NUMBER = 8
 """Bytes of a value in a column."""
 _MOST_SAID = 5
-"""Damaged lines that are said one by one."""
+"""Damaged lines that are reported one by one."""
 _DEEPEST = 40
 _TOPIC = "topic"
 """Where every line of JSON lines has this key, each topic is a group with a clock of its own."""

@@ -16,7 +16,7 @@ from eha_bench.recordings.budget import budget
 
 @contextmanager
 def reading_with(library: str, extra: str, path: str) -> Iterator[None]:
-    """Run a library on a file that nobody vouches for.
+    """Run a library on a file that is not trusted.
 
     Args:
         library: its name, for messages.
@@ -93,7 +93,7 @@ def _reason(error: Exception) -> str:
 
 @contextmanager
 def _in_time() -> Iterator[None]:
-    """Interrupt what loops: a timer of processor time, where nobody else uses it."""
+    """Interrupt what loops: a timer of processor time, where nothing else uses it."""
     allowed = budget()
     free = (
         threading.current_thread() is threading.main_thread()

@@ -25,7 +25,7 @@ def parse_times(cells: NDArray[Any]) -> NDArray[Any]:
 
     Read are ISO 8601 (`2025-03-01T12:00:00.5+01:00`, also with a blank, a comma or `UTC`), days
     before months where points stand between them (`01.03.2025 12:00:00`), and times of day
-    (`12:00:00.5`). `03/01/2025` is not: nobody knows which the month is.
+    (`12:00:00.5`). `03/01/2025` is not: either number may be the month.
 
     Raises:
         NoTime: one is anything else.

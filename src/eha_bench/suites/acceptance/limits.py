@@ -24,7 +24,7 @@ from eha_bench.suites.acceptance.specs import NONE, Specs, named
 Quantity: TypeAlias = Real | str
 
 _MISSPELT = 0.8
-"""So like a known channel is one that was meant to be it, where its unit is not said."""
+"""Similarity to a known channel's name from which it is taken for a misspelling, without a unit."""
 _WRITTEN = re.compile(r"\d(?:[eE][-+]?\d+)?\s*([^\W\d_][^\s,<>=+]*|%)")
 """A number and its unit, within a limit's text."""
 

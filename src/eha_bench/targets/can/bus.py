@@ -131,7 +131,7 @@ class Bus:
         return True
 
     def _take_alone(self, port: Any) -> None:
-        """Let nobody else open a serial port while this bus has it.
+        """Lock a serial port while this bus has it open.
 
         Raises:
             BusLost: somebody has it already.

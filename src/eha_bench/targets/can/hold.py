@@ -196,7 +196,7 @@ class Hold:
             path.unlink(missing_ok=True)
 
     def clear(self, by: str) -> Latch | None:
-        """Take the latch away for a person, note who it was, and return what it said."""
+        """Take the latch away for a person, note who it was, and return its text."""
         latch = self.latch
         self.disarm()
         if latch is not None:

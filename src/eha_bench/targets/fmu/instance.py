@@ -1,4 +1,4 @@
-"""A running instance of a co-simulation FMU, of FMI 2 and FMI 3 alike."""
+"""A running instance of a co-simulation FMU, of FMI 2 or FMI 3."""
 
 from __future__ import annotations
 

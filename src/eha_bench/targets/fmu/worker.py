@@ -26,7 +26,7 @@ _GLANCE = 1.0
 
 
 def serve(connection: Connection[Any, Any]) -> bool:
-    """Answer requests until asked to leave, or until nobody can ask; return whether asked."""
+    """Answer requests until asked to leave or the other end closes; return whether asked."""
     library: Library | None = None
     while True:
         try:
