@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,10 @@ def test_two_causes_are_told_apart_by_a_suite_that_loads(proposed: Path):
     page = (proposed / "next.html").read_text()
     assert "command_delay" in page
     assert "current_lag" in page
+    scene = re.search(r'class="scene">(.*?)</script>', page)
+    assert scene is not None
+    command = json.loads(scene[1])["panels"][0]
+    assert (command["heading"], command["unit"]) == ("Command", "A")
     assert "http" not in page.split("<body", 1)[1].split("</main>", maxsplit=1)[0].replace(
         "http://www.w3.org", ""
     )

@@ -224,7 +224,7 @@ def say_verdicts(found: Comparison, *, verbose: bool = False) -> None:
     """Print caveats, limits newly missed, what is not the same, and the verdict."""
     from eha_bench.cli.run_summary import SHOWN
     from eha_bench.comparison.verdict import ComparisonVerdict
-    from eha_bench.report.comparison_report import headline, limits_turned, needed
+    from eha_bench.report.comparison_report import headline, limits_turned, needed, verdict_of
     from eha_bench.report.comparison_rows import rows_of
 
     on = coloured()
@@ -254,7 +254,8 @@ def say_verdicts(found: Comparison, *, verbose: bool = False) -> None:
             say(f"{len(rows)} {paint('undecided', tone, on=on)}: {needed(found)}")
         elif len(shown) < len(rows):
             say(more(len(rows) - len(shown)))
-    say(f"{found.status.replace('_', ' ')}: {headline(found)}")
+    _, word = verdict_of(found)
+    say(f"{word[0].lower()}{word[1:]}: {headline(found)}")
 
 
 def _change_cells(row: Row) -> tuple[str, str, str, str]:

@@ -129,4 +129,5 @@ def planned(
         responses.rooms,
         (piston.value, bypass.value),
         dict(plant.units),
+        plan.unit or plant.units.get(plant.command, ""),
     )

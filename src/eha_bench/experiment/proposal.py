@@ -48,7 +48,7 @@ class PlannedTrial:
         time: (n,) s. reference: (n,) SI. bands: rival -> channel -> what it predicts.
         parts: (n,) squared distance of the nearest two rivals, collected up to each time.
         rooms: what is left of each limit, the fullest first.
-        setup: piston and bypass. units: SI unit of each channel.
+        setup: piston and bypass. units: SI unit of each channel. command_unit: of the reference.
     """
 
     id: str
@@ -61,6 +61,7 @@ class PlannedTrial:
     rooms: tuple[LimitMargin, ...]
     setup: tuple[str, str]
     units: Mapping[str, str]
+    command_unit: str
 
 
 @dataclass(frozen=True)

@@ -6,30 +6,31 @@ from typing import Final
 
 from eha_bench.comparison.comparison import Comparison
 from eha_bench.comparison.verdict import ComparisonVerdict
-from eha_bench.report.comparison_report import headline
+from eha_bench.report.comparison_report import headline, limits_turned, verdict_of
 from eha_bench.report.comparison_rows import Row, rows_of
 from eha_bench.report.markdown import as_text, table
 
-_SIGNS: Final = {"regression": "❌", "no_regression": "✅", "nothing_compared": "⚠️"}
-_WORDS: Final = {
-    "regression": "regression",
-    "no_regression": "no regression",
-    "nothing_compared": "nothing compared",
-}
+_SIGNS: Final = {"failed": "❌", "passed": "✅", "warned": "⚠️", "incomplete": "⚠️"}
 _HEADING: Final = ("Trial", "Metric", "Baseline", "Candidate", "Difference (95 %)", "Verdict")
 
 
 def comparison_markdown(comparison: Comparison) -> str:
     """Return verdict, caveats and what is not the same; what is the same is folded away."""
     suite = as_text(" and ".join(sorted(comparison.candidate.suites)))
+    look, word = verdict_of(comparison)
     parts = [
-        f"## {_SIGNS[comparison.status]} {suite}: {_WORDS[comparison.status]}",
+        f"## {_SIGNS[look]} {suite}: {word[0].lower()}{word[1:]}",
         as_text(headline(comparison)),
     ]
     if comparison.stopped:
         parts.append(as_text(comparison.stopped))
     if comparison.caveats:
         parts.append("\n".join(f"- ⚠️ {as_text(caveat)}" for caveat in comparison.caveats))
+    missed, kept = limits_turned(comparison)
+    turned = [f"- ❌ limit newly missed: {as_text(text)}" for text in missed]
+    turned += [f"- ✅ limit kept again: {as_text(text)}" for text in kept]
+    if turned:
+        parts.append("\n".join(turned))
     others = [verdict for verdict in ComparisonVerdict if verdict is not ComparisonVerdict.SAME]
     notable = rows_of(comparison.of(*others))
     if notable:

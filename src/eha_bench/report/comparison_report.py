@@ -55,7 +55,7 @@ def write_comparison(folder: Path, comparison: Comparison) -> Path:
 
 def comparison_page(comparison: Comparison) -> str:
     """Return the page of a comparison, whole."""
-    look, word = _WORDS[comparison.status]
+    look, word = verdict_of(comparison)
     missed, kept = limits_turned(comparison)
     content = {
         "comparison": comparison,
@@ -83,31 +83,59 @@ def comparison_page(comparison: Comparison) -> str:
     return render_page("comparison.html.j2", content, title=title)
 
 
+def verdict_of(comparison: Comparison) -> tuple[str, str]:
+    """Return how the whole comparison looks, and its verdict in words.
+
+    Limits that only the candidate misses are part of it: the metrics may be the same and the
+    limits stricter.
+    """
+    look, word = _WORDS[comparison.status]
+    missed = len(limits_turned(comparison)[0])
+    if missed and comparison.status == "no_regression":
+        plural = "" if missed == 1 else "s"
+        return "warned", f"{word}, but {missed} limit{plural} newly missed"
+    return look, word
+
+
 def limits_turned(comparison: Comparison) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return limits that only the candidate missed, and those that only the baseline missed.
 
-    A limit counts as missed where any repeat missed it; each is given as `trial: metric, limit`.
+    A limit counts as missed where any repeat missed it; each is given as `trial: metric, limit`,
+    with the baseline's limit where it was another one.
     """
-    before, after = (_missed(side) for side in (comparison.baseline, comparison.candidate))
-    newly = tuple(text for key, text in after.items() if text and before.get(key) == "")
-    again = tuple(text for key, text in before.items() if text and after.get(key) == "")
+    before, after = (_limits(side) for side in (comparison.baseline, comparison.candidate))
+    both = [(key, before[key], after[key]) for key in after if key in before]
+    newly = tuple(_turned(*item) for item in both if item[2].missed and not item[1].missed)
+    again = tuple(_turned(*item) for item in both if item[1].missed and not item[2].missed)
     return newly, again
 
 
 _Key = tuple[str, str, str]
 
 
-def _missed(side: Side) -> dict[_Key, str]:
-    """Return every limit of a side: "" where it was kept, else how it reads."""
-    found: dict[_Key, str] = {}
+@dataclass(frozen=True)
+class _SideLimit:
+    """A limit in all runs of one side: its text, and whether any run missed it."""
+
+    text: str
+    missed: bool
+
+
+def _limits(side: Side) -> dict[_Key, _SideLimit]:
+    """Return every limit of a side, by trial, metric and channel."""
+    found: dict[_Key, _SideLimit] = {}
     for trial, runs in side.runs.items():
         for score in (score for run in runs for score in run.trial.scores if score.limit):
             key = (trial, score.metric, score.channel)
-            if score.status.rejects:
-                found[key] = f"{trial}: {metric_name(score.metric)}, {limit_text(score.limit)}"
-            else:
-                found.setdefault(key, "")
+            missed = score.status.rejects or (key in found and found[key].missed)
+            found[key] = _SideLimit(limit_text(score.limit), missed)
     return found
+
+
+def _turned(key: _Key, before: _SideLimit, after: _SideLimit) -> str:
+    trial, metric, _ = key
+    text = f"{trial}: {metric_name(metric)}, {after.text}"
+    return text if before.text == after.text else f"{text} (in the baseline {before.text})"
 
 
 def needed(comparison: Comparison) -> str:

@@ -148,8 +148,9 @@ def _value(trial: PlannedTrial, channel: str, value: float) -> str:
 def scene_of_trial(trial: PlannedTrial) -> Scene:
     """Return a panel for each channel: each rival's prediction with the edges of its band."""
     values: dict[str, FloatArray] = {"reference": trial.reference}
-    units: dict[str, str] = {"reference": ""}
-    panels = [_panel("Command", "", [("reference", "reference", "reference", False)], values)]
+    units: dict[str, str] = {"reference": trial.command_unit}
+    command = [("reference", "reference", "reference", False)]
+    panels = [_panel("Command", trial.command_unit, command, values)]
     channels = list(next(iter(trial.bands.values())))
     for channel in channels:
         unit = trial.units.get(channel, "")

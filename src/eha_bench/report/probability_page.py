@@ -157,7 +157,7 @@ def band_svg(band: ResponseBand) -> Markup:
     ]
     for value in (low + pad, high - pad):
         parts.append(
-            f'<text x="{left - 6}" y="{y(value) + 4:.1f}" text-anchor="end" '
+            f'<text class="tick-value" x="{left - 6}" y="{y(value) + 4:.1f}" text-anchor="end" '
             f'fill="var(--muted)">{escape(number(value, 2))}</text>'
         )
     for time in (start, stop):
@@ -168,6 +168,7 @@ def band_svg(band: ResponseBand) -> Markup:
         )
     name = f"{channel_name(band.channel)} / {unit.symbol}"
     parts.append(
-        f'<text x="{left}" y="{height - 4}" fill="var(--muted)">{escape(name)}</text></svg>'
+        f'<text class="axis-name" x="{left}" y="{height - 4}" fill="var(--muted)">'
+        f"{escape(name)}</text></svg>"
     )
     return Markup("".join(parts))

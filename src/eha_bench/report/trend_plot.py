@@ -168,7 +168,7 @@ def axes(low: float, high: float, y: object, names: Sequence[str], x: object) ->
             at = y(tick)
             parts.append(
                 f'<line x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}" '
-                f'stroke="var(--grid)"/><text x="{_LEFT - 6}" y="{at + 4:.1f}" '
+                f'stroke="var(--grid)"/><text class="tick-value" x="{_LEFT - 6}" y="{at + 4:.1f}" '
                 f'text-anchor="end" fill="var(--muted)">{number(tick, places)}</text>'
             )
     count = len(names)
@@ -176,8 +176,9 @@ def axes(low: float, high: float, y: object, names: Sequence[str], x: object) ->
     for place, index in enumerate(shown):
         anchor = "start" if place == 0 else "end" if index == count - 1 else "middle"
         anchor = "middle" if count == 1 else anchor
+        between = ' class="between"' if anchor == "middle" and count > 1 else ""
         parts.append(
-            f'<text x="{x(int(index)):.1f}" y="{HEIGHT - 12}" text-anchor="{anchor}" '
+            f'<text{between} x="{x(int(index)):.1f}" y="{HEIGHT - 12}" text-anchor="{anchor}" '
             f'fill="var(--muted)">{escape(names[index][:10])}</text>'
         )
     return "".join(parts)
