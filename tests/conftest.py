@@ -1,11 +1,17 @@
 """What every test shares: the data beside the repository, and how Hypothesis and plots behave."""
 
 import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib as mpl
 import pytest
 from hypothesis import HealthCheck, settings
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from forked import Forked
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -45,6 +51,14 @@ def find_shared_data() -> Path:
     """The folder of measured and reference data, whether or not it exists."""
     shared = os.environ.get("EHA_BENCH_SHARED")
     return (Path(shared) if shared else REPOSITORY.parent / "shared") / "data"
+
+
+@pytest.fixture(scope="session")
+def forked() -> Iterator[Forked]:
+    """Runs commands in processes of their own, without the start of Python for each."""
+    commands = Forked()
+    yield commands
+    commands.close()
 
 
 @pytest.fixture(scope="session")

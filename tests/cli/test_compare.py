@@ -12,6 +12,7 @@ import pytest
 
 from eha_bench.comparison_api import ab
 from eha_bench.core.errors import InputError
+from forked import Forked
 
 from .conftest import SUITE, Cli
 
@@ -45,6 +46,25 @@ def test_a_slower_candidate_is_a_regression(cli: Cli, runs: Path, tmp_path: Path
     (slower / "result.json").write_text(json.dumps(content), encoding="utf-8")
     done = cli("compare", runs, slower, check=1)
     assert "worse" in done.stderr
+
+
+def test_limits_that_became_stricter_are_no_green_verdict(
+    cli: Cli, runs: Path, suite: Path
+) -> None:
+    suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
+    cli("run", suite, "--out", "strict", check=1)
+    done = cli("compare", runs, "strict", "--markdown", check=0)
+    assert "no regression, but 1 limit newly missed: " in done.stderr
+    (turned,) = [line for line in done.stderr.splitlines() if line.startswith("limit newly missed")]
+    assert turned.replace("\xa0", " ").endswith("≤ 1 A (in the baseline ≤ 12 A)")
+    assert done.stdout.startswith("## ⚠️ tiny: no regression, but 1 limit newly missed")
+    page = Path("reports/comparison/comparison.html").read_text(encoding="utf-8")
+    assert 'class="verdict warned"' in page
+    assert 'class="verdict passed"' not in page
+    # and the other way round
+    done = cli("compare", "strict", runs, check=0)
+    assert "limit kept again: hold: " in done.stderr
+    assert "no regression: " in done.stderr
 
 
 def test_bad_input_is_a_sentence_and_exit_status_2(cli: Cli, runs: Path) -> None:
@@ -86,7 +106,7 @@ def test_ab_runs_in_turn_stops_and_resumes(cli: Cli, suite: Path, tmp_path: Path
 
 
 def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
-    cli: Cli, suite: Path, tmp_path: Path
+    cli: Cli, forked: Forked, suite: Path, tmp_path: Path
 ) -> None:
     # long enough that the third pair takes longer than a busy machine takes to notice the second;
     # after it, both sides being the same simulator, all is decided
@@ -94,17 +114,13 @@ def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
     suite.write_text(longer.partition("  - id: sine")[0], encoding="utf-8")
     wanted = ["ab", suite, "--a", "simulator", "--b", "simulator", "--out", "ab", "--warm-up", "0"]
     words = [str(word) for word in (*wanted, "--repeats", "60")]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "eha_bench", *words], cwd=tmp_path, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
-    with process:
-        second = [tmp_path / "ab" / side / "001-hold" / "result.json" for side in "ab"]
-        while not all(file.is_file() for file in second):
-            assert process.poll() is None, process.communicate()[1]
-            time.sleep(0.01)
-        process.send_signal(signal.SIGINT)
-        said = process.communicate(timeout=60)
+    process = forked.start(*words, folder=tmp_path)
+    second = [tmp_path / "ab" / side / "001-hold" / "result.json" for side in "ab"]
+    while not all(file.is_file() for file in second):
+        assert process.poll() is None, process.communicate(10.0)[1]
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)
     assert process.returncode == 130, said[1]
     assert "interrupted: go on with --resume" in said[1]
     assert "Traceback" not in said[1]
@@ -121,15 +137,9 @@ def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
     first = sorted((tmp_path / "ab").glob("?/000-hold/recordings/*.mcap"))
     kept = [file.stat().st_mtime_ns for file in first]
     assert len(kept) == 2
-    resumed = subprocess.Popen(
-        [sys.executable, "-m", "eha_bench", *words, "--resume"], cwd=tmp_path, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
-    with resumed:
-        said = resumed.communicate(timeout=120)
-    assert resumed.returncode == 0, said[1]
-    assert "3 of 60 pairs were run" in said[1]
-    assert "every metric was decided" in said[1]
+    resumed = cli(*words, "--resume", check=0)
+    assert "3 of 60 pairs were run" in resumed.stderr
+    assert "every metric was decided" in resumed.stderr
     assert [file.stat().st_mtime_ns for file in first] == kept
 
 
@@ -140,23 +150,21 @@ def test_a_history_of_runs_is_a_site(cli: Cli, runs: Path, tmp_path: Path) -> No
 
 
 def test_pytest_runs_a_suite_limit_by_limit(suite: Path, tmp_path: Path) -> None:
-    def tests(*more: str) -> subprocess.CompletedProcess[str]:
-        environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
-        return subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", "-rA", "-p", "no:cacheprovider",
-             "--eha-suite", suite.name, *more],
-            cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-
     suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
-    failed = tests()
+    (tmp_path / "broken.yaml").write_text("name: [", encoding="utf-8")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
+    failed = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-rA", "-p", "no:cacheprovider",
+         "--eha-suite", suite.name, "--eha-suite", "broken.yaml",
+         "--continue-on-collection-errors"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert failed.returncode == 1
-    assert "1 failed, 1 passed" in failed.stdout
+    assert "1 failed, 1 passed, 1 error" in failed.stdout
     assert (tmp_path / "reports" / "tiny" / "report.html").is_file()
     assert "tracking_max failed" in failed.stdout
     assert "Traceback" not in failed.stdout
-    suite.write_text("name: [", encoding="utf-8")
-    assert "not valid YAML" in tests().stdout
+    assert "not valid YAML" in failed.stdout
 
 
 def test_a_seed_is_not_negative(cli: Cli, suite: Path) -> None:

@@ -2,14 +2,12 @@
 
 import json
 import os
-import resource
 import shutil
-import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from forked import Forked
 
 from .conftest import Cli
 
@@ -46,20 +44,11 @@ def command(name: str, ran: Path, out: Path) -> list[str]:
     }[name]
 
 
-def with_room_for(size: int) -> Callable[[], None]:
-    """Let no file of the process grow beyond so many bytes, as on a disk that is full."""
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_a_full_disk_is_a_sentence_and_leaves_no_half_file(
-    ran: Path, tmp_path: Path, name: str
+    forked: Forked, ran: Path, tmp_path: Path, name: str
 ) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "eha_bench", *command(name, ran, tmp_path)],
-        capture_output=True, text=True, timeout=120, check=False, preexec_fn=with_room_for(1000),
-        cwd=tmp_path,
-    )  # fmt: skip
+    done = forked.run(*command(name, ran, tmp_path), folder=tmp_path, room=1000)
     assert done.returncode == (3 if name == "run" else 2), done.stderr
     assert "Traceback" not in done.stderr
     told = [line for line in done.stderr.splitlines() if line.startswith("eha-bench: ")]

@@ -1,10 +1,7 @@
 """`eha-bench run` from YAML to report, interrupted, resumed, and with everything wrong."""
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -13,6 +10,7 @@ import pytest
 
 import eha_bench as eb
 from eha_bench.core.result import Result
+from forked import Forked
 
 from .conftest import SUITE, Cli
 
@@ -107,23 +105,20 @@ def test_resume_does_not_trust_another_suite_or_a_changed_recording(
 
 
 def test_ctrl_c_leaves_readable_recordings_and_an_incomplete_result(
-    suite: Path, tmp_path: Path
+    forked: Forked, suite: Path, tmp_path: Path
 ) -> None:
     long = SUITE.replace("repeats: 2", "repeats: 2000").replace("0.1 s", "0.5 s")
     suite.write_text(long, encoding="utf-8")
-    command = [sys.executable, "-m", "eha_bench", "run", str(suite), "--out", "out"]
-    process = subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    process = forked.start("run", suite, "--out", "out", folder=tmp_path)
     recordings = tmp_path / "out" / "recordings"
     try:
         # the first run on a machine compiles the plant's kernel
         deadline = time.monotonic() + 300
         while len(list(recordings.glob("hold-*.mcap"))) < 3:
-            assert process.poll() is None, process.communicate()
+            assert process.poll() is None, process.communicate(10.0)
             assert time.monotonic() < deadline
             time.sleep(0.05)
-        os.kill(process.pid, signal.SIGINT)
+        process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=120)
     finally:
         process.kill()

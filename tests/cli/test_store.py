@@ -5,8 +5,6 @@ import json
 import os
 import shlex
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -15,6 +13,7 @@ import pytest
 import eha_bench as eb
 from eha_bench.bench.store import Shelf, set_aside
 from eha_bench.core.errors import InputError
+from forked import Forked
 
 from .conftest import SUITE, Cli
 
@@ -104,10 +103,11 @@ def test_resume_goes_on_with_the_latest_of_its_suite_only(
     assert "holds a run of another model" in refused.stderr
 
 
-def test_ctrl_c_names_the_command_that_goes_on(suite: Path, tmp_path: Path) -> None:
+def test_ctrl_c_names_the_command_that_goes_on(
+    cli: Cli, forked: Forked, suite: Path, tmp_path: Path
+) -> None:
     suite.write_text(SUITE.replace("repeats: 2", "repeats: 400"), encoding="utf-8")
-    command = [sys.executable, "-m", "eha_bench", "run", suite.name]
-    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    process = forked.start("run", suite.name, folder=tmp_path)
     deadline = time.monotonic() + 300
     while len(list(tmp_path.glob("reports/tiny/2*/recordings/hold-*.mcap"))) < 2:
         assert process.poll() is None
@@ -125,11 +125,7 @@ def test_ctrl_c_names_the_command_that_goes_on(suite: Path, tmp_path: Path) -> N
     assert len(result["not_run"]) + len(result["trials"]) == 401
     suite.write_text(suite.read_text().replace("repeats: 400", "repeats: 401"))
     # another suite now: what that command named is not continued by it
-    again = subprocess.run(
-        [sys.executable, "-m", "eha_bench", *words[1:]],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert again.returncode == 2
+    again = cli(*words[1:], check=2)
     assert made >= 1
     assert "holds a run of another suite" in again.stderr
 

@@ -19,6 +19,7 @@ from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.diagnosis.run import diagnose
 from eha_bench.plants.model import load_model
+from forked import Forked
 
 # the command, with a Ctrl-C at the moment a stage begins
 PRESS = """\
@@ -51,9 +52,10 @@ def diagnosed(dataset, tmp_path_factory):
     return diagnose(dataset, folder, lambda stage, _: stages.append(stage)), folder, stages
 
 
-def _pressed(stage: str, share: float, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", PRESS, stage, str(share), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+def _pressed(
+    forked: Forked, folder: Path, stage: str, share: float, *arguments: str
+) -> subprocess.CompletedProcess[str]:
+    return forked.run(stage, share, *arguments, folder=folder, code=PRESS)
 
 
 @pytest.mark.parametrize(
@@ -66,8 +68,8 @@ def _pressed(stage: str, share: float, *arguments: str) -> subprocess.CompletedP
         ("search", 0.0, "unknown", "interrupted during the search"),
     ],
 )
-def test_what_was_found_is_kept(dataset, tmp_path, stage, share, verdict, says) -> None:
-    done = _pressed(stage, share, "diagnose", str(dataset), "--out", str(tmp_path))
+def test_what_was_found_is_kept(forked, dataset, tmp_path, stage, share, verdict, says) -> None:
+    done = _pressed(forked, tmp_path, stage, share, "diagnose", str(dataset), "--out", ".")
     assert done.returncode == 130, done.stderr
     assert says in done.stderr
     assert "Traceback" not in done.stderr
@@ -88,17 +90,17 @@ def test_what_was_found_is_kept(dataset, tmp_path, stage, share, verdict, says) 
 
 
 @pytest.mark.slow
-def test_an_effect_that_was_found_is_kept(dataset, tmp_path) -> None:
+def test_an_effect_that_was_found_is_kept(forked, dataset, tmp_path) -> None:
     """Pressed when the next look begins; where no look is needed any more, all was done."""
-    done = _pressed("search", 0.25, "diagnose", str(dataset), "--out", str(tmp_path))
+    done = _pressed(forked, tmp_path, "search", 0.25, "diagnose", str(dataset), "--out", ".")
     found = json.loads((tmp_path / "diagnosis.json").read_text())
     assert [item["id"] for item in found["effects"]] == ["coulomb_friction"]
     assert done.returncode == (0 if found["complete"] else 130)
 
 
 @pytest.mark.slow
-def test_a_calibration_keeps_its_values(dataset, tmp_path) -> None:
-    done = _pressed("calibrate", 0.4, "calibrate", str(dataset), "--out", str(tmp_path))
+def test_a_calibration_keeps_its_values(forked, dataset, tmp_path) -> None:
+    done = _pressed(forked, tmp_path, "calibrate", 0.4, "calibrate", str(dataset), "--out", ".")
     assert done.returncode == 130, done.stderr
     found = json.loads((tmp_path / "calibration.json").read_text())
     assert found["complete"] is False

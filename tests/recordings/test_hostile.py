@@ -18,6 +18,7 @@ import pytest
 from eha_bench import recordings
 from eha_bench.core.errors import InputError, RecordingError
 from eha_bench.recordings import info, recover
+from forked import Forked
 
 FORCE = {"channels": {"force": {"topic": "/f", "field": "data", "unit": "N"}}}
 TABLE = {
@@ -184,30 +185,25 @@ def test_pipes_and_devices_are_no_recordings(tmp_path: Path, act: Any) -> None:
             recover(path, tmp_path / "clean.mcap")
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "eha_bench", *arguments],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
-
-
-def test_a_quantity_of_400_digits_is_one_sentence(hostile: Path) -> None:
-    done = run("validate", str(hostile / "huge5.yaml"))
+def test_a_quantity_of_400_digits_is_one_sentence(
+    forked: Forked, hostile: Path, tmp_path: Path
+) -> None:
+    done = forked.run("validate", hostile / "huge5.yaml", folder=tmp_path)
     assert done.returncode == 2
     assert "huge5.yaml:3" in done.stderr
     assert "is not finite" in done.stderr
 
 
 def test_an_unknown_unit_in_a_result_does_not_stop_a_comparison(
-    hostile: Path, tmp_path: Path
+    forked: Forked, hostile: Path, tmp_path: Path
 ) -> None:
     sides = [str(hostile / "compare" / side) for side in ("r1", "r2")]
-    done = run("compare", *sides, "--out", str(tmp_path))
+    done = forked.run("compare", *sides, "--out", tmp_path, folder=tmp_path)
     assert done.returncode in {0, 1, 2}
     assert "Traceback" not in done.stderr
 
 
-def test_validate_runs_nothing(hostile: Path, tmp_path: Path) -> None:
+def test_validate_runs_nothing(forked: Forked, hostile: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(hostile / "validate_exec", tmp_path / "it")
     for file in folder.iterdir():
         file.chmod(0o644)
@@ -216,7 +212,7 @@ def test_validate_runs_nothing(hostile: Path, tmp_path: Path) -> None:
     )
     (folder / "model.yaml").write_text("model: eha_knee\n")
     files = [str(folder / f"{name}.yaml") for name in ("controller", "suite", "target")]
-    done = run("validate", *files, "--json")
+    done = forked.run("validate", *files, "--json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert not (folder / "executed").exists()
     assert "did not look into evil:C" in done.stderr
