@@ -248,6 +248,64 @@ def delayed(rng: np.random.Generator) -> Made:
     return step(rng, lagging(rng), lambda n: rng.normal(0.0, level, n))
 
 
+def stopping(rng: np.random.Generator) -> Shape:
+    """As fast as it may, to a stop that a lag of 2 to 10 % of the way rounds."""
+    length = rng.uniform(0.01, 0.06)
+    lag = length * rng.uniform(0.02, 0.1)
+
+    def moved(time: FloatArray) -> FloatArray:
+        after = np.maximum(time, 0.0)
+        return np.asarray(after + lag * np.expm1(-after / lag))
+
+    def response(time: FloatArray) -> FloatArray:
+        return np.asarray((moved(time) - moved(np.asarray(time) - length)) / length)
+
+    return Shape(response, lag + length / 6.0)
+
+
+def stopped(rng: np.random.Generator) -> Made:
+    level, shape = math.exp(rng.uniform(math.log(0.0006), math.log(0.02))), stopping(rng)
+    rate = math.exp(rng.uniform(math.log(8.0), math.log(80.0))) / shape.truths()["rise_time"]
+    hold = 300.0 / rate
+    return step(
+        rng, shape, lambda n: rng.normal(0.0, level, n), rate=rate, hold=hold, before=0.25 * hold
+    )
+
+
+def delayed_in_few(rng: np.random.Generator) -> Made:
+    """Three to eight samples a rise, and a corner at its start."""
+    level, shape = math.exp(rng.uniform(math.log(0.001), math.log(0.02))), lagging(rng)
+    rate = rng.uniform(3.0, 8.0) / shape.truths()["rise_time"]
+    return step(
+        rng,
+        shape,
+        lambda n: rng.normal(0.0, level, n),
+        rate=rate,
+        hold=120.0 / rate,
+        before=40.0 / rate,
+    )
+
+
+def no_peak(rng: np.random.Generator) -> Made:
+    level = rng.uniform(0.003, 0.02)
+    return step(rng, first_order(rng), lambda n: level * student(rng, n))
+
+
+def one_over_f(rng: np.random.Generator, count: int) -> FloatArray:
+    """Noise of 1 / f down to a quarter over its length, about 1 in standard deviation, (count,)."""
+    size = 4 * count
+    amplitude = np.fft.rfftfreq(size)
+    amplitude[1:] **= -0.5
+    amplitude *= size / (2.0 * math.sqrt(float(np.sum(amplitude**2))))
+    drawn = rng.normal(size=(2, amplitude.size))
+    return np.fft.irfft(amplitude * (drawn[0] + 1j * drawn[1]), size)[:count]
+
+
+def flickering(rng: np.random.Generator) -> Made:
+    level = rng.uniform(0.003, 0.02)
+    return step(rng, underdamped(rng), lambda n: level * one_over_f(rng, n))
+
+
 def delayed_silent(rng: np.random.Generator) -> Made:
     return step(rng, lagging(rng), np.zeros)
 
@@ -461,14 +519,18 @@ CASES = (
     Case("LSB 0.3-3 %", quantised_coarsely, (*TIMES, "steady_state_error"), AT_LEAST),
     Case("2-3 a rise 0.3 %", few_samples(0.003), TIMES, AT_LEAST),
     Case("2-3 a rise, silent", few_samples(0.0), TIMES, AT_LEAST),
-    Case("4-8 a rise", few_samples(0.005, 4.0, 8.0), TIMES),
+    # of few samples a rise nobody knows whether the response begins with a corner
+    Case("4-8 a rise, rise", few_samples(0.005, 4.0, 8.0), ("rise_time",), AT_LEAST),
+    Case("4-8 a rise", few_samples(0.005, 4.0, 8.0), ("response_time", "delay_time")),
+    Case("3-8 a rise, corner", delayed_in_few, ("dead_time", *TIMES), AT_LEAST),
     Case("silent", silent, (*TIMES, "overshoot", "settling_time", "peak_time"), AT_LEAST),
     Case("first order 1-3 %", flat_start, ("undershoot", "overshoot"), AT_LEAST),
     Case("wrong way", wrong_way, (*TIMES, "undershoot", "overshoot", "settling_time")),
     # nobody knows how sharp a corner is between two samples, nor when an edge came there
-    Case("lag after dead time", delayed, ("dead_time", *TIMES), AT_LEAST),
+    Case("lag after dead time", delayed, ("dead_time", *TIMES, "undershoot"), AT_LEAST),
     Case("the same, silent", delayed_silent, ("dead_time", *TIMES), AT_LEAST),
     Case("uneven samples", uneven, (*TIMES, "overshoot", "settling_time"), AT_LEAST),
+    Case("stops all at once", stopped, (*TIMES, "settling_time"), AT_LEAST),
     Case("AR -0.5", correlated(-0.5), (*TIMES, "overshoot"), AT_LEAST),
     Case("AR -0.9", correlated(-0.9), (*TIMES, "overshoot"), AT_LEAST),
     # levels and crossings share slow noise, and are taken as independent
@@ -480,6 +542,8 @@ CASES = (
     Case("Butterworth", filtered(*butter(2, 0.2)), ("overshoot", "steady_state_error")),
     Case("10 kHz", at_10_khz, (*TIMES, "settling_time")),
     Case("Student's t, 3", heavy_tails, (*TIMES, "overshoot", "settling_time")),
+    Case("t, 3, no peak", no_peak, ("overshoot", "undershoot"), AT_LEAST),
+    Case("1 / f", flickering, (*TIMES, "overshoot", "steady_state_error"), AT_LEAST),
     Case("0.5 % spikes", with_spikes, (*TIMES, "overshoot", "settling_time")),
     Case("5 % lost", with_losses, (*TIMES, "overshoot", "settling_time")),
     Case("a late NaN", late_nan, (*TIMES, "overshoot", "settling_time", "steady_state_error")),

@@ -45,3 +45,31 @@ def test_power_at_low_frequency_counts_for_long_means_only():
     noise = Noise(np.array([1.0]), 100.0, low=4.0, band=0.02)
     assert noise.variance_of_mean(1) == pytest.approx(1.0, rel=0.03)
     assert noise.variance_of_mean(100) == pytest.approx(4.0 / 100.0)
+
+
+def one_over_f(rng, count):
+    """Noise of 1 / f down to a quarter over its length."""
+    size = 4 * count
+    amplitude = np.fft.rfftfreq(size)
+    amplitude[1:] **= -0.5
+    drawn = rng.normal(size=(2, amplitude.size))
+    return np.fft.irfft(amplitude * (drawn[0] + 1j * drawn[1]), size)[:count]
+
+
+def test_noise_of_one_over_f_moves_means_by_more_than_a_window_shows():
+    rng = np.random.default_rng(3)
+    held = []
+    for _ in range(100):
+        values = one_over_f(rng, 1500)
+        noise = estimate([values[:250], values[-250:]])
+        reach = students.ppf(0.975, noise.slow) * np.sqrt(noise.variance_of_mean(250))
+        held.append(abs(float(values[-250:].mean())) <= reach)
+    assert np.mean(held) >= 0.80  # about 65 % by an autoregression
+
+
+@pytest.mark.parametrize("kind", ["white", "first order", "alternating"])
+def test_other_noise_is_seldom_taken_for_one_over_f(kind):
+    rng = np.random.default_rng(4)
+    # that of 1 / f is correlated over the whole window
+    taken = [estimate([KINDS[kind](rng)]).autocovariance.size == HOLD for _ in range(60)]
+    assert np.mean(taken) <= 0.15

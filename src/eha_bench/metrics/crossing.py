@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,8 @@ _KINKED = 1.3  # as 95 % of what lies anywhere between two bounds do not reach t
 _FOLLOWED = 1.5  # of the window in which a line is straight: a cubic follows further
 _APART = 1.0  # what a cubic may be off by, against how far parabolas are from it ...
 _BENT = 1.5  # ... and, times the square of the samples a rise, against how far a straight line is
+_NARROWER = (0.6, 0.35)  # of a window: what a cubic in it is held against
+_SAME = 3.0  # standard deviations that both may be apart, else the narrower counts
 _FEWEST_A_RISE = 2.0  # samples from 10 to 90 %, below which no polynomial tells where it crossed
 
 
@@ -127,9 +129,7 @@ def between_samples(
         apart.append(abs((line if other is None else other).time - cubic.time))
     if float(values[start]) < _STILL and index + 3 < time.size:
         # there may be a kink just before: what comes after it knows nothing of what was before
-        later = _crossed(time[index : index + 3], values[index : index + 3], level, line)
-        if later is not None and later.time <= float(time[index]):
-            apart.append(_KINKED * abs(later.time - cubic.time))
+        apart.append(_KINKED * _kinked(time, values, level, index, line, cubic.time))
     weights = _lagrange(time[here], cubic.time)
     return Crossing(
         cubic.time,
@@ -138,6 +138,27 @@ def between_samples(
         between=max(_APART * max(apart), _BENT / samples_a_rise**2 * abs(cubic.time - line.time)),
         span=line.span,
     )
+
+
+def _kinked(
+    time: FloatArray, values: FloatArray, level: float, index: int, line: Crossing, place: float
+) -> float:
+    """Return how much later a response crosses, in s, that has a kink just before sample `index`.
+
+    By the parabola and the cubic through the samples that come after, and as much later again as
+    these are apart, up to the sample itself.
+    """
+    found = []
+    for count in (3, 4):
+        after = slice(index, index + count)
+        if index + count <= time.size:
+            later = _crossed(time[after], values[after], level, line)
+            if later is not None and later.time <= float(time[index]):
+                found.append(later.time)
+    if not found:
+        return 0.0
+    latest = min(max(found) + (max(found) - min(found)), float(time[index]))
+    return max(latest - place, place - min(found))
 
 
 def _crossed(time: FloatArray, values: FloatArray, level: float, line: Crossing) -> Crossing | None:
@@ -170,10 +191,33 @@ def refined(
     guess: Crossing,
     noise: Noise,
     widest: int,
-) -> Crossing:
-    """Return the crossing of a local polynomial near a guess; the guess where it has none."""
+) -> Crossing | None:
+    """Return the crossing of a local polynomial near a guess, where it has none, the guess.
+
+    Its window is narrowed until cubics in narrower ones say the same; None where none is narrow
+    enough.
+    """
     half = half_width(time, values, guess.time, noise, widest, _FOLLOWED)
     local = fit(time, values, guess.time, half + 1, 3)
+    while True:
+        found = _at(local, level, guess, noise)
+        missed = 0.0
+        for part in _NARROWER:
+            narrower = max(int(part * half), 1)
+            other = fit(time, values, guess.time, narrower + 1, 3)
+            difference, sd = local.apart(other, found.time, noise)
+            missed = max(missed, difference**2 - 2.0 * sd**2)
+            if abs(difference) > _SAME * sd:
+                break
+        else:
+            return replace(found, between=math.sqrt(missed) / max(abs(found.slope), 1e-300))
+        if narrower == 1:
+            return None
+        half, local = narrower, other
+
+
+def _at(local: LocalFit, level: float, guess: Crossing, noise: Noise) -> Crossing:
+    """Return the crossing of a polynomial nearest to a guess; the guess where it has none."""
     shifted = local.coefficients.copy()
     shifted[0] -= level
     roots = np.roots(shifted[::-1]) if np.any(shifted[1:] != 0.0) else np.zeros(0)

@@ -14,6 +14,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
+from scipy.special import ndtri
 
 from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
@@ -38,15 +39,23 @@ _PARABOLA = 9
 _FEWEST_PLACES = 8.0  # that a maximum is chosen from, where it is one of noise
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 
+_AS_HIGH = 2.0 * math.sqrt(2.0)  # standard deviations by which two places are alike
 _LEAST = 5e-4  # of the step: below this a final level that is still creeping looks like a peak
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """The peak of a normalised response, and the height that noise alone may reach."""
+    """The peak of a normalised response.
+
+    Attributes:
+        peak: its place and height.
+        threshold: height that noise alone may reach.
+        rivals: independent places that may be as high, 1 at least: their highest is too high.
+    """
 
     peak: Peak
     threshold: float
+    rivals: float = 1.0
 
 
 # three metrics ask for it; forgotten together with the response
@@ -80,7 +89,15 @@ def _extreme(step: StepResponse, side: float, level: float) -> Extreme:
     found = peak(step.time[after], values[after], index - first, step.noise, step.passage, height)
     independent = max((values.size - first) / (2 * track.half + 1), _FEWEST_PLACES)
     sd = max(track.sd, math.sqrt(found.variance))
-    return Extreme(found, sd * math.sqrt(2.0 * math.log(independent)))
+    threshold = sd * _largest(independent, 0.95) + found.between
+    heights = side * track.values[first:]
+    high = np.count_nonzero(heights >= heights.max() - _AS_HIGH * track.sd)
+    return Extreme(found, threshold, max(high / (2 * (2 * track.half + 1)), 1.0))
+
+
+def _largest(count: float, share: float) -> float:
+    """Return what the largest of so many normal numbers does not exceed in a share of all cases."""
+    return float(ndtri(share ** (1.0 / count)))
 
 
 def tracked(step: StepResponse) -> Smooth:
@@ -135,7 +152,9 @@ def _fraction(
     step: StepResponse, value: float, found: Extreme, levels: Budget, convention: str
 ) -> Measure:
     measure = around(step, value, _own_budget(step, found.peak) + levels, convention)
-    low = 0.0 if value <= found.threshold else max(measure.low, 0.0)
+    # the highest of several places that may be as high is too high, the more so the more they are
+    chosen = (_largest(found.rivals, 0.975) - NORMAL) * math.sqrt(found.peak.variance)
+    low = 0.0 if value <= found.threshold else max(measure.low - chosen, 0.0)
     if math.isnan(measure.low):
         low = math.nan
     return replace(measure, low=low)
@@ -181,7 +200,7 @@ def _also_as_high(step: StepResponse, found: Peak) -> tuple[float, float]:
         return found.earliest, found.latest
     values = track.values[step.landed :]
     times = step.time[step.landed :]
-    reach = 2.0 * math.sqrt(2.0) * track.sd
+    reach = _AS_HIGH * track.sd
     rivals = (values >= maximum_filter1d(values, 2 * half + 1)) & (values >= values.max() - reach)
     places = times[rivals]
     return min(found.earliest, *places), max(found.latest, *places)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -22,6 +22,9 @@ from eha_bench.metrics.noise import Noise
 
 _GROWTH = 1.3
 _LARGEST = 4000
+_TAILS = 2.5  # standard deviations up to which a sample counts in full
+_ROUNDS = 8
+_FARTHEST = 3.0  # the same, of what a sample may say against a polynomial
 UNDERSMOOTHED = 0.6
 """Share of the window in which a line is straight that a peak is sought in."""
 
@@ -72,21 +75,58 @@ class LocalFit:
         scale: half the window, s; the polynomial is in (t - origin) / scale.
         coefficients: ascending.
         operator: (order + 1, m): coefficients = operator @ samples.
-        rest: sum of squares that it leaves of the samples.
+        rest: (m,) what it leaves of the samples.
+        first: index of the first sample in the window.
     """
 
     origin: float
     scale: float
     coefficients: FloatArray
     operator: FloatArray
-    rest: float
+    rest: FloatArray
+    first: int = 0
+
+    def apart(self, other: LocalFit, time: float, noise: Noise) -> tuple[float, float]:
+        """Return how far two polynomials are apart at a time, and the noise's share of it (sd)."""
+        start = min(self.first, other.first)
+        stops = (one.first + one.operator.shape[1] for one in (self, other))
+        weights = np.zeros(max(stops) - start)
+        at = np.array([time])
+        for sign, one in ((1.0, self), (-1.0, other)):
+            row = one.powers(at)[0] @ one.operator
+            weights[one.first - start : one.first - start + row.size] += sign * row
+        return self.value(time) - other.value(time), math.sqrt(noise.variance(weights))
+
+    def robust(self, time: FloatArray, values: FloatArray, noise: Noise) -> LocalFit:
+        """Return the polynomial that no single sample of the noise's tails bends.
+
+        Samples count as no farther from it than 2.5 standard deviations (P. J. Huber, Annals of
+        Mathematical Statistics 35, 1964, doi:10.1214/aoms/1177703732). Where it does not follow
+        its samples, it stays as it is: they are right and it is wrong.
+        """
+        if not noise.sd > 0.0 or not self.follows(noise):
+            return self
+        window = slice(self.first, self.first + self.operator.shape[1])
+        design = self.powers(time[window])
+        coefficients, bound = self.coefficients, _TAILS * noise.sd
+        for _ in range(_ROUNDS):
+            fitted = design @ coefficients
+            away = values[window] - fitted
+            if np.max(np.abs(away)) <= bound:
+                break
+            coefficients = self.operator @ (fitted + np.clip(away, -bound, bound))
+        return replace(self, coefficients=coefficients)
 
     def follows(self, noise: Noise) -> bool:
-        """Return whether it leaves no more of its samples than noise would (4 sd of chi^2)."""
+        """Return whether it leaves no more of its samples than noise would (4 sd of chi^2).
+
+        One sample in the tails of the noise is no reason to doubt it.
+        """
         free = self.operator.shape[1] - self.coefficients.size
         correlation = noise.autocovariance / max(noise.sd**2, 1e-300)
         spread = math.sqrt(2.0 * free * (2.0 * float(correlation @ correlation) - 1.0))
-        return bool(self.rest <= noise.sd**2 * (free + 4.0 * spread))
+        left = float(np.sum(np.minimum(self.rest**2, (_FARTHEST * noise.sd) ** 2)))
+        return bool(left <= noise.sd**2 * (free + 4.0 * spread))
 
     def value(self, time: float) -> float:
         """Return the polynomial at `time` (s)."""
@@ -136,7 +176,7 @@ def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: i
     operator: FloatArray = np.asarray(np.linalg.pinv(design), dtype=np.float64)
     coefficients = operator @ values[window]
     rest = values[window] - design @ coefficients
-    return LocalFit(centre, scale, coefficients, operator, float(rest @ rest))
+    return LocalFit(centre, scale, coefficients, operator, rest, window.start)
 
 
 def _line(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from eha_bench.metrics.noise import LinearCovariance, Noise
 
 _NARROWEST = 4
 _WIDEST = 1.5  # transits
-_SHRUNK = 1.3
+_NARROWER = 0.6  # of a window: what a cubic in it is held against
+_SAME = 3.0  # standard deviations that both may be apart, else the narrower counts
 
 
 @dataclass(frozen=True)
@@ -45,21 +46,22 @@ def peak(
     `transit` is how many samples the response takes from 25 to 75 %, its own scale of time;
     `height` is roughly how far the peak rises above the level that it stands on.
     """
-    centre = float(time[index])
-    half = _half(noise, transit, height)
+    half, missed = _half(noise, transit, height), 0.0
     while True:
-        for _ in range(3):  # the window follows the maximum that it finds
-            local = fit(time, values, centre, half, 3)
-            grid = np.linspace(-0.9, 0.9, 181)
-            heights = local.values(local.origin + grid * local.scale)
-            best = float(grid[int(np.argmax(heights))])
-            place = min(max(local.origin + best * local.scale, float(time[0])), float(time[-1]))
-            if abs(best) < 0.2:
+        local, place = _around(time, values, index, half)
+        if half <= _NARROWEST:
+            if local.follows(noise):
                 break
-            centre = place
-        if half <= _NARROWEST or local.follows(noise):
+            # a corner: no polynomial follows it, and only the samples tell
+            return _of_samples(time, values, index, noise)
+        narrower = max(int(_NARROWER * half), _NARROWEST)
+        other = fit(time, values, local.origin, narrower, 3)
+        difference, sd = local.apart(other, place, noise)
+        missed = math.sqrt(max(difference**2 - 2.0 * sd**2, 0.0))
+        if abs(difference) <= _SAME * sd and local.follows(noise):
             break
-        half, centre = max(int(half / _SHRUNK), _NARROWEST), float(time[index])
+        half = narrower
+    local = local.robust(time, values, noise)
     value = local.value(place)
     spread = noise.spread(local.operator)
     at_place = np.array([place])
@@ -72,7 +74,36 @@ def peak(
         value -= excess
         variance += 2.0 * excess**2  # the square of a normal slope varies as much
     earliest, latest = _flat(local, place, spread, noise.quantile())
-    return Peak(value, place, variance, earliest, latest)
+    return Peak(value, place, variance, earliest, latest, missed)
+
+
+def _around(time: FloatArray, values: FloatArray, index: int, half: int) -> tuple[LocalFit, float]:
+    """Return the local cubic whose window follows the maximum near a sample, and its place."""
+    centre = float(time[index])
+    for _ in range(3):
+        local = fit(time, values, centre, half, 3)
+        grid = np.linspace(-0.9, 0.9, 181)
+        heights = local.values(local.origin + grid * local.scale)
+        best = float(grid[int(np.argmax(heights))])
+        place = min(max(local.origin + best * local.scale, float(time[0])), float(time[-1]))
+        if abs(best) < 0.2:
+            break
+        centre = place
+    return local, place
+
+
+def _of_samples(time: FloatArray, values: FloatArray, index: int, noise: Noise) -> Peak:
+    """Return the maximum of the samples around sample `index`, and what noise makes of it."""
+    start = max(index - _NARROWEST, 0)
+    best = start + int(np.argmax(values[start : index + _NARROWEST + 1]))
+    found = vertex(time, values, best, 0)
+    around = slice(max(best - 1, 0), best + 2)
+    return replace(
+        found,
+        variance=noise.sd**2,
+        earliest=float(time[around][0]),
+        latest=float(time[around][-1]),
+    )
 
 
 def _half(noise: Noise, transit: float, height: float) -> int:

@@ -16,6 +16,7 @@ from scipy.signal import fftconvolve, lfilter
 from scipy.special import stdtrit
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.metrics.flicker import flicker
 
 _FEWEST = 8
 _HIGHEST_ORDER = 12
@@ -163,6 +164,10 @@ def estimate(segments: Sequence[FloatArray]) -> Noise:
     coefficients = _burg(residuals, count)
     if coefficients.size == 0:
         return Noise(np.array([variance]), freedom)
+    slow_noise = flicker(residuals, coefficients)
+    if slow_noise is not None:
+        known = min(freedom, slow_noise.freedom)
+        return Noise(slow_noise.autocovariance, max(freedom / 2.0, 2.0), known)
     length = count / len(residuals)
     model = _unbiased(coefficients, length)
     correlation = _correlation(model)

@@ -25,7 +25,10 @@ from eha_bench.metrics.crossing import Crossing
 from eha_bench.metrics.noise import Noise
 
 _SURE = 2.0  # standard deviations that the slope at the start is from none, at least ...
-_SUDDEN = 0.35  # ... and of the mean slope up to half of the step
+SETS_OFF = 0.35
+"""Share of its mean slope up to half of the step that a response sets off with at a corner ..."""
+STOPS = 0.7
+"""... and that it stops from, where a lag alone comes to its end ever more slowly."""
 _FOLLOWS = 4.0  # standard deviations of chi^2 that the fit may leave more than noise
 _PLACES = 24  # of the kink that are tried first, over all the time that it may lie in ...
 _LAGS = np.concatenate(([0.0], np.geomspace(0.02, 1.0, 8)))  # of the time to half of the step
@@ -34,13 +37,19 @@ _ROWS = 9
 _ZOOMS = 5
 _NEARER = 0.5
 _FEWEST = 7  # samples from the edge to half of the step
+_REGULAR = 1e-12  # of the trace
 _CORNERED = 1.4
 """What the variance is larger by, by simulation: a corner between two samples is no smooth function
 of either, and what rounds it may be another curve than a lag's."""
 
 
 def sudden_crossing(
-    time: FloatArray, values: FloatArray, level: float, noise: Noise, latest: float
+    time: FloatArray,
+    values: FloatArray,
+    level: float,
+    noise: Noise,
+    latest: float,
+    steepness: float = SETS_OFF,
 ) -> Crossing | None:
     """Return where a response that sets off all at once crosses a level; None where it does not.
 
@@ -50,6 +59,8 @@ def sudden_crossing(
         level: that it crosses.
         noise: of `values`.
         latest: s, at which the level is surely crossed.
+        steepness: slope at the corner that it has at least, of the mean slope up to half of the
+            step.
     """
     if time.size < _FEWEST or not latest > float(time[0]):
         return None
@@ -67,7 +78,7 @@ def sudden_crossing(
     operator = np.asarray(np.linalg.pinv(_jacobian(clock, corner, slopes)), dtype=np.float64)
     spread = noise.spread(operator)
     own = math.sqrt(spread.variance(np.array([0.0, 1.0, 0.0, 0.0])))
-    if slopes[0] < max(_SURE * own, _SUDDEN * 0.5 / max(1.0 - corner, 1e-9)):
+    if slopes[0] < max(_SURE * own, steepness * 0.5 / max(1.0 - corner, 1e-9)):
         return None
     placed = np.array([1.0, 0.0, 0.0, 0.0])
     tried = _tried(clock, values, corner, math.sqrt(spread.variance(placed)))
@@ -164,7 +175,11 @@ def _fitted(clock: FloatArray, values: FloatArray, starts: FloatArray, lags: Flo
     """Fit (n,) values for each of (k,) corners."""
     design = _columns(np.maximum(clock - starts[:, None], 0.0), lags[:, None])
     transposed = np.swapaxes(design, 1, 2)
-    inverse = np.asarray(np.linalg.pinv(transposed @ design, hermitian=True), dtype=np.float64)
+    normal = transposed @ design
+    # of a corner behind the last samples they are singular; an inverse is much quicker than pinv
+    size = np.trace(normal, axis1=1, axis2=2) + 1e-300
+    normal += (_REGULAR * size)[:, None, None] * np.eye(3)
+    inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
     coefficients = np.squeeze(inverse @ (transposed @ values)[..., None], -1)
     rest = values - np.squeeze(design @ coefficients[..., None], -1)
     return _Fits(starts, lags, coefficients, inverse, np.sum(rest**2, axis=1))

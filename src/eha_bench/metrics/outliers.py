@@ -21,6 +21,7 @@ _LEAST = 0.01  # of the span: what is less is as well the shape of a response th
 _NEAR = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
 _BESIDE = ((2, 1), (3, 4))  # neighbours on either side, the near and the far one
 _MOST = 0.03  # share of samples that may be spikes; more are no exceptions
+_MIDDLE = np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0  # of the cubic through two on either side
 LONGEST_FILLED = 3
 """Samples in a row without a value that neighbours may stand for."""
 
@@ -101,10 +102,18 @@ def _instead(values: FloatArray, index: int, least: float) -> float | None:
 
 
 def filled(values: FloatArray, missing: BoolArray) -> FloatArray:
-    """Return (n,) values with the missing ones taken from their neighbours, by straight lines."""
+    """Return (n,) values with the missing ones taken from their neighbours.
+
+    By the cubic through two on either side; by a straight line where one of these is missing, too.
+    """
     result = np.array(values)
     places = np.arange(values.size)
     result[missing] = np.interp(places[missing], places[~missing], values[~missing])
+    alone = np.flatnonzero(missing)
+    alone = alone[(alone >= 2) & (alone < values.size - 2)]
+    beside = alone[:, None] + np.array([-2, -1, 1, 2])
+    whole = ~np.any(missing[beside], axis=1)
+    result[alone[whole]] = values[beside[whole]] @ _MIDDLE
     return result
 
 

@@ -160,7 +160,8 @@ def _refined(step: StepResponse, edge: float, guess: Crossing, index: int) -> Cr
             step.time, step.rise, edge, index, step.noise, step.origin, step.samples_a_rise
         )
     widest = max(round(step.passage), 3)
-    return refined(step.time[first:], step.rise[first:], edge, guess, step.noise, widest)
+    found = refined(step.time[first:], step.rise[first:], edge, guess, step.noise, widest)
+    return step.between_samples(edge, index) if found is None else found
 
 
 def _last_exit(distance: FloatArray, beyond: float) -> int:

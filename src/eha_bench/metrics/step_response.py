@@ -19,7 +19,7 @@ from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.noise import Noise, estimate, white_noise
-from eha_bench.metrics.onset import sudden_crossing
+from eha_bench.metrics.onset import STOPS, sudden_crossing
 from eha_bench.metrics.resolution import dithering, rounding_sd
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.tail import asymptote
@@ -47,6 +47,9 @@ _AWAY = 0.05  # of the step: a response that stays closer to its end has settled
 
 _MISSED = 0.004  # of the step: what a cubic misses over as long as 25 to 75 % take, either way
 _NARROWEST = 2.0  # samples on either side of a place that a cubic is put through
+_STOPPED = 6  # samples after a corner, at least
+_NOISY = 0.1  # samples that noise may move a crossing by that is read between two
+_WIDEST_IN_FEW = 6  # samples on either side
 _FEW_A_RISE = 5.0  # below which a note is given
 
 
@@ -161,10 +164,16 @@ class StepResponse:
             return self._from_the_edge(share, key)
         index = self.origin + int(below[-1]) + 1
         guess = straight(self.time, self.smooth.values, share, index)
-        if self.exact or not self.noise.known or not self.resolved:
+        if self.exact or not self.noise.known:
             return self.between_samples(share, index)
+        if not self.resolved:
+            return self._in_few(share, index)
         if share <= SOON:
             sudden = self._sudden(share, index)
+            if sudden is not None:
+                return sudden
+        if share >= 1.0 - SOON:
+            sudden = self._stopping(share, index)
             if sudden is not None:
                 return sudden
         after = slice(self.origin, None)  # the edge may leave a kink, no polynomial follows one
@@ -176,9 +185,12 @@ class StepResponse:
             self.noise,
             self._window,
         )
+        if found is None:
+            return self._as_read(share, index)
         period = float(self.time[-1] - self.time[0]) / (self.time.size - 1)
         missed = _MISSED * (0.5 * found.span / period / self.passage) ** 4
-        return replace(found, between=missed / max(abs(found.slope), 1e-300))
+        missed = missed / max(abs(found.slope), 1e-300)
+        return replace(found, between=math.hypot(found.between, missed))
 
     def _from_the_edge(self, share: float, key: str) -> Crossing:
         """Return the crossing of a share that is beyond it at the edge, as smoothing has it."""
@@ -196,6 +208,48 @@ class StepResponse:
         here = slice(self.origin, stop)
         latest = float(self.time[min(index + self.smooth.half + 1, stop - 1)])
         return sudden_crossing(self.time[here], self.rise[here], share, self.noise, latest)
+
+    def _in_few(self, share: float, index: int) -> Crossing:
+        """Return the crossing of a response of few samples: between two, where noise lets it be.
+
+        Where noise alone moves it by much of a sample, as in a slow tail, a polynomial averages.
+        """
+        read = self._as_read(share, index)
+        period = float(self.time[-1] - self.time[0]) / (self.time.size - 1)
+        if self.noise.sd < _NOISY * abs(read.slope) * period:
+            return read
+        after = slice(self.origin, None)
+        found = refined(self.time[after], self.rise[after], share, read, self.noise, _WIDEST_IN_FEW)
+        return read if found is None else found
+
+    def _as_read(self, share: float, index: int) -> Crossing:
+        """Return the crossing between the samples themselves, near the one before `index`."""
+        near = np.arange(max(index - 2, self.origin + 1), min(index + 3, self.time.size))
+        crossed = near[(self.rise[near - 1] < share) & (self.rise[near] >= share)]
+        nearest = int(crossed[np.argmin(np.abs(crossed - index))]) if crossed.size else index
+        return self.between_samples(share, nearest, self.rise)
+
+    def _stopping(self, share: float, index: int) -> Crossing | None:
+        """Return the crossing of a high share before a corner, seen backwards in time, or None.
+
+        A machine that moves as fast as it may stops all at once.
+        """
+        half = np.flatnonzero(self.smooth.values[self.origin : index] < 0.5)
+        if half.size == 0:
+            return None
+        start = self.origin + int(half[-1])
+        stop = min(index + max(index - start, _STOPPED), self.time.size)
+        here = slice(start, stop)
+        earliest = -float(self.time[max(index - self.smooth.half - 2, start)])
+        found = sudden_crossing(
+            -self.time[here][::-1],
+            1.0 - self.rise[here][::-1],
+            1.0 - share,
+            self.noise,
+            earliest,
+            STOPS,
+        )
+        return None if found is None else replace(found, time=-found.time)
 
     def between_samples(self, share: float, index: int, read: FloatArray | None = None) -> Crossing:
         """Return the crossing of a share of the step between samples index - 1 and index.
