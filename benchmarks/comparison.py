@@ -1,6 +1,6 @@
 """How often comparisons and histories say something false, and how often they find what is there.
 
-    python -m benchmarks.comparison [--pairs 500] [--histories 300] [--quick]
+    python -m benchmarks.comparison [--pairs 500] [--histories 300] [--seed 0] [--quick]
         [--only PART] [--workers N] [--json FILE]
 
 The repeats come from the simulator with its sensor noise, run once and drawn from without
@@ -307,6 +307,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.comparison", description=__doc__)
     parser.add_argument("--pairs", type=int, default=500)
     parser.add_argument("--histories", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=0, help="of the hard pairs")
     parser.add_argument("--quick", action="store_true", help="a small version, for CI")
     parser.add_argument(
         "--only",
@@ -325,7 +326,7 @@ def main() -> int:
     nights = (100, 20) if chosen.quick else (1000, 100)
     sections: dict[str, Callable[[], Iterator[Line]]] = {
         "null": lambda: no_difference(whole(), pairs),
-        "hard": lambda: hard_pairs(4 if chosen.quick else max(1000, pairs)),
+        "hard": lambda: hard_pairs(4 if chosen.quick else max(1000, pairs), chosen.seed),
         "slower": lambda: slow_downs(whole(), max(1, pairs // 2)),
         "ab": lambda: interleaved(whole(), max(1, pairs // 8)),
         "looks": lambda: looked_at(max(1, pairs * 4 // 5)),
