@@ -164,10 +164,6 @@ def estimate(segments: Sequence[FloatArray]) -> Noise:
     coefficients = _burg(residuals, count)
     if coefficients.size == 0:
         return Noise(np.array([variance]), freedom)
-    slow_noise = flicker(residuals, coefficients)
-    if slow_noise is not None:
-        known = min(freedom, slow_noise.freedom)
-        return Noise(slow_noise.autocovariance, max(freedom / 2.0, 2.0), known)
     length = count / len(residuals)
     model = _unbiased(coefficients, length)
     correlation = _correlation(model)
@@ -184,7 +180,15 @@ def estimate(segments: Sequence[FloatArray]) -> Noise:
     low, band, lines = _low(residuals, model, variance * at_zero)
     if lines:
         slow = min(slow, 2.0 * lines)
-    return Noise(variance * correlation, max(freedom / squares, 2.0), slow, low, band)
+    found = Noise(variance * correlation, max(freedom / squares, 2.0), slow, low, band)
+    rising = flicker(residuals, coefficients)
+    if rising is None:
+        return found
+    other = Noise(rising.autocovariance, max(freedom / 2.0, 2.0), min(freedom, rising.freedom))
+    # what still rings is no noise of 1 / f: that adds to a mean's variance, and takes nothing off
+    window = round(length)
+    slower = other.variance_of_mean(window) > found.variance_of_mean(window)
+    return other if slower else found
 
 
 def _low(
