@@ -59,6 +59,19 @@ def test_noise_is_never_below_the_quantisation():
     assert noise_of(values) >= 0.01 / np.sqrt(12) * 0.999
 
 
+@pytest.mark.parametrize("count", [120, 250, 499])
+@pytest.mark.parametrize("centre", [0.0, 0.4])
+def test_noise_of_readings_that_flicker_between_two_steps(count: int, centre: float) -> None:
+    """Less what a model says, no step shows; most differences are still nothing."""
+    found, right = [], []
+    for seed in range(40):
+        noise = 0.33 * np.random.default_rng(seed).standard_normal(count)
+        left = np.round(centre + noise) + 1e-4 * np.sin(np.arange(count) / 300.0)
+        found.append(noise_of(left))
+        right.append(np.std(left))
+    assert np.mean(found) == pytest.approx(np.mean(right), rel=0.12)
+
+
 def test_a_dead_sensor_is_said_and_left_out():
     found = admit(
         run(recording(pressure_a=np.full(2000, 3.0))),

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from eha_bench.diagnosis.fit.residual_colour import noise_of_stretches
+from eha_bench.diagnosis.data.colour import Colour
+from eha_bench.diagnosis.fit.residual_colour import noise_of_stretches, same_noise, swings
 
 STRETCHES, SAMPLES = 200, 64
 
@@ -44,3 +45,33 @@ def test_a_coarse_resolution_adds_to_the_noise_in_squares() -> None:
     read = step * np.round((slow + _noise(generator, 0.0)) / step)
     level, _ = noise_of_stretches(list(read - slow))
     assert level == pytest.approx(np.sqrt(1.0 + step**2 / 12.0), rel=0.08)
+
+
+@pytest.mark.parametrize("a", [0.0, 0.6])
+def test_noise_is_as_loud_in_every_run(a: float) -> None:
+    colour = Colour((a,)) if a else None
+    for seed in range(20):
+        own = list(_noise(np.random.default_rng(seed), a))
+        assert same_noise([own[:60], own[60:100], own[100:196], own[196:]], colour)
+
+
+def test_what_follows_a_run_is_louder_in_some_runs() -> None:
+    """Noise of 1, and beside it an error as large in one run, half as large in another."""
+    generator = np.random.default_rng(5)
+    own = _noise(generator, 0.0)
+    error = np.sin(np.linspace(0.0, 25.0, SAMPLES) + generator.uniform(0, 6, (STRETCHES, 1)))
+    own[:70] += 1.4 * error[:70]
+    own[70:130] += 0.7 * error[70:130]
+    assert not same_noise([list(own[:70]), list(own[70:130]), list(own[130:])], None)
+
+
+def test_a_filter_does_not_swing_and_a_resonance_does() -> None:
+    # a = 2 r cos(w), -r^2: a pole pair at a sixth of the sampling frequency's turn
+    radius = 0.95
+    second = -(radius**2)
+    first = 2 * radius * np.cos(np.pi / 3) / (1 - second)
+    assert swings(Colour((float(first), second)))
+    assert not swings(Colour((0.8,)))
+    assert not swings(Colour((0.5, 0.1, 0.05)))
+    assert not swings(Colour((-0.5,)))
+    assert not swings(None)

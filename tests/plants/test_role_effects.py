@@ -122,7 +122,45 @@ def test_lagging_valve_has_63_percent_after_its_time_constant() -> None:
     since = time[11:] - time[10]
     # the spool's own lag is 2 / w = 0.07 ms
     np.testing.assert_allclose(spool[11:], 0.5 * (1 - np.exp(-since / 5e-3)), atol=0.01)
-    assert valve_lag.follow(0.0, 1.0, 5e-3, 5e-3) == pytest.approx(1 - math.exp(-1))
+
+
+def test_late_valve_goes_on_as_its_equations_solved_finely() -> None:
+    """Each form beside explicit Euler at a hundred thousandth of the time constant."""
+    tau, damping, lag, h = 4e-3, 0.6, 2e-3, 3e-3
+    frequency = 2.0 * damping / tau
+    count = 100_000
+    for number in range(3):
+        u, speed = 0.2, 0.0
+        for _ in range(count):
+            if number == 1:
+                pull = frequency**2 * (1.0 - u) - 2.0 * damping * frequency * speed
+                speed += pull * h / count
+            else:
+                speed = min((1.0 - u) / lag, 1.0 / tau) if number == 2 else (1.0 - u) / tau
+            u += speed * h / count
+        found = valve_lag.follow(0.2, 0.0, 1.0, 1.0, h, tau, damping, lag, float(number))
+        assert found == pytest.approx(u, abs=2e-5)
+        if number == 1:
+            found = valve_lag.speed_after(0.0, 0.2, 1.0, h, tau, damping, 1.0)
+            assert found == pytest.approx(speed, rel=1e-4)
+
+
+def test_limited_valve_travels_at_its_limit_and_then_fades() -> None:
+    """A stroke of 10 V in 0.1 s: for 0.09 s, to where the lag is as fast, 1 V off; then exp(-1)."""
+    for h, found in ((0.05, 5.0), (0.10, 10.0 - math.exp(-1.0))):
+        assert valve_lag.follow(0, 0, 10, 10, h, 0.1, 0.7, 0.01, 2) == pytest.approx(found)
+        assert valve_lag.follow(0, 0, -10, 10, h, 0.1, 0.7, 0.01, 2) == pytest.approx(-found)
+
+
+@pytest.mark.parametrize("form", ["first_order", "second_order", "limited"])
+def test_late_valve_that_hardly_lags_is_the_declared_one(form: str) -> None:
+    time = np.arange(0.0, 0.05, 1e-3)
+    given = {"valve_command": np.where(time >= 9.5e-3, 5.0, 0.0)}
+    start = {"spool_position": 0.0}
+    late = run("valve_cylinder", time, given, "valve_lag", QUICK, start,
+               time_constant=1e-7, form=form, lag=1e-6)  # fmt: skip
+    own = run("valve_cylinder", time, given, "valve_lag", QUICK, start, time_constant=0.0)
+    np.testing.assert_allclose(late["spool_position"], own["spool_position"], atol=1e-3)
 
 
 # --- valve_leakage ------------------------------------------------------------------------------

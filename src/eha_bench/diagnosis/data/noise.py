@@ -2,7 +2,9 @@
 
 The mean square of third differences (a signal that is smooth over four samples vanishes in them) in
 blocks of a hundred samples, of which the median is taken, so that fast events do not count; never
-below what the channel's own quantisation makes, sqrt(1/12) of its step.
+below what the channel's own quantisation makes, sqrt(1/12) of its step. Shorter signals have
+shorter blocks, at least five of them: mean squares also hold where readings flicker between two
+steps and most differences are nothing.
 
 Source of the difference estimator: Von Neumann, Kent, Bellinson, Hart, The mean square successive
 difference, Ann. Math. Stat. 12 (1941) 153, doi:10.1214/aoms/1177731746.
@@ -17,9 +19,11 @@ from eha_bench.core.arrays import FloatArray
 THIRD = 20.0
 """Mean square of third differences of white noise of 1: the squares of (1, -3, 3, -1) summed."""
 _BLOCK = 100
-# median over mean of a block's mean square: chi2 with 100 / 2.31 degrees of freedom, the 2.31 from
-# the correlation of third differences of white noise (-0.75, 0.3, -0.05)
-_MEDIAN = 0.9846
+_SHORTEST_BLOCK = 20
+_BLOCKS = 5
+"""Least number of blocks."""
+_CORRELATED = 2.31
+"""Third differences that are worth one: of white noise they correlate by -0.75, 0.3, -0.05."""
 _FEWEST_LEVELS = 3
 _ROUNDING = 2.0**-23
 """Relative rounding of single precision."""
@@ -44,12 +48,13 @@ def noise_of(values: FloatArray) -> float:
     third = third[np.isfinite(third)]
     if third.size < 8:
         return float("nan")
-    if third.size < 5 * _BLOCK:
+    block = min(_BLOCK, third.size // _BLOCKS)
+    if block < _SHORTEST_BLOCK:
         spread = _usual(third)
     else:
-        whole = third[: third.size // _BLOCK * _BLOCK].reshape(-1, _BLOCK)
+        whole = third[: third.size // block * block].reshape(-1, block)
         middle = float(np.median(np.mean(whole**2, axis=1)))
-        spread = float(np.sqrt(middle / _MEDIAN / THIRD))
+        spread = float(np.sqrt(middle / _median_of(block / _CORRELATED) / THIRD))
     step = quantum_of(values[good])
     return max(spread, step / float(np.sqrt(12.0)))
 
@@ -83,6 +88,11 @@ def noise_of_input(values: FloatArray) -> float:
         return float("nan")
     step = quantum_of(values[np.isfinite(values)])
     return max(_usual(third), step / float(np.sqrt(12.0)))
+
+
+def _median_of(freedom: float) -> float:
+    """Return the median of chi-square, as a share of its mean (Wilson, Hilferty, PNAS 17, 684)."""
+    return float((1.0 - 2.0 / (9.0 * freedom)) ** 3)
 
 
 def _usual(third: FloatArray) -> float:

@@ -78,10 +78,18 @@ def _colours(measured: Sequence[Measured]) -> dict[str, Colour]:
     for item in measured:
         for stretch in quiet_stretches(item):
             for name, values in stretch.items():
-                # what changes by a step or two of its resolution tells of that, and not of noise
-                if np.ptp(values) > _STEPS * item.steps.get(name, 0.0):
+                if shows_noise(values, item.steps.get(name, 0.0)):
                     stretches.setdefault(name, []).append(values)
     return {name: colour for name, own in stretches.items() if (colour := colour_of(own))}
+
+
+def shows_noise(values: FloatArray, step: float) -> bool:
+    """Whether readings tell of noise: what changes by a step or two of its resolution does not.
+
+    Args:
+        values: while nothing moves, (n,). step: of the resolution, 0 where there is none.
+    """
+    return bool(np.ptp(values) > _STEPS * step)
 
 
 def _sampled_alike(one: Measured, other: Measured) -> bool:

@@ -16,6 +16,7 @@ from scipy.stats import chi2
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour, beside_parabola, colour_of
+from eha_bench.diagnosis.data.quiet import quiet_stretches, shows_noise
 from eha_bench.diagnosis.fit.problem import Problem
 
 _STRETCH = 64
@@ -32,6 +33,14 @@ _ROUNDS = 4
 """How often colour and stretches are taken from one another."""
 _LOW = 0.25
 """Quantile of the stretches' mean squares that a level is taken from."""
+_PEAK = 2.0
+"""Power at a peak, in that of slow and of fast noise, from which noise swings."""
+_SAME = 0.25
+"""What the mean squares of runs may differ by, as a share, and still be of the same noise."""
+_NOT_BY_CHANCE = 4.0
+"""And by how many standard errors."""
+_FEWEST = 4
+"""Least number of a run's stretches that say how loud its noise is."""
 
 
 @dataclass(frozen=True)
@@ -58,14 +67,72 @@ def noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:
         problem: the runs' windows. vector: of the fitted model.
     """
     colours, levels = {}, {}
-    for name, stretches in _stretches(problem, vector).items():
-        level, colour = noise_of_stretches(stretches)
+    for name, by_run in _stretches(problem, vector).items():
+        level, colour = noise_of_stretches([own for run in by_run.values() for own in run])
         if level > _MOST * problem.noise[name]:
             continue
         levels[name] = level
         if colour is not None:
             colours[name] = colour
     return SeenNoise(colours, levels)
+
+
+def steady_noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:
+    """Return the noise of the channels whose residual is a sensor's noise and nothing else.
+
+    A sensor is as noisy in every run, and at rest, and its noise does not swing; what a model lacks
+    follows what a run asks for.
+
+    Args:
+        problem: the runs' windows. vector: of the fitted model.
+    """
+    seen = noise_of_residual(problem, vector)
+    stretches = _stretches(problem, vector)
+    at_rest = _at_rest(problem)
+    steady = {
+        name
+        for name in seen.levels
+        if not swings(seen.colours.get(name))
+        and same_noise([*stretches[name].values(), at_rest.get(name, [])], seen.colours.get(name))
+    }
+    return SeenNoise(
+        {name: colour for name, colour in seen.colours.items() if name in steady},
+        {name: level for name, level in seen.levels.items() if name in steady},
+    )
+
+
+def swings(colour: Colour | None) -> bool:
+    """Whether noise is loudest at a frequency of its own, as a resonance is and a filter is not."""
+    if colour is None:
+        return False
+    power = colour.amplitudes(_STRETCH) ** 2
+    return bool(power[1:-1].max() > _PEAK * max(power[0], power[-1]))
+
+
+def same_noise(runs: Sequence[Sequence[FloatArray]], colour: Colour | None) -> bool:
+    """Whether stretches of all runs are as loud, but for chance.
+
+    By the median of their mean squares: a few stretches in which a run holds more do not count.
+
+    Args:
+        runs: of each its stretches, (64,) each. colour: of the noise, None where it is white.
+    """
+    squares = [
+        np.array([float(np.mean(beside_parabola(own) ** 2)) for own in run])
+        for run in runs
+        if len(run) >= _FEWEST
+    ]
+    if len(squares) < 2:
+        return True
+    _, freedom = _expected(colour)
+    usual = float(np.median(np.concatenate(squares)))
+    for own in squares:
+        # of a median: pi / 2 times the variance of a mean
+        error = float(np.sqrt(np.pi / freedom / own.size))
+        off = abs(float(np.median(own)) / usual - 1.0)
+        if off > max(_SAME, _NOT_BY_CHANCE * error):
+            return False
+    return True
 
 
 def noise_of_stretches(stretches: Sequence[FloatArray]) -> tuple[float, Colour | None]:
@@ -88,20 +155,37 @@ def noise_of_stretches(stretches: Sequence[FloatArray]) -> tuple[float, Colour |
     return float(np.sqrt(variance)), colour
 
 
-def _stretches(problem: Problem, vector: FloatArray) -> dict[str, list[FloatArray]]:
-    """Return what is left of each channel in stretches of samples that follow one another, SI."""
+def _stretches(problem: Problem, vector: FloatArray) -> dict[str, dict[str, list[FloatArray]]]:
+    """Return what is left of each channel, by run, in stretches of neighbouring samples, SI."""
     problem.prepare(vector)
     residual = problem.with_best_start(vector)
-    found: dict[str, list[FloatArray]] = {}
+    found: dict[str, dict[str, list[FloatArray]]] = {}
     names = problem.plant.outputs
     for piece in problem.pieces:
         rows = residual[piece.rows]
+        run = problem.windows[piece.window].measured.run.name
         for channel, mask in piece.by_channel():
             own, ticks = rows[mask] * problem.noise[names[channel]], piece.ticks[mask]
             for first in range(0, own.size - _STRETCH + 1, _STRETCH):
                 span = slice(first, first + _STRETCH)
                 if ticks[span][-1] - ticks[span][0] == _STRETCH - 1:
-                    found.setdefault(names[channel], []).append(own[span])
+                    by_run = found.setdefault(names[channel], {})
+                    by_run.setdefault(run, []).append(own[span])
+    return found
+
+
+def _at_rest(problem: Problem) -> dict[str, list[FloatArray]]:
+    """Return the readings of each channel while nothing moves, where they show its noise."""
+    found: dict[str, list[FloatArray]] = {}
+    runs = {item.measured.run.name: item.measured for item in problem.windows}
+    for measured in runs.values():
+        for stretch in quiet_stretches(measured):
+            for name, values in stretch.items():
+                if shows_noise(values, measured.steps.get(name, 0.0)):
+                    found.setdefault(name, []).extend(
+                        values[first : first + _STRETCH]
+                        for first in range(0, values.size - _STRETCH + 1, _STRETCH)
+                    )
     return found
 
 

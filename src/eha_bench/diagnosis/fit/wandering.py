@@ -15,7 +15,7 @@ from eha_bench.diagnosis.data.quiet import with_colours
 from eha_bench.diagnosis.data.wander import NoiseStretch, Wander, wander_of
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.fit.residual_colour import noise_of_residual
+from eha_bench.diagnosis.fit.residual_colour import steady_noise_of_residual
 
 
 def wandering(problem: Problem, fit: Fit) -> dict[str, Wander]:
@@ -48,7 +48,7 @@ def with_noise_of_residual(problem: Problem, vector: FloatArray) -> Problem:
     Args:
         problem: prepared at the vector. vector: of the fitted model.
     """
-    seen = noise_of_residual(problem, vector)
+    seen = steady_noise_of_residual(problem, vector)
     coloured = _with_measured(
         problem, lambda item: with_colours(item, {**item.colours, **seen.colours})
     )

@@ -28,6 +28,8 @@ from eha_bench.diagnosis.search.state import Search
 
 _LITTLE = 0.2
 """Excess in the noise's cost: zeros that wander by 0.4 of the noise leave about as much."""
+_MUCH = 2.0
+"""Excess in the noise's cost of a filter's noise, whose differences hold a third of its power."""
 _FOLLOWED = 0.15
 """Share of it from which a curve follows something: noise follows nothing."""
 _LEFT = 0.5
@@ -45,7 +47,7 @@ def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | 
         base: as calibrated. search: finished.
     """
     rest = search.excess_left
-    if rest.significance <= REST_SIGNIFICANCE or rest.relative > _LITTLE:
+    if rest.significance <= REST_SIGNIFICANCE or rest.relative > _MUCH:
         return None
     search.problem.prepare(search.fit.vector)
     problem = with_noise_of_residual(search.problem, search.fit.vector)

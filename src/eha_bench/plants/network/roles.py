@@ -345,6 +345,7 @@ def _drive(system: System) -> Iterator[Spot]:
             "demand": (Hook(f"demand:{name}"),),
             "drive": (Hook(f"drive:{name}"),),
         }
+        usual = _usual_command(system, column, part)
         if any(item.channel == column.channel for item in system.outputs if item.command >= 0):
             hooks["asked"] = (Hook(f"asked:{column.channel}"),)
         if part.element.kind.id in ("motor", "linear_motor"):
@@ -360,9 +361,10 @@ def _drive(system: System) -> Iterator[Spot]:
                 "asked": f"S[{system.asked(part, column.command)}]",
                 "current": f"S[{column.signal}]",
                 "t": "S[1]",
+                "full": repr(float(usual)),
             },
             {"command": column.unit},
-            {"command": _usual_command(system, column, part)},
+            {"command": usual},
         )
 
 
