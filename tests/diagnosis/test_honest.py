@@ -86,10 +86,43 @@ def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
     search = SimpleNamespace(
         effects=[item],
         fit=SimpleNamespace(vector=np.array([strength])),
-        excess_base=SimpleNamespace(relative=missing),
+        excess_base=SimpleNamespace(relative=missing, significance=40.0),
     )
     text = _against(search, item, Thresholds())  # type: ignore[arg-type]
     assert re.search(says, text) if says else text == ""
+
+
+@pytest.mark.parametrize(
+    ("noise", "significance", "stands"),
+    [(0.05, 4.0, True), (8.0, 4.0, False), (8.0, 40.0, True)],
+)
+def test_an_effect_that_may_as_well_be_nothing_needs_an_error_with_structure(
+    noise, significance, stands
+):
+    """y = a x + noise over 400 samples: a is known to noise / sqrt(sum of x^2)."""
+    import numpy as np
+
+    from eha_bench.diagnosis.fit.evidence import Groups
+    from eha_bench.diagnosis.fit.least_squares import Fit, Free
+
+    generator = np.random.default_rng(3)
+    x = np.linspace(-1.0, 1.0, 400)
+    size = 1.0
+    left = generator.standard_normal(400)
+    free = (Free("entrained_air.air_fraction", 0, 0.0, 5.0, 1.0, of_effect=True),)
+    fit = Fit(np.array([size]), free, left, (x / noise)[:, None], float(left @ left))
+    start = Start("entrained_air", (), 0, 0.0, 0.02, 0.0, 5.0, ("entrained_air.air_fraction",),
+                  "flow")  # fmt: skip
+    item = Accepted(start, GOOD, ())
+    search = SimpleNamespace(
+        effects=[item],
+        fit=fit,
+        groups=Groups(*(tuple(np.array_split(np.arange(400), parts)) for parts in (4, 40))),
+        excess_base=SimpleNamespace(relative=0.5, significance=significance),
+    )
+    text = _against(search, item, Thresholds())  # type: ignore[arg-type]
+    assert (text == "") is stands, text
+    assert stands or "may as well be nothing" in text
 
 
 def break_stage(monkeypatch: pytest.MonkeyPatch, name: str) -> None:

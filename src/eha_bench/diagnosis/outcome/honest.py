@@ -13,8 +13,10 @@ from math import isfinite, isnan, sqrt
 
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.evidence import compare, excess
+from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess
+from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
+from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search.backward import drop, without
@@ -26,6 +28,9 @@ _WORSE = 1.05
 """Growth of the error of whole replays from which a model is worse: less is chance."""
 _LIKELY = 0.05
 """Probability from which chance may as well have made a gain."""
+_CLEAR = 4.0
+"""Size of an effect, in its standard deviations, from which it is not nothing; fresh cases at the
+hardest strength had 8 and more, what forms within the noise imitate has 2."""
 
 
 def pruned(search: Search, limits: Thresholds | None = None) -> list[str]:
@@ -54,12 +59,24 @@ def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
         return "on runs left out of the fit it explains nothing"
     if found.p_value > _LIKELY:
         return f"its gain may be chance (p {found.p_value:.2g})"
+    if search.excess_base.significance <= REST_SIGNIFICANCE and not _is_clear(search, start):
+        return "its size may as well be nothing, and the error without it has no structure in time"
     alone = len(search.effects) == 1
     least = limits.least_share(search.excess_base, 0)
     if alone and min(found.share, found.share_out) < least:
         share = max(min(found.share, found.share_out), 0.0)
         return f"it explains only {per_cent(share)} of the error without it"
     return ""
+
+
+def _is_clear(search: Search, start: Start) -> bool:
+    """Whether a fitted strength is not nothing, by its standard deviation."""
+    fit = search.fit
+    key = next((item.key for item in fit.free if item.at == start.strength_at), None)
+    if key is None:
+        return True
+    off = abs(float(fit.vector[start.strength_at]) - start.neutral)
+    return off > _CLEAR * spreads(fit, search.groups)[key].deviation
 
 
 def _deepened(search: Search, limits: Thresholds) -> None:

@@ -311,13 +311,19 @@ def by_what_it_follows(
 
     The torque of motor and pump enter one balance, and no sensor lies between them. Mechanics and
     oil do not know the time, nor what the drive was asked for; whoever drives them does. So the
-    drive's curve has to explain as much as the machine's; or anything, where the drive is believed
-    and the best that the machine could do instead is what it cannot: follow the time.
+    drive's curve has to explain as much as the machine's: a command that nearly goes with the speed
+    explains nearly as much, so all of it where the machine is believed and follows what it knows.
+    Or anything, where the drive is believed and the best that the machine could do instead is what
+    it cannot: follow the time.
     """
     if not driven or not machine:
         return driven or machine
-    cannot = best.equation == "actuation" and machine[0].template.variable == "time"
-    least = 0.0 if cannot else _AS_GOOD * machine[0].share
+    variable, ours = machine[0].template.variable, best.equation == "actuation"
+    least = _AS_GOOD * machine[0].share
+    if variable == "time" and ours:
+        least = 0.0
+    elif not ours and variable not in ("time", driven[0].template.variable):
+        least = machine[0].share
     return driven if driven[0].share > max(least, _TELLING) else machine
 
 
