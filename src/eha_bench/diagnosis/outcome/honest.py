@@ -13,8 +13,8 @@ from math import isfinite, isnan, sqrt
 
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess
 from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
