@@ -67,7 +67,7 @@ def test_noise_of_readings_that_flicker_between_two_steps(count: int, centre: fl
     for seed in range(40):
         noise = 0.33 * np.random.default_rng(seed).standard_normal(count)
         left = np.round(centre + noise) + 1e-4 * np.sin(np.arange(count) / 300.0)
-        found.append(noise_of(left))
+        found.append(noise_of(left, 1.0))
         right.append(np.std(left))
     assert np.mean(found) == pytest.approx(np.mean(right), rel=0.12)
 

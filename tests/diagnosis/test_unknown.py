@@ -253,3 +253,16 @@ def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch)
     found = decide_module.decide(search, COARSE, no_progress)
     assert found.unknown is not None
     assert "no `advance`" in found.unknown.description
+
+
+def test_a_command_that_nearly_goes_with_the_speed_is_not_what_a_machine_follows() -> None:
+    knots = np.zeros(2)
+    driven = LocatedCurve(Template("actuation", "additive", "motor", "duty"), 0.95, knots, knots)
+    machine = LocatedCurve(
+        Template("torque", "friction", "motor", "motor_speed"), 0.99, knots, knots
+    )
+    torque, drive = (next(p for p in PLACES if p.equation == e) for e in ("torque", "actuation"))
+    assert by_what_it_follows([driven], [machine], torque) == [machine]
+    assert by_what_it_follows([driven], [machine], drive) == [driven]
+    more = replace(driven, share=1.0)
+    assert by_what_it_follows([more], [machine], torque) == [more]

@@ -2,9 +2,9 @@
 
 The mean square of third differences (a signal that is smooth over four samples vanishes in them) in
 blocks of a hundred samples, of which the median is taken, so that fast events do not count; never
-below what the channel's own quantisation makes, sqrt(1/12) of its step. Shorter signals have
-shorter blocks, at least five of them: mean squares also hold where readings flicker between two
-steps and most differences are nothing.
+below what the channel's own quantisation makes, sqrt(1/12) of its step. Of shorter signals the
+median of absolute differences speaks, and where these come in a few steps of the resolution, mean
+squares in shorter blocks: of readings that flicker between two steps most differences are nothing.
 
 Source of the difference estimator: Von Neumann, Kent, Bellinson, Hart, The mean square successive
 difference, Ann. Math. Stat. 12 (1941) 153, doi:10.1214/aoms/1177731746.
@@ -22,6 +22,8 @@ _BLOCK = 100
 _SHORTEST_BLOCK = 20
 _BLOCKS = 5
 """Least number of blocks."""
+_FEW_STEPS = 0.5
+"""Step of the resolution, in the noise, from which differences come in a few steps only."""
 _CORRELATED = 2.31
 """Third differences that are worth one: of white noise they correlate by -0.75, 0.3, -0.05."""
 _FEWEST_LEVELS = 3
@@ -37,26 +39,32 @@ _COARSE = 20.0
 """Least size of a step, in roundings: finer ones are those of the digits that were written."""
 
 
-def noise_of(values: FloatArray) -> float:
+def noise_of(values: FloatArray, step: float | None = None) -> float:
     """Return the standard deviation of a channel's noise, in its unit (NaN if it has no samples).
 
     Args:
-        values: (n,), NaN where nothing was measured.
+        values: (n,), NaN where nothing was measured. step: of the resolution, where the values do
+            not show it themselves (what a model leaves of a reading).
     """
     good = np.isfinite(values)
     third = np.diff(values, 3)
     third = third[np.isfinite(third)]
     if third.size < 8:
         return float("nan")
+    if step is None:
+        step = quantum_of(values[good])
     block = min(_BLOCK, third.size // _BLOCKS)
-    if block < _SHORTEST_BLOCK:
-        spread = _usual(third)
-    else:
-        whole = third[: third.size // block * block].reshape(-1, block)
-        middle = float(np.median(np.mean(whole**2, axis=1)))
-        spread = float(np.sqrt(middle / _median_of(block / _CORRELATED) / THIRD))
-    step = quantum_of(values[good])
+    spread = _in_blocks(third, block) if block == _BLOCK else _usual(third)
+    if _SHORTEST_BLOCK <= block < _BLOCK and step > _FEW_STEPS * spread:
+        spread = _in_blocks(third, block)
     return max(spread, step / float(np.sqrt(12.0)))
+
+
+def _in_blocks(third: FloatArray, block: int) -> float:
+    """Return the noise's standard deviation by the median of mean squares of blocks."""
+    whole = third[: third.size // block * block].reshape(-1, block)
+    middle = float(np.median(np.mean(whole**2, axis=1)))
+    return float(np.sqrt(middle / _median_of(block / _CORRELATED) / THIRD))
 
 
 def sharp_noise_of(values: FloatArray) -> float:

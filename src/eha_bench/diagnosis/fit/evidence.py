@@ -52,7 +52,9 @@ def refined_noise(
     least = _of_resolution(problem)
     found: dict[int, list[tuple[float, int]]] = {}
     for channel, part in _stretches(problem, residual):
-        level = noise_of(part)
+        name = names[channel]
+        step = float(np.sqrt(12.0)) * least.get(name, 0.0) / noise[name]
+        level = noise_of(part, step)
         size = int(np.isfinite(part).sum())
         if np.isfinite(level) and size > 60:
             found.setdefault(channel, []).append((level, size))

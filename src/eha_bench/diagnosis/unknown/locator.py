@@ -318,11 +318,12 @@ def by_what_it_follows(
     """
     if not driven or not machine:
         return driven or machine
-    variable, ours = machine[0].template.variable, best.equation == "actuation"
+    own, theirs = driven[0].template.variable, machine[0].template.variable
+    ours = best.equation == "actuation"
     least = _AS_GOOD * machine[0].share
-    if variable == "time" and ours:
+    if theirs == "time" and ours:
         least = 0.0
-    elif not ours and variable not in ("time", driven[0].template.variable):
+    elif not ours and "time" not in (own, theirs) and own != theirs:
         least = machine[0].share
     return driven if driven[0].share > max(least, _TELLING) else machine
 
