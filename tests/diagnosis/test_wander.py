@@ -132,6 +132,26 @@ def test_noise_is_told_from_a_fit_only_where_a_little_with_structure_is_left(
     assert found is None
 
 
+@pytest.mark.parametrize(("relative", "significance"), [(1.5, 40.0), (-0.1, 0.0)])
+def test_noise_is_asked_of_a_fit_that_leaves_structure_or_less_than_the_noise(
+    monkeypatch: pytest.MonkeyPatch, relative: float, significance: float
+) -> None:
+    class AskedError(Exception):
+        pass
+
+    def asked(*_: object) -> None:
+        raise AskedError
+
+    monkeypatch.setattr(own_noise, "with_noise_of_residual", asked)
+    search = SimpleNamespace(
+        excess_left=SimpleNamespace(relative=relative, significance=significance),
+        problem=SimpleNamespace(prepare=lambda _: None),
+        fit=SimpleNamespace(vector=None),
+    )
+    with pytest.raises(AskedError):
+        own_noise.with_own_noise(cast("Baseline", None), cast("Search", search))
+
+
 @pytest.mark.slow
 def test_noise_that_rest_does_not_tell_hides_no_cause(tmp_path: Path) -> None:
     """Noise that remembers for half a millisecond, and zeros that drift by a fifth of it.

@@ -13,7 +13,12 @@ from dataclasses import replace
 
 from eha_bench.diagnosis.data.wander import Wander
 from eha_bench.diagnosis.fit.baseline import Baseline
-from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, excess, is_unexplained
+from eha_bench.diagnosis.fit.evidence import (
+    REST_RELATIVE,
+    REST_SIGNIFICANCE,
+    excess,
+    is_unexplained,
+)
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.wandering import (
     refitted,
@@ -47,7 +52,9 @@ def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | 
         base: as calibrated. search: finished.
     """
     rest = search.excess_left
-    if rest.significance <= REST_SIGNIFICANCE or rest.relative > _MUCH:
+    structured = rest.significance > REST_SIGNIFICANCE
+    # a fit that leaves less than the noise says that the noise was taken too large
+    if rest.relative > _MUCH or not (structured or rest.relative < -REST_RELATIVE):
         return None
     search.problem.prepare(search.fit.vector)
     problem = with_noise_of_residual(search.problem, search.fit.vector)
