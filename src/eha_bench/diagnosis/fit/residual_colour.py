@@ -66,8 +66,12 @@ def noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:
     Args:
         problem: the runs' windows. vector: of the fitted model.
     """
+    return _seen(problem, _stretches(problem, vector))
+
+
+def _seen(problem: Problem, stretches: Mapping[str, Mapping[str, list[FloatArray]]]) -> SeenNoise:
     colours, levels = {}, {}
-    for name, by_run in _stretches(problem, vector).items():
+    for name, by_run in stretches.items():
         level, colour = noise_of_stretches([own for run in by_run.values() for own in run])
         if level > _MOST * problem.noise[name]:
             continue
@@ -86,8 +90,8 @@ def steady_noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:
     Args:
         problem: the runs' windows. vector: of the fitted model.
     """
-    seen = noise_of_residual(problem, vector)
     stretches = _stretches(problem, vector)
+    seen = _seen(problem, stretches)
     at_rest = _at_rest(problem)
     steady = {
         name
