@@ -121,11 +121,7 @@ def same_noise(runs: Sequence[Sequence[FloatArray]], colour: Colour | None) -> b
     Args:
         runs: of each its stretches, (64,) each. colour: of the noise, None where it is white.
     """
-    squares = [
-        np.array([float(np.mean(beside_parabola(own) ** 2)) for own in run])
-        for run in runs
-        if len(run) >= _FEWEST
-    ]
+    squares = [_mean_squares(run) for run in runs if len(run) >= _FEWEST]
     if len(squares) < 2:
         return True
     _, freedom = _expected(colour)
@@ -148,7 +144,7 @@ def noise_of_stretches(stretches: Sequence[FloatArray]) -> tuple[float, Colour |
     Args:
         stretches: of 64 samples each; some may hold more than noise.
     """
-    squares = np.array([float(np.mean(beside_parabola(own) ** 2)) for own in stretches])
+    squares = _mean_squares(stretches)
     kept = squares <= np.quantile(squares, _QUIET)
     for _ in range(_ROUNDS):
         colour = colour_of([own for own, keep in zip(stretches, kept, strict=True) if keep])
@@ -191,6 +187,11 @@ def _at_rest(problem: Problem) -> dict[str, list[FloatArray]]:
                         for first in range(0, values.size - _STRETCH + 1, _STRETCH)
                     )
     return found
+
+
+def _mean_squares(stretches: Sequence[FloatArray]) -> FloatArray:
+    """Return how loud each stretch is beside its parabola, (n,)."""
+    return np.array([float(np.mean(beside_parabola(own) ** 2)) for own in stretches])
 
 
 def _expected(colour: Colour | None) -> tuple[float, float]:
