@@ -79,7 +79,8 @@ def _parsed(text: str, path: Path) -> Suite:
     with mistakes:
         own = own_metrics(content.at("metrics"))
     known = [key for key in TrialFile.model_fields if key not in ("id", "matrix")]
-    defaults = _known_keys(defaults, known, mistakes)
+    # every trial asks it for its places
+    defaults = _known_keys(defaults, known, mistakes).apart()
     place = content.place(("baseline",))
     baseline = BaselineResult(path.parent / form.baseline if form.baseline else None, place)
     trials: dict[str, Trial] = {}
