@@ -100,7 +100,7 @@ def run(
 
 
 def _with_reports(result: Result, loaded: Suite) -> Result:
-    """Write the reports of a run beside its result, and return that.
+    """Write the reports of a run next to its result, and return that.
 
     Raises:
         EhaBenchError: they cannot be written.
@@ -180,7 +180,7 @@ def probability(
         posterior: diagnosis.json or calibration.json, or the folder of one.
         out: folder that gets probability.json and probability.html; nothing is written if None.
         conditions: sweep.yaml, or a dict of what it would hold, with ranges of the model's
-            parameters that are drawn beside: oil between cold and hot, a load.
+            parameters that are also drawn: oil between cold and hot, a load.
         draws: machines that are drawn. seed: of the draws.
         workers: number of processes, dask://host:port or ray://host:port.
         progress: called after every draw.
@@ -233,7 +233,7 @@ def tune(  # noqa: PLR0913 - as the options of the command
         vary: vary.yaml, or a dict of what it would hold.
         out: folder that gets tuned.yaml (a controller), target.yaml, tuning.json and tuning.html.
         controller: where to begin; the suite's or the target's own if None.
-        posterior: diagnosis.json or calibration.json; the one that wrote the model beside it if
+        posterior: diagnosis.json or calibration.json; the one next to the model that wrote it if
             None, and no probability where there is none.
         conditions: as for `probability`.
         draws: machines that the best is proven on. candidates: gains that are tried in all.
@@ -484,7 +484,7 @@ def next_experiment(
 
     Args:
         diagnosis: diagnosis.json, or the folder it is in.
-        out: the suite to write; beside it a dataset that takes its recordings (`-dataset.yaml`),
+        out: the suite to write; next to it a dataset that takes its recordings (`-dataset.yaml`),
             a page and the figures as JSON. Nothing is written if None.
         budget: bench time allowed, s.
         safety: target.yaml of a drive, or a suite, whose limits hold; None: nothing goes beyond

@@ -258,7 +258,7 @@ MISTAKES = [
         "- id: stairs",
         "trials.stairs.id",
         "two trials are called 'stairs'",
-        "an id of its own",
+        "its own id",
     ),
     Mistake(
         "suite.yaml",

@@ -229,7 +229,7 @@ def test_one_page_goes_from_the_diagnosis_to_the_result(cli: Cli, files: Path) -
     assert done.stdout.strip() == "pages/all.html"
     page = (files / "pages/all.html").read_text(encoding="utf-8")
     assert "Passed on the machine" in page
-    assert "the machine keeps 3 of 3 limits; with those before it kept 2 of 3" in page
+    assert "the machine keeps 3 of 3 limits; with the previous gains it kept 2 of 3" in page
     assert "entrained air (in the flow balances" in page
     assert 'href="../new/report.html"' in page
     assert "another model" not in page

@@ -1,4 +1,4 @@
-"""Runs that begin at angles of their own: found where they do, left alone where they do not."""
+"""Runs that begin at different angles: found where they do, left alone where they do not."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ _FENCE = re.compile(r"^```(\w+)?(.*?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _TITLE = re.compile(r'title="([^"]+)"')
 _NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?", re.IGNORECASE)
 CLOSE = 0.02
-# `pip install` in a page goes to a folder of its own, never into the environment that runs the test
+# `pip install` in a page goes to its own folder, never into the environment that runs the test
 _PIP = """#!/bin/sh
 exec {python} -m pip --disable-pip-version-check --quiet install --no-deps --no-build-isolation \
 --no-index --upgrade --target {target} "$(pwd)" 2>/dev/null

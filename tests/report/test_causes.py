@@ -44,7 +44,7 @@ def history(causes: Causes | None) -> History:
 def test_a_sentence_says_which_since_when_how_fast_and_how_long_yet() -> None:
     said = wear_sentence(wear()).replace("\N{NO-BREAK SPACE}", " ")
     for part in ("leakage: 2.00e−15 -> 2.60e−14", "since 2025-01-07 (2025-01-06 … 2025-01-08)",
-                 "4.00e−15 (3.90e−15 … 4.10e−15) m^3/(s*Pa) a night", "18 (17 … 20) nights left",
+                 "4.00e−15 (3.90e−15 … 4.10e−15) m³/(s·Pa) a night", "18 (17 … 20) nights left",
                  "Response time", "≤ 60", "97", "external_leakage at all"):  # fmt: skip
         assert part in said, (part, said)
 
@@ -88,7 +88,7 @@ def test_nobody_asked() -> None:
 def test_a_plot_has_a_point_and_an_interval_a_night() -> None:
     svg = str(cause_svg(trend(), wear(), number=0))
     assert svg.count("<circle") == 12
-    assert scaled_unit(trend()).symbol == "1e-15 m^3/(s*Pa)"
+    assert scaled_unit(trend()).symbol == "1e-15 m³/(s·Pa)"
     assert scaled_unit(trend()).factor == pytest.approx(1e15)
 
 

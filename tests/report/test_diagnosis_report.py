@@ -74,11 +74,21 @@ def test_names_are_text(page: Path) -> None:
 def test_the_page_tells_all_parts(page: Path) -> None:
     text = page.read_text()
     for part in (
-        "Cause", "Errors before and after", "do not distinguish", "Ranking of the candidates",
-        "not determined by these data", "squeeze it at several pressures", "diverges", "10 more",
+        "Cause", "Errors of the model", "do not distinguish", "Ranking of the candidates",
+        "not determined by these data", "squeeze it at several pressures", "diverges",
+        "20 rejected: not refitted",
         "leakage is not determined", "0.02490 … 0.02510",
     ):  # fmt: skip
         assert part in text, part
+
+
+def test_a_model_that_nothing_was_added_to_is_shown_once(tmp_path: Path) -> None:
+    found = nothing_found()
+    same = replace(found, revised=found.recalibrated)
+    text = write_diagnosis_report(tmp_path, same, "x", DECLARED).read_text()
+    assert "recalibrated" in text
+    assert ">revised<" not in text
+    assert 'data-label="Revised"' not in text
 
 
 def test_an_interrupted_diagnosis_has_a_page(tmp_path: Path) -> None:
@@ -87,7 +97,7 @@ def test_an_interrupted_diagnosis_has_a_page(tmp_path: Path) -> None:
     assert "Interrupted, so the verdict is open." in text
     assert "It depends on" not in text
     assert "None" not in text
-    assert "Errors before and after" not in text
+    assert "Errors of the model" not in text
 
 
 def test_short_gaps_between_times_are_closed() -> None:

@@ -14,6 +14,7 @@ from eha_bench.report.engineering import (
     limit_text,
     metric_name,
     number,
+    printed_unit,
     quantity,
 )
 
@@ -53,6 +54,15 @@ def test_a_number_reads_back_to_three_digits(value: float) -> None:
 def test_showing_is_invertible(value: float, si: str) -> None:
     unit = display_unit(si, (value,))
     assert (unit.shown(value) - unit.offset) / unit.factor == pytest.approx(value, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "printed"),
+    [("kg*m^2", "kg·m²"), ("m^3/(s*Pa)", "m³/(s·Pa)"), ("m^3*Pa^0.5", "m³·Pa^0.5"), ("", "")],
+)
+def test_a_unit_is_printed_as_in_a_book(unit: str, printed: str) -> None:
+    assert printed_unit(unit) == printed
+    assert display_unit(unit).symbol == printed
 
 
 def test_no_negative_zero() -> None:

@@ -15,7 +15,7 @@ def test_summary_tells_the_verdict_and_the_worst_first(sample: SampleRun) -> Non
     text = markdown_summary(sample.result, sample.trials)
     lines = text.splitlines()
     assert lines[0] == "## ⛔ paper on simulator: fault"
-    assert "21 limits 4 missed, 1 undecided, 2 not scored" in text
+    assert "4 of 21 limits missed, 1 undecided, 2 not scored" in text
     first = next(line for line in lines if "over" in line)
     assert "pressure\\_step\\-20MPa" in first
     assert "2.58\u00a0ms (5.7\u00a0%) over" in first

@@ -12,7 +12,7 @@ from eha_bench.core.errors import RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status
 from eha_bench.report import write_report
-from eha_bench.report.run_report import headline, recording_href
+from eha_bench.report.run_report import anchor_of, headline, recording_href
 
 
 class Outline(HTMLParser):
@@ -148,6 +148,17 @@ def test_trials_may_be_unknown(sample: SampleRun, tmp_path: Path) -> None:
     assert "48.16" in text
 
 
+def test_a_trial_without_limits_is_not_shown_as_passed(sample: SampleRun, tmp_path: Path) -> None:
+    run = sample.result.trials[0]
+    free = replace(run, scores=tuple(replace(score, limit="") for score in run.scores))
+    result = replace(sample.result, trials=(sample.result.trials[3], free), not_run=())
+    text = write_report(tmp_path, result, sample.recordings, sample.trials).read_text("utf-8")
+    trial = text.split(f'id="{anchor_of(free.id)}"')[1].split("</summary>")[0]
+    assert "not judged" in trial
+    assert "passed" not in trial
+    assert 'data-show="unjudged"' in text
+
+
 def test_an_empty_result_has_a_page(tmp_path: Path) -> None:
     result = Result("nothing", "simulator", Status.INCOMPLETE, ())
     text = write_report(tmp_path, result, {}, {}).read_text("utf-8")
@@ -157,7 +168,7 @@ def test_an_empty_result_has_a_page(tmp_path: Path) -> None:
 def test_headline(sample: SampleRun) -> None:
     assert headline(sample.result) == (
         "1 run stopped by a fault or a safety limit; "
-        "of 21 limits 4 missed, 1 undecided, 2 not scored, in 4 of 5 trials."
+        "4 of 21 limits missed, 1 undecided, 2 not scored, in 4 of 5 trials."
     )
     passed = replace(sample.result, status=Status.PASSED, trials=sample.result.trials[:1])
     assert headline(passed) == "All 3 limits kept in 1 trial."

@@ -249,7 +249,7 @@ def test_wrong_signal_names_the_key(tmp_path: Path, signal: str, key: str, what:
         (STEP.replace("0.5 s", "-0.5 s"), 5, "trials.step.duration", "not greater than 0"),
         (STEP.replace("0.5 s", ".nan"), 5, "trials.step.duration", "not finite"),
         (STEP.replace("0.5 s", "0.5 MPa"), 5, "trials.step.duration", "wrong dimension"),
-        (STEP.replace("duration: 0.5 s", ""), 3, "trials.step.duration", "has no end of its own"),
+        (STEP.replace("duration: 0.5 s", ""), 3, "trials.step.duration", "never ends"),
         (STEP.replace("id: step", "description: x"), 3, "trials.0.id", "key 'id' is missing"),
         (
             STEP.replace("signal: {kind: step, final: 15 MPa, at: 1 ms}", ""),

@@ -1,4 +1,4 @@
-"""A trajectory comes from a CSV file beside the suite, and from nowhere else."""
+"""A trajectory comes from a CSV file in the suite's folder, and from nowhere else."""
 
 import math
 from pathlib import Path

@@ -14,7 +14,7 @@ from eha_bench.core.errors import InputError, Place
 from eha_bench.core.result import Result, TrialResult
 
 REPORTS: Final = ("report.html", "junit.xml", "summary.md")
-"""What is written beside a result for people and CI servers."""
+"""What is written next to a result for people and CI servers."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 NO_DIGESTS: Final[Mapping[str, str]] = {"model_sha256": "", "controller_sha256": ""}
-"""Keys that every result has: empty where a target has no model or no controller of its own."""
+"""Keys that every result has: empty where a target has no model or controller."""
 
 _CHUNK = 1 << 20
 

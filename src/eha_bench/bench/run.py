@@ -130,7 +130,7 @@ def run_suite(
 ) -> Result:
     """Run every trial and repeat of a suite, write recordings and result.json into `out`.
 
-    An earlier run in that folder is set aside; on a shelf, every run gets a folder of its own.
+    An earlier run in that folder is set aside; on a shelf, every run gets its own folder.
     A run that is interrupted (Ctrl-C) or stopped by a fault leaves readable recordings and a
     result that says so; with `resume`, what an earlier run of the same suite on the same target
     finished is kept and only the rest is run. `retries` is how often a trial is run again whose

@@ -1,4 +1,4 @@
-"""Where runs are kept: a folder of its own for each, named after its start, and a link to the last.
+"""Where runs are kept: its own folder for each, named after its start, and a link to the last.
 
 Nothing that a run has written is overwritten by another one: a folder that is named twice is set
 aside first, and two runs at once never share one.

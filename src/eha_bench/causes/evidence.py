@@ -236,7 +236,7 @@ class _Night:
     def _begun(self) -> Cause | None:
         """Move to where the cause that explains most alone has its minimum, if much moved.
 
-        Far off, all parameters together find a minimum of their own, which says nothing. Returns
+        Far off, all parameters together find another minimum, which says nothing. Returns
         the cause where it is an effect.
         """
         self._begin_at(self._vector)
@@ -295,7 +295,7 @@ class _Night:
         self._soft, self._weight = soften(fit.residual, problem.soft)
         self._cost = fit.cost
         own = free_parameters(problem.places, self._own_keys, self._vector)
-        # what runs have of their own is profiled out: only what is not theirs counts
+        # the runs' own parameters are profiled out: only what is not theirs counts
         self._own = None
         if own:
             beside = jacobian(problem, self._vector, own, self._residual)

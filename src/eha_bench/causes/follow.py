@@ -60,7 +60,7 @@ def causes_behind(
 
     Args:
         history: of the metrics. folder: that its nights' paths are relative to.
-        site: folder of the history, beside which estimates are kept.
+        site: folder of the history, next to which estimates are kept.
         settings: what is followed. progress: called with the stage and the share of it done.
     """
     newest = history.nights[-1]

@@ -1,4 +1,4 @@
-"""What is kept of every night beside the history, so that only new nights are estimated."""
+"""What is kept of every night next to the history, so that only new nights are estimated."""
 
 from __future__ import annotations
 

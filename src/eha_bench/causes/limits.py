@@ -1,7 +1,7 @@
 """Where a cause takes a suite's metrics to their acceptance limits.
 
 The suite is simulated along the cause, all else as on the healthy machine. What the measured
-metrics were beside the simulated ones on healthy nights is added: the way to a limit is that of the
+metrics were off the simulated ones on healthy nights is added: the way to a limit is that of the
 measured metric. Steps along the cause double until a limit is missed; that limit's place is then
 found between the last two (regula falsi, Illinois variant: Dowell, Jarratt, BIT 11 (1971) 168,
 doi:10.1007/BF01934364).
@@ -39,7 +39,7 @@ class Metered:
 
 @dataclass(frozen=True)
 class _Limited:
-    """A limit, its metric's column, and what the measured metric is beside the simulated."""
+    """A limit, its metric's column, and what the measured metric is off the simulated."""
 
     trial: str
     limit: AcceptanceLimit

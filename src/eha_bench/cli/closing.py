@@ -150,12 +150,12 @@ def _unended(found: Diagnosis) -> str:
 
 
 def _say_errors(errors: Mapping[str, ChannelError], kind: str) -> None:
-    """Print each channel's error before and after beside its noise, in the page's units."""
+    """Print each channel's error by both models, and its noise floor, in the page's units."""
     from eha_bench.report.diagnosis_text import error_rows
 
     if not errors:
         return
-    heading = (f"  error, {kind} runs", "before", "after", "noise")
+    heading = (f"  error, {kind} runs", "recalibrated", "revised", "noise floor")
     rows = [
         (f"    {row.channel}", row.before, row.after, row.floor) for row in error_rows(dict(errors))
     ]

@@ -59,7 +59,7 @@ def errors_as_sentences() -> Iterator[None]:
     """Turn what a user can put right into one sentence and an exit status.
 
     Anything else is a bug and keeps its traceback, as does one that a worker came upon; it leaves
-    with a status of its own.
+    with its own status.
     """
     try:
         yield

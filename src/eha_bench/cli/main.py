@@ -12,7 +12,7 @@ def main() -> None:
     """Entry point of the command: errors become sentences, results become exit statuses."""
     # starting makes many objects and hardly any garbage: looking for it took a tenth of the time
     gc.set_threshold(200_000)
-    # pydantic would look through all installed packages for plug-ins of its own, which none are
+    # pydantic would look through all installed packages for its own plug-ins, which none are
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     say_what_the_product_logs()
     with errors_as_sentences():

@@ -92,7 +92,7 @@ class SuiteCollector(pytest.File):
 
     @property
     def folder(self) -> Path:
-        """Where the result is written; each worker of pytest-xdist has a folder of its own."""
+        """Where the result is written; each worker of pytest-xdist has its own folder."""
         worker = os.environ.get("PYTEST_XDIST_WORKER", "")
         name = f"{self.suite.name}-{worker}" if worker else self.suite.name
         return Path(self.config.getoption("--eha-out")) / name

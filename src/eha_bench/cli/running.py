@@ -59,7 +59,7 @@ Conditions = Annotated[
     Path | None,
     typer.Option(
         "--conditions",
-        help="sweep.yaml with ranges of the model's parameters (oil, load) that are drawn beside "
+        help="sweep.yaml with ranges of the model's parameters (oil, load) that are drawn with "
         "the posterior.",
         autocompletion=complete_sweeps,
     ),

@@ -1,6 +1,6 @@
 """A baseline: results taken together in one file, which only an explicit command changes.
 
-The file is a result.json of its own: `compare` takes it as a side, and limits `of baseline` in a
+The file is a complete result.json: `compare` takes it as a side, and limits `of baseline` in a
 suite refer to it. It holds no recordings.
 """
 

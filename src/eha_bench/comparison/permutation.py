@@ -81,7 +81,7 @@ def _paired_statistics(differences: FloatArray) -> FloatArray:
 
 
 def _ratio(difference: FloatArray, error: FloatArray, scale: float) -> FloatArray:
-    # arrangements without any scatter of their own: as if there were a last digit of it
+    # arrangements without any scatter: as if there were a last digit of it
     floor = 1e-9 * scale or 1.0
     ratio: FloatArray = difference / np.maximum(error, floor)
     return ratio

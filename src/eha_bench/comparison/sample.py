@@ -24,7 +24,7 @@ class Sample:
 
     @staticmethod
     def of(values: FloatArray | list[float]) -> Sample:
-        """Return a sample whose values have no intervals of their own."""
+        """Return a sample whose values have no intervals."""
         array = np.asarray(values, dtype=np.float64)
         unknown = np.full(array.shape, np.nan)
         return Sample(array, unknown, unknown)

@@ -51,7 +51,7 @@ class PidGains(StrictModel):
         float | None, Unit("s"), Field(gt=0, description="T_t, in which the integral is led back")
     ] = None
     output_limit: Annotated[
-        _Gain | None, Field(description="largest command, beside what the target follows")
+        _Gain | None, Field(description="largest command, within what the target follows")
     ] = None
 
 

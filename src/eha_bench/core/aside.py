@@ -13,7 +13,7 @@ _ASIDE = re.compile(r"(.+)-\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(-\d+)?")
 
 
 def name_aside(folder: Path) -> Path:
-    """Return a free name beside a folder that says when it was last written."""
+    """Return a free name next to a folder that says when it was last written."""
     stamp = datetime.fromtimestamp(folder.stat().st_mtime).strftime(STAMP)
     number = 1
     while True:

@@ -16,7 +16,7 @@ _WHILE_WRITING = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
 @contextmanager
 def replacing(target: Path, *, durable: bool = False) -> Iterator[Path]:
-    """Yield a path beside `target` to write a file at; it takes the name when all went well.
+    """Yield a path next to `target` to write a file at; it takes the name when all went well.
 
     Otherwise it is removed, and what was under the name stays.
 
@@ -40,7 +40,7 @@ def replacing(target: Path, *, durable: bool = False) -> Iterator[Path]:
         unnamed = error.filename is None and error.errno in _WHILE_WRITING
         if str(error.filename) != str(part) and not unnamed:
             raise
-        # nobody knows the file beside by its name, and a write knows no name
+        # nobody knows the temporary file by its name, and a write knows no name
         raise OSError(error.errno, error.strerror, str(target)) from error
     finally:
         part.unlink(missing_ok=True)

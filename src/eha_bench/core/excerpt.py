@@ -14,7 +14,7 @@ class Excerpt(Signal):
     """The first `length` seconds of `whole`; what lasts to the signal's end is held or cut.
 
     Attributes:
-        whole: the signal as the suite wrote it, with or without an end of its own.
+        whole: the signal as the suite wrote it, whether or not it ends.
         length: duration of the trial in s.
     """
 

@@ -184,7 +184,7 @@ class Result:
         return json.dumps(_to_dict(self), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
     def write(self, path: Path) -> None:
-        """Write JSON beside the final name and rename it, so that it is never half there."""
+        """Write JSON to a temporary name and rename it, so that it is never half there."""
         write_text(path, self.to_json())
 
     @staticmethod

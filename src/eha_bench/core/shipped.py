@@ -1,4 +1,4 @@
-"""Where the shipped YAML files are: beside the package in a checkout, inside it when installed."""
+"""Where the shipped YAML files are: next to the package in a checkout, inside it when installed."""
 
 from __future__ import annotations
 

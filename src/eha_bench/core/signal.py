@@ -91,7 +91,7 @@ class Signal(ABC):
     @property
     @abstractmethod
     def duration(self) -> float:
-        """Length of the signal in s; infinite for one that has no end of its own."""
+        """Length of the signal in s; infinite for one that never ends."""
 
     @abstractmethod
     def __call__(self, time: FloatArray) -> FloatArray:
@@ -136,6 +136,6 @@ class FromRecording(Signal):
             InputError: always.
         """
         raise InputError(
-            "the signal 'recorded' has no reference of its own",
+            "the signal 'recorded' has no reference",
             hint="it scores recordings made elsewhere (eha-bench score) and cannot be run",
         )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from eha_bench.core.own_metric import OwnMetric
 
 _MISSPELT = 0.9
-"""So like a known name is one that was meant to be it; a channel of its own is less so."""
+"""So like a known name is one that was meant to be it; a new channel is less so."""
 
 
 @dataclass(frozen=True)

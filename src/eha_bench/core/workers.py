@@ -3,7 +3,7 @@
 Everything that is done many times (trials on a simulator, candidates, blind cases, sweeps) goes
 through `Workers.outcomes`: the same functions on the same items give the same results wherever they
 run. A worker that dies is replaced, and what it was doing is tried again; an item that takes its
-worker down again and again is reported as an error of its own, and all others are finished.
+worker down again and again is reported as a separate error, and all others are finished.
 """
 
 from __future__ import annotations

@@ -329,7 +329,7 @@ def _mistake(model: type[BaseModel], detail: Any, place: Places) -> InputError:
     """Return what pydantic found as a sentence of ours, with its place and the way out."""
     what = _sentence(detail["type"], detail["msg"], detail["loc"])
     hint = _way_out(model, detail["type"], detail["loc"], detail["msg"])
-    # a wrong unit comes with a way out of its own
+    # a wrong unit comes with its own way out
     cause = getattr(detail.get("ctx", {}).get("error"), "__cause__", None)
     if not hint and isinstance(cause, EhaBenchError) and what.endswith(f"; {cause.hint}"):
         what, hint = what.removesuffix(f"; {cause.hint}"), cause.hint

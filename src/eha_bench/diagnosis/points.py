@@ -218,7 +218,7 @@ def _fitted(
         # the solver stays inside its bounds by the last digits
         ends = np.where(np.abs(fit.x - low) < 1e-6 * scale, low, fit.x)
         done = filled(np.where(np.abs(high - ends) < 1e-6 * scale, high, ends))
-        # by their sizes: beside N*m/A a column of m^3/rad is all there is
+        # by their sizes: next to N*m/A a column of m^3/rad is all there is
         jacobian = np.asarray(fit.jac, dtype=np.float64) * size
         strengths, directions = np.linalg.svd(jacobian, full_matrices=False)[1:]
         deviation = np.linalg.norm(directions / np.maximum(strengths, 1e-150)[:, None], axis=0)

@@ -87,10 +87,10 @@ class Calibration:
             where it was estimated.
         undetermined: directions that the data do not determine, in words.
         train, holdout, unseen: channel -> errors (before: declared; after: calibrated).
-        per_run: run -> parameter that it has of its own -> value; of held-out runs by their first
+        per_run: run -> parameter of that run alone -> value; of held-out runs by their first
             part.
         lateness: clock of a log -> s by which its stamps are late by always the same.
-        notes: what the data gate found, and what was estimated beside `calibrate`.
+        notes: what the data gate found, and what was estimated in addition to `calibrate`.
         complete: False where it was interrupted.
         convergence: how the fit ended. weakest: direction of the information matrix, if any.
         covariance: of all fitted numbers; None where no interval is given. seconds: it took.

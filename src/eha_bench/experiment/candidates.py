@@ -1,6 +1,6 @@
 """Experiments that a rig could be asked for: signals of the suite's language, in each setup.
 
-Each is a shape between -1 and 1 with a frequency or a time scale of its own; `Experiment.trial`
+Each is a shape between -1 and 1 with its own frequency or time scale; `Experiment.trial`
 puts it into the command's range.
 """
 

@@ -206,8 +206,7 @@ class _ExperimentSearch:
         rival = self.rivals[0]
         left = f"no rival of '{rival.id}' is left" if rival.id != "none" else "no effect is missing"
         return (
-            f"nothing is open: {left}, and every parameter is known within "
-            f"{per_cent(self.within)}. With more recordings, run `eha-bench diagnose` again"
+            f"nothing is open: {left}, and every parameter is known within {per_cent(self.within)}"
         )
 
     def _worst(self, covariance: FloatArray) -> float:

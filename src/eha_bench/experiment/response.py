@@ -28,7 +28,7 @@ _REMAINDER = 3.0
 _TAIL = 3.1
 """Standard deviations that one of a thousand draws goes beyond."""
 _SHARE = 0.03
-"""Margin beside that, as a share of the distance between a channel's start and its limit."""
+"""Further margin, as a share of the distance between a channel's start and its limit."""
 
 
 @dataclass(frozen=True)

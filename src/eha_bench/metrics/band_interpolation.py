@@ -130,7 +130,7 @@ def crossing(response: FrequencyResponse, curve: CrossingCurve, first: int, reas
 
 
 def _beside(local: Local, size: int, first: int) -> list[IndexArray]:
-    """Return the points of cubics beside the one that is used: one point to the left, or right."""
+    """Return the points of the neighbouring cubics: one point to the left, or right."""
     found = []
     for start in (first - 3, first - 2, first - 1):
         if 0 <= start <= size - 4:

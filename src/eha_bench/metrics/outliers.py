@@ -39,7 +39,7 @@ _FITS = _parabolas()
 def spikes(time: FloatArray, values: FloatArray, resolution: float) -> IndexArray:
     """Return the places of single samples that are no measurements, in (n,) finite values.
 
-    A sample beside a gap in the (n,) times is never one: its neighbours are too far away to tell.
+    A sample next to a gap in the (n,) times is never one: its neighbours are too far away to tell.
     """
     if values.size < 32:
         return np.zeros(0, dtype=np.intp)

@@ -32,7 +32,7 @@ _DRAWN = 200_000
 def median(measures: Sequence[Measure]) -> Measure:
     """Return the median of the repeats' values, at least one, with its 95 % interval.
 
-    Repeats that are all the same (a simulator without noise) keep an interval of their own.
+    Repeats that are all the same (a simulator without noise) keep their own interval.
     """
     values = np.array([measure.value for measure in measures])
     middle = float(np.median(values))

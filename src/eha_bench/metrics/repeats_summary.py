@@ -46,7 +46,7 @@ def mean(measures: Sequence[Measure]) -> Measure:
     """Return the mean of at least two values with Student's 95 % interval.
 
     That is what a studentised parametric bootstrap of the mean comes to (see `repeats.py` for why
-    the plain one is not used). Values that are all the same keep an interval of their own.
+    the plain one is not used). Values that are all the same keep their own interval.
     """
     values = np.array([measure.value for measure in measures])
     middle = float(values.mean())

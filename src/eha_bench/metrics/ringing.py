@@ -20,7 +20,7 @@ from eha_bench.core.arrays import ComplexArray
 
 _SEEN = 4.0  # times the scatter of later periods: what the first change must be
 _SLOWEST = 0.8  # of a period's transient that the next has; more is no matter of few periods
-_KNOWN = 0.3  # of the transient: what one pole leaves of it, with others beside it
+_KNOWN = 0.3  # of the transient: what one pole leaves of it, among others
 _FEWEST = 4  # periods
 
 

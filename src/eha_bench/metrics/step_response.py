@@ -57,7 +57,7 @@ _FEW_A_RISE = 5.0  # below which a note is given
 class StepResponse:
     """What one channel does between an edge of the command and the next.
 
-    Compared and hashed by identity, so that what is found in it can be kept beside it.
+    Compared and hashed by identity, so that what is found in it can be cached with it.
 
     Attributes:
         edge: as commanded; time in s of the signal, levels in SI.

@@ -68,4 +68,4 @@ KNOWN = ChannelRoles(
     ),
     added_up_by_rod=("force",),
 )  # fmt: skip
-"""The channels that eha_bench knows by name: for plants that say nothing of their own."""
+"""The channels that eha_bench knows by name: for plants that declare nothing themselves."""

@@ -1,4 +1,4 @@
-"""Compiles functions that only compiled code calls: without machine code of their own.
+"""Compiles functions that only compiled code calls: without their own machine code.
 
 For every function Numba runs all of LLVM's optimisation and emits machine code with a way in from
 Python, and then links the function into its callers, where both are done again. A kernel is some

@@ -193,7 +193,7 @@ class Plant:
     has_bypass: bool = False
 
     def __reduce__(self) -> tuple[Callable[[str], Plant], tuple[str]]:
-        """Travel to other processes by name: each compiles, or loads, a kernel of its own."""
+        """Travel to other processes by name: each compiles, or loads, its own kernel."""
         return get_plant, (self.id,)
 
     def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:

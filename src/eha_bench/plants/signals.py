@@ -40,7 +40,7 @@ _USUAL: Final = 1.0
 
 
 def with_signals(plant: Plant, effects: Iterable[Effect]) -> Plant:
-    """Return a plant with the effects on its signals; one that has effects of its own as it is.
+    """Return a plant with the effects on its signals; one that has its own effects as it is.
 
     So is one that is not simulated moment by moment: nothing can act on its command.
     """
@@ -386,7 +386,7 @@ class SignalPlant(Plant):
 
 
 def _usual_reading(unit: str) -> float:
-    """Return a reading that matters, in its unit: of what stands a few per cent beside."""
+    """Return a reading that matters, in its unit: of one that is a few per cent off."""
     return {"Pa": 1e7, "m": 0.05, "N": 1e3, "rad/s": 10.0, "K": 50.0}.get(unit, _USUAL)
 
 

@@ -1,4 +1,4 @@
-"""A plant without states: every sample of a log is an operating point of its own.
+"""A plant without states: every sample of a log is an operating point.
 
 Its effects are evaluated as they are written, over all points at once, without compilation.
 """

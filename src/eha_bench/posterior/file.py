@@ -42,7 +42,7 @@ def read_posterior(path: Path, model: Model) -> Posterior:
     found = components[0].model
     others = {key: value for key, value in model.parameters.items()
               if key not in components[0].keys and found.parameters.get(key) != value}  # fmt: skip
-    # what the caller has declared otherwise beside what was fitted holds for every draw
+    # what the caller has declared otherwise than what was fitted holds for every draw
     components = tuple(
         replace(item, model=item.model.with_parameters(others)) for item in components
     )
@@ -57,7 +57,7 @@ def read_posterior(path: Path, model: Model) -> Posterior:
 
 
 def beside(model: Path) -> Path | None:
-    """Return the diagnosis.json or calibration.json that wrote a model beside it, if any did."""
+    """Return the diagnosis.json or calibration.json next to a model that wrote it, if any did."""
     for name in FILES:
         file = model.parent / name
         if file.is_file():

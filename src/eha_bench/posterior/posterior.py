@@ -88,7 +88,7 @@ class Component:
 def _root(covariance: FloatArray) -> FloatArray:
     """Return a matrix R with R R' the covariance, (p, p).
 
-    It is taken of the correlations: variances in SI are up to 40 decades apart (a leakage beside a
+    It is taken of the correlations: variances in SI are up to 40 decades apart (a leakage next to a
     force), and the rounding of the largest would be more than all of the smallest.
     """
     deviations = np.sqrt(np.maximum(covariance.diagonal(), 0.0))

@@ -81,7 +81,7 @@ class TimeRange(StrEnum):
 
 _MISSPELT = 0.8
 """So like a known name is one that was meant to be it; `spool_position` is like `piston_position`
-by 0.76, and is a channel of its own."""
+by 0.76, and is another channel."""
 
 HELD = frozenset({"reference", "current_command"})
 """Commands keep their value until the next one; measured states are interpolated."""

@@ -51,7 +51,7 @@ _SPELT = {
 _TIMES = ("time", "timestamp", "t", "stamp", "zeit", "seconds", "sec")
 _LIKE = 0.75
 _SHARE = 0.9
-"""What letters alike count beside whole words."""
+"""What equal letters count compared with equal words."""
 _THE_VALUE = ("data", "fluid_pressure", "temperature", "value")
 """Fields that are all that a message is about: the topic's name tells what that is."""
 _BESIDE = ("variance", "data_offset")

@@ -125,7 +125,7 @@ def _declare(sink: McapSink, file: McapFile, known: set[tuple[str, int]]) -> Non
 
 
 def _problems(file: McapFile, reader: ChunkReader, damaged: list[str]) -> tuple[str, ...]:
-    """Say what in the source is not as it was written, beside what is missing."""
+    """Say what in the source is not as it was written, apart from what is missing."""
     starts = [part.start for part in file.parts if isinstance(part, BareMessages)]
     bare: Counter[int] = Counter()
     for start in starts:

@@ -1,4 +1,4 @@
-"""The wide message that eha_bench writes every tick: schema, layout, and the records beside it.
+"""The wide message that eha_bench writes every tick: schema, layout, and the records around it.
 
 One message a tick with all channels is several times smaller and faster than a topic a channel.
 `time` is stored as it is, next to the stamps in nanoseconds, so that it survives bit for bit.
@@ -176,7 +176,7 @@ def stamp(records: np.ndarray, stamps: np.ndarray) -> None:
     """Write stamps (n,) uint64 ns into records as log time, publish time and header.stamp."""
     records["log_time"] = stamps
     records["publish_time"] = stamps
-    # header.stamp has 31 bits of seconds: it wraps in 2038, the stamps beside it do not
+    # header.stamp has 31 bits of seconds: it wraps in 2038, the other stamps do not
     records["sec"] = (stamps // NANOSECONDS).astype(np.uint32).view(np.int32)
     records["nanosec"] = stamps % NANOSECONDS
 

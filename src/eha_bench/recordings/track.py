@@ -50,7 +50,7 @@ class Arena:
         self._used = 0
 
     def take(self, count: int) -> FloatArray:
-        """Return memory for `count` numbers; a block of its own once the arena is used up."""
+        """Return memory for `count` numbers; a new block once the arena is used up."""
         start = self._used
         if start + count > self._block.size:
             return np.empty(count)

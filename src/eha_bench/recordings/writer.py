@@ -120,7 +120,7 @@ def _records(
 
 @contextmanager
 def writing(target: Path) -> Iterator[BinaryIO]:
-    """Open a file beside `target` that takes its place when all went well.
+    """Open a file next to `target` that takes its place when all went well.
 
     Raises:
         RecordingError: the file cannot be written.

@@ -22,6 +22,7 @@ from eha_bench.report.engineering import (
     limit_text,
     metric_name,
     number,
+    printed_unit,
     quantity,
 )
 from eha_bench.report.page import Fact, write_page
@@ -95,6 +96,7 @@ def write_before_after(content: BeforeAfter, path: Path) -> Path:
         "covered": _covered(diagnosis),
         "cause": _cause(diagnosis),
         "errors_of": _RUNS[kind],
+        "is_revised": diagnosis["verdict"] != "none",
         "errors": _errors(diagnosis["error"].get(kind, {})),
         "effects": _effects(diagnosis),
         "parameters": _parameters(diagnosis),
@@ -115,7 +117,9 @@ def write_before_after(content: BeforeAfter, path: Path) -> Path:
 def _summary(content: BeforeAfter, rows: Sequence[LimitChange]) -> tuple[str, str, str]:
     """Return status, verdict and one sentence."""
     stated = content.tuning["p_pass"]
-    amount = f"P(pass) was stated as {_chance(stated)}." if stated else "No P(pass) was stated."
+    amount = (
+        f"P(pass) was predicted as {_chance(stated)}." if stated else "No P(pass) was predicted."
+    )
     if content.after is None:
         return (
             "undecided",
@@ -127,7 +131,7 @@ def _summary(content: BeforeAfter, rows: Sequence[LimitChange]) -> tuple[str, st
     if content.before is not None:
         earlier = list(_judged(content.before).values())
         count = sum(not scores[0].status.rejects for scores in earlier)
-        sentence += f"; with those before it kept {count} of {len(earlier)}"
+        sentence += f"; with the previous gains it kept {count} of {len(earlier)}"
     status = content.after.status
     word = "Passed" if status is Status.PASSED else "Not passed"
     return status.value, f"{word} on the machine", f"{sentence}. {amount}"
@@ -137,9 +141,9 @@ def _covered(diagnosis: Mapping[str, Any]) -> list[Fact]:
     covered = diagnosis["covered"] or {}
     found = []
     if covered.get("seconds"):
-        found.append(Fact("Fitted recordings", quantity(float(covered["seconds"]), "s")))
+        found.append(Fact("Length of the recordings", quantity(float(covered["seconds"]), "s")))
     if covered.get("rate"):
-        found.append(Fact("Sample rate", quantity(float(covered["rate"]), "Hz")))
+        found.append(Fact("Sample rate", f"{float(covered['rate']):.6g} Hz"))
     for setup in covered.get("setups", []):
         words = ", ".join(f"{key} {setup[key]}" for key in ("piston", "bypass") if setup.get(key))
         found.append(Fact("Setup", words))
@@ -184,14 +188,14 @@ def _error(value: float, unit: DisplayUnit) -> str:
 
 def _effects(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return [
-        (f"{words_of(item['id'])}: {words_of(name)}", *_estimate(value))
+        (f"{item['id']}.{name}", *_estimate(value))
         for item in diagnosis["effects"]
         for name, value in item["parameters"].items()
     ]
 
 
 def _parameters(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    return [(words_of(name), *_estimate(value)) for name, value in diagnosis["calibrated"].items()]
+    return [(name, *_estimate(value)) for name, value in diagnosis["calibrated"].items()]
 
 
 def _estimate(item: Mapping[str, Any]) -> tuple[str, str]:
@@ -201,7 +205,10 @@ def _estimate(item: Mapping[str, Any]) -> tuple[str, str]:
         return _NOTHING, _NOTHING
     interval = _NOTHING
     if isinstance(low, (int, float)) and isinstance(high, (int, float)):
-        interval = f"{quantity(low, str(unit))} … {quantity(high, str(unit))}"
+        shown = display_unit(str(unit or ""), (value,))
+        digits = decimals_for(shown.shown(value), shown.difference(0.5 * (high - low)))
+        interval = " … ".join(number(shown.shown(end), digits) for end in (low, high))
+        return number(shown.shown(value), digits) + shown.suffix, interval
     return quantity(float(value), str(unit or "")), interval
 
 
@@ -210,7 +217,11 @@ def _gain(name: str, item: Mapping[str, Any]) -> tuple[str, str, str]:
     factor, offset = factor_and_offset(shown, unit) if shown and unit else (1.0, 0.0)
 
     def amount(value: float | None) -> str:
-        return _NOTHING if value is None else f"{(value - offset) / factor:.5g} {shown}".rstrip()
+        return (
+            _NOTHING
+            if value is None
+            else f"{(value - offset) / factor:.5g} {printed_unit(shown)}".rstrip()
+        )
 
     return name, amount(item["before"]), amount(item["after"])
 
@@ -290,7 +301,7 @@ def _links(content: BeforeAfter, path: Path) -> list[tuple[str, str]]:
         ("Tuning", content.tuning_folder / "tuning.html"),
         ("Tuned gains", content.tuning_folder / str(content.tuning["controller"])),
         *(
-            (f"Result in {folder.name}", folder / "report.html")
+            (f"Report in {folder.name}", folder / "report.html")
             for folder in content.result_folders
         ),
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -39,6 +39,8 @@ DIAGNOSIS_NAME: Final = "diagnosis.html"
 
 _POINTS: Final = 500
 _LOSERS: Final = 12
+_TOGETHER: Final = 3
+"""Candidates from which on those rejected for one reason share a line."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,14 @@ class CandidateView:
 
 
 @dataclass(frozen=True)
+class RejectedView:
+    """Candidates that were rejected for one reason, each with its score."""
+
+    reason: str
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class ReplayView:
     """One run as measured and as two models replay it."""
 
@@ -108,13 +118,17 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
     status, verdict, sentence = headline(found)
     curve = learned_curve(found.revised)
     plant = found.revised.plant
+    tables = _error_tables(found)
+    models = (found.recalibrated, found.revised)[: 1 + _is_revised(found)]
+    ranking, rejected = _ranking(found)
     content = {
         "name": name,
         "plant": found.revised.plant_id,
         "status": status,
         "verdict": verdict,
         "sentence": sentence,
-        "errors": _error_tables(found),
+        "errors": tables,
+        "is_revised": _is_revised(found),
         "causes": _causes(found),
         "unknown": None if found.unknown is None else UnknownView(
             "" if found.unknown.equation is None else where(found.unknown.equation),
@@ -130,8 +144,9 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
             )
             for group in found.equivalent
         ),
-        "ranking": tuple(_ranking(found)),
-        "left": max(0, len(found.ranking) - _LOSERS),
+        "ranking": ranking[:_LOSERS],
+        "rejected": rejected,
+        "left": max(0, len(ranking) - _LOSERS),
         "parameters": tuple(
             parameter_row(key, item, declared.value(key))
             for key, item in found.calibrated.items()
@@ -144,7 +159,7 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
         "notes": found.notes,
         "runs": () if isinstance(plant, StaticPlant) else _runs(found),
         "points": points_view(
-            found.replays, plant, (found.recalibrated, found.revised), _floors(found), key="points"
+            found.replays, plant, models, _floors(found), key="points"
         ) if isinstance(plant, StaticPlant) and found.replays else None,
         "recordings": len(found.replays),
         "facts": _facts(found, name),
@@ -182,31 +197,45 @@ def _causes(found: Diagnosis) -> tuple[CauseView, ...]:
     )
 
 
-def _ranking(found: Diagnosis) -> Iterable[CandidateView]:
-    for line in found.ranking[:_LOSERS]:
-        yield CandidateView(
-            words_of(line.id),
-            share(line.score),
-            probability(line.p_value),
-            line.reason,
-            line.reason == "added",
+def _is_revised(found: Diagnosis) -> bool:
+    """Whether the revised model differs from the recalibrated one: nothing new is shown twice."""
+    return found.revised.to_yaml() != found.recalibrated.to_yaml()
+
+
+def _ranking(found: Diagnosis) -> tuple[tuple[CandidateView, ...], tuple[RejectedView, ...]]:
+    """Return the lines of the ranking, and what many were rejected for as one line each."""
+    often = Counter(line.reason for line in found.ranking)
+    lines = []
+    together: dict[str, list[str]] = {}
+    for line in found.ranking:
+        name, score = words_of(line.id), share(line.score)
+        if often[line.reason] >= _TOGETHER and line.reason != "added":
+            together.setdefault(line.reason, []).append(f"{name} ({score})")
+            continue
+        lines.append(
+            CandidateView(
+                name, score, probability(line.p_value), line.reason, line.reason == "added"
+            )
         )
+    rejected = (RejectedView(reason, tuple(names)) for reason, names in together.items())
+    return tuple(lines), tuple(rejected)
 
 
 def _runs(found: Diagnosis) -> tuple[ReplayView, ...]:
     """Return all runs: held-out ones first, among them the one that shows most."""
-    floors = _floors(found)
+    floors, is_revised = _floors(found), _is_revised(found)
     ordered = sorted(found.replays, key=lambda item: (item.use is Use.TRAIN, -_worst(item, floors)))
     when = found.unknown.when if found.unknown is not None else ()
     views = []
     for place, item in enumerate(ordered):
         if not item.measured or item.time.size < 2:
             continue
-        scene = diagnosis_scene(item, floors, when)
+        scene = diagnosis_scene(item, floors, when, is_revised=is_revised)
         figure = figure_of(
             scene,
             key=f"run{place}",
-            title=f"{item.run}: measured, and replayed by the recalibrated and the revised model",
+            title=f"{item.run}: measured, and simulated by the recalibrated"
+            + (" and the revised model" if is_revised else " model"),
             points=_POINTS,
             static_panels=6 if place == 0 else 2,
         )

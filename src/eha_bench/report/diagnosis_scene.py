@@ -34,7 +34,11 @@ def worst_first(replay: Replay, floors: dict[str, float]) -> tuple[str, ...]:
 
 
 def diagnosis_scene(
-    replay: Replay, floors: dict[str, float], when: Sequence[tuple[float, float]] = ()
+    replay: Replay,
+    floors: dict[str, float],
+    when: Sequence[tuple[float, float]] = (),
+    *,
+    is_revised: bool = True,
 ) -> Scene:
     """Return two panels for each channel: its curves, and its residuals within the noise's band.
 
@@ -42,6 +46,7 @@ def diagnosis_scene(
         replay: by the declared, the recalibrated and the revised model.
         floors: channel -> standard deviation of its noise, SI.
         when: (start, stop) times in s at which something unknown acts.
+        is_revised: whether the revised model differs from the recalibrated one.
     """
     values: dict[str, FloatArray] = {}
     units: dict[str, str] = {}
@@ -53,12 +58,12 @@ def diagnosis_scene(
         curves = {
             f"{name}: measured": replay.measured[name],
             f"{name}: {BEFORE}": _drawable(replay.simulated[1][name], replay.measured[name]),
-            f"{name}: {AFTER}": _drawable(replay.simulated[2][name], replay.measured[name]),
         }
-        residuals = {
-            f"{name}: residual, {BEFORE}": _finite(replay.errors(name)[1]),
-            f"{name}: residual, {AFTER}": _finite(replay.errors(name)[2]),
-        }
+        residuals = {f"{name}: residual, {BEFORE}": _finite(replay.errors(name)[1])}
+        if is_revised:
+            revised = replay.simulated[2][name]
+            curves[f"{name}: {AFTER}"] = _drawable(revised, replay.measured[name])
+            residuals[f"{name}: residual, {AFTER}"] = _finite(replay.errors(name)[2])
         values |= curves | residuals
         unit = replay.unit(name)
         units |= dict.fromkeys((*curves, *residuals), unit)
@@ -67,7 +72,7 @@ def diagnosis_scene(
         floor = floors.get(name, math.nan)
         if floor > 0.0:
             start, stop = float(replay.time[0]), float(replay.time[-1])
-            channel = f"{name}: residual, {AFTER}"
+            channel = f"{name}: residual, {AFTER if is_revised else BEFORE}"
             marks.append(ValueBand(channel, -floor, floor, start, stop, Role.BAND))
     recording = Recording(replay.time, values, units)
     return Scene(recording, tuple(panels), tuple(marks))

@@ -100,12 +100,12 @@ def _rests_on(found: Diagnosis) -> str:
     noise = f"the noise there is {amount(item.noise_floor, item.unit)}"
     if found.verdict is Verdict.NONE:
         return (
-            f"Recalibrated, it misses the {_channel(name)} of {kind} by "
+            f"Recalibrated, its error in {_channel(name)} on {kind} is "
             f"{amount(item.after, item.unit)} RMS; {noise}."
         )
     word = "falls" if item.after <= item.before else "grows"
     return (
-        f"With it the error of the {_channel(name)} on {kind} {word} from "
+        f"The error in {_channel(name)} on {kind} {word} from "
         f"{amount(item.before, item.unit)} to {amount(item.after, item.unit)} RMS; {noise}."
     )
 
@@ -194,6 +194,8 @@ def share(value: float) -> str:
     """Write a share of the excess as per cent."""
     if not math.isfinite(value):
         return _NOTHING
+    if 0.0 < value < 0.0005:
+        return "< 0.1 %"
     return f"{number(100.0 * min(value, 1.0), 1)} %" if value > 0.0 else "nothing"
 
 

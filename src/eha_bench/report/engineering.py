@@ -156,11 +156,18 @@ def display_unit(
         return DisplayUnit("K")
     scales = _SCALES.get(si)
     if scales is None:
-        return DisplayUnit(si)
+        return DisplayUnit(printed_unit(si))
     largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
     if largest == 0.0:
         return scales[0][1]
     return next(unit for least, unit in scales if largest >= least)
+
+
+def printed_unit(unit: str) -> str:
+    """Return a unit as it is printed: `kg*m^2` -> kg·m²."""
+    return re.sub(r"\^([23])(?![\d.])", lambda found: "²³"[int(found[1]) - 2], unit).replace(
+        "*", "·"
+    )
 
 
 def _written_unit(si: str, written: str) -> DisplayUnit | None:

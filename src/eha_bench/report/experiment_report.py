@@ -75,7 +75,7 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
     }[proposal.ending]
     word = {
         ProposalEnding.PROPOSED: "Proposed",
-        ProposalEnding.NOTHING_OPEN: "Nothing open",
+        ProposalEnding.NOTHING_OPEN: "Nothing is open",
         ProposalEnding.NONE_PERMITTED: "Nothing permitted would separate it",
     }[proposal.ending]
     odds = proposal.odds
@@ -84,7 +84,8 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
         "suite": suite,
         "status": status,
         "word": word,
-        "sentence": proposal.sentence,
+        "sentence": f"{proposal.sentence[:1].upper()}{proposal.sentence[1:].rstrip('.')}.",
+        "is_open": proposal.ending is not ProposalEnding.NOTHING_OPEN,
         "rivals": tuple(
             RivalRow(name, "" if odds is None else _percent(odds.by_rival.get(name, 0.0)))
             for name in proposal.rivals
@@ -94,9 +95,7 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
         "open": "" if odds is None else _percent(1.0 - odds.right - odds.wrong),
         "draws": 0 if odds is None else odds.draws,
         "widths": tuple(
-            WidthRow(
-                item.parameter, f"± {_percent(item.before, 1)}", f"± {_percent(item.after, 1)}"
-            )
+            WidthRow(item.parameter, _half_width(item.before), _half_width(item.after))
             for item in proposal.widths
         ),
         "trials": tuple(_views(proposal)),
@@ -107,7 +106,14 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
     return write_page(path, "experiment.html.j2", content, title="The next experiment")
 
 
+def _half_width(share: float) -> str:
+    words = _percent(share, 1)
+    return f"below ± {words[2:]}" if words.startswith("< ") else f"± {words}"
+
+
 def _percent(share: float, decimals: int = 0) -> str:
+    if share == 0.0:
+        return "0 %"
     least = 10.0**-decimals
     if 0.0 < 100.0 * share < 0.5 * least:
         return f"< {least:g} %"

@@ -46,7 +46,7 @@ def layout_for(source: Path | None = None) -> dict[str, Any]:
     """Return the layout for what a file holds, or for all channels that eha-bench writes.
 
     Args:
-        source: a recording of ours, a suite (its control modes decide what stands beside the
+        source: a recording of ours, a suite (its control modes decide what is shown with the
             reference), or a channels.yaml (its topics and fields); None for every channel.
 
     Raises:

@@ -79,7 +79,7 @@ def _shared(panels: tuple[Panel, ...], second: Recording) -> list[tuple[str, lis
     found = []
     for panel in panels:
         channels = [name for name in panel.channels if name in second]
-        # the command is what the controller does with the reference: worth a panel of its own
+        # the command is what the controller does with the reference: worth its own panel
         heading = panel.heading if len(set(channels) - {"reference"}) == 1 else ""
         if set(channels) - {"reference"}:
             found.append((heading, channels))

@@ -1,6 +1,6 @@
 """Curves packed for a page: envelopes where nothing happens, every sample around events.
 
-A curve is 16-bit levels of its own range, stored as differences, the low bytes before the high
+A curve is 16-bit levels of its range, stored as differences, the low bytes before the high
 ones, deflated and in base64; `charts.js` unpacks it. The shared clock is a list of stretches.
 """
 

@@ -23,7 +23,7 @@ _DRAWN: Final = 100
 def points_view(
     replays: Sequence[Replay],
     plant: StaticPlant,
-    models: tuple[Model, Model],
+    models: tuple[Model, ...],
     floors: dict[str, float],
     *,
     key: str,
@@ -32,7 +32,7 @@ def points_view(
 
     Args:
         replays: runs with their points. plant: of the models.
-        models: recalibrated and revised. floors: channel -> uncertainty, SI.
+        models: recalibrated, and revised where that differs. floors: channel -> uncertainty, SI.
         key: unique on its page.
     """
     across, along = plant.inputs[0], plant.outputs[0]
@@ -44,7 +44,7 @@ def points_view(
         figure = Figure(figsize=(_WIDTH, 3.4), layout="constrained")
         axes = figure.subplots()
         names = ("recalibrated", "revised")
-        for model, shade, label in zip(models, ("vermilion", "blue"), names, strict=True):
+        for model, shade, label in zip(models, ("vermilion", "blue"), names, strict=False):
             inputs = {name: np.concatenate([item.inputs[name] for item in replays])
                       for name in plant.inputs}  # fmt: skip
             order = np.argsort(inputs[across])

@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.report.engineering import (
+    DisplayUnit,
     channel_name,
     display_unit,
     limit_text,
@@ -20,6 +21,7 @@ from eha_bench.report.engineering import (
     number,
 )
 from eha_bench.report.page import Fact, write_page
+from eha_bench.report.ticks import Ticks, ticks_between
 from eha_bench.sweeps.chance import Chance
 from eha_bench.sweeps.probability import Probability, ResponseBand
 
@@ -76,13 +78,18 @@ def write_probability_page(
             )
             for item in found.unknowns
         ],
-        "bands": [(band.trial, band_svg(band)) for band in found.bands],
+        "bands": [(band.trial, _heading(band), band_svg(band)) for band in found.bands],
         "notes": found.notes,
         "report": (folder / "report.html").is_file(),
         "facts": facts,
     }
     title = f"P(pass) of {suite}"
     return write_page(folder / PAGE, "probability.html.j2", content, title=title)
+
+
+def _heading(band: ResponseBand) -> str:
+    symbol = band_unit(band).symbol
+    return channel_name(band.channel) + (f" / {symbol}" if symbol else "")
 
 
 def _look(chance: Chance) -> str:
@@ -120,8 +127,8 @@ def _bar(chance: Chance) -> Markup:
 
 def band_svg(band: ResponseBand) -> Markup:
     """Return the band of a trial's channel over its reference, as one SVG."""
-    height, left, right, top, bottom = 240, 70, 14, 12, 36
-    unit = display_unit(band.unit, [float(np.nanmax(np.abs(band.middle)))])
+    height, left, right, top, bottom = 240, 70, 14, 12, 40
+    unit = band_unit(band)
     curves = [
         np.array([unit.shown(float(value)) for value in item])
         for item in (band.reference, band.low, band.middle, band.high)
@@ -150,25 +157,42 @@ def band_svg(band: ResponseBand) -> Markup:
     parts = [
         f'<svg viewBox="0 0 {_WIDTH} {height}" role="img" font-size="12" aria-label="'
         f'{escape(band.trial)}: 95 % band of {escape(channel_name(band.channel))}">',
+        *(_level(y(value), label, left) for value, label in _ticks(low, high, 5)),
         f'<path d="M{path(upper)}L{backwards}Z" fill="var(--blue)" fill-opacity="0.3"/>',
         f'<path d="M{path(middle)}" fill="none" stroke="var(--blue)" stroke-width="1.5"/>',
         f'<path d="M{path(reference)}" fill="none" stroke="var(--reference)" '
         'stroke-dasharray="5 3"/>',
     ]
-    for value in (low + pad, high - pad):
+    clock = display_unit("s", (start, stop))
+    moments = _ticks(clock.shown(start), clock.shown(stop), 8)
+    for place, (time, label) in enumerate(moments):
+        between = "" if place in (0, len(moments) - 1) else ' class="between"'
         parts.append(
-            f'<text class="tick-value" x="{left - 6}" y="{y(value) + 4:.1f}" text-anchor="end" '
-            f'fill="var(--muted)">{escape(number(value, 2))}</text>'
+            f'<text{between} x="{x(time / clock.factor):.1f}" y="{height - 22}" '
+            f'text-anchor="middle" fill="var(--muted)">{escape(label)}</text>'
         )
-    for time in (start, stop):
-        anchor = "start" if time == start else "end"
-        parts.append(
-            f'<text x="{x(time):.1f}" y="{height - 18}" text-anchor="{anchor}" '
-            f'fill="var(--muted)">{escape(number(time, 2))} s</text>'
-        )
-    name = f"{channel_name(band.channel)} / {unit.symbol}"
     parts.append(
-        f'<text class="axis-name" x="{left}" y="{height - 4}" fill="var(--muted)">'
-        f"{escape(name)}</text></svg>"
+        f'<text class="axis-name" x="{0.5 * (left + _WIDTH):.0f}" y="{height - 4}" '
+        f'text-anchor="middle" fill="var(--muted)">time / {escape(clock.symbol)}</text></svg>'
     )
     return Markup("".join(parts))
+
+
+def _ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
+    """Return round values of an axis with their labels."""
+    found = ticks_between(low, high, most) if high > low else Ticks((low,), 3)
+    return list(zip(found.values, found.labels, strict=True))
+
+
+def _level(at: float, label: str, left: int) -> str:
+    """Return a line across the plot, and its value at the left."""
+    return (
+        f'<line x1="{left}" x2="{_WIDTH}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--grid)"/>'
+        f'<text class="tick-value" x="{left - 6}" y="{at + 4:.1f}" text-anchor="end" '
+        f'fill="var(--muted)">{escape(label)}</text>'
+    )
+
+
+def band_unit(band: ResponseBand) -> DisplayUnit:
+    """Return the unit in which a band is drawn."""
+    return display_unit(band.unit, [float(np.nanmax(np.abs(band.middle)))])

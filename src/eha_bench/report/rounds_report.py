@@ -28,7 +28,7 @@ class RoundRow:
 
 
 _WORDS = {
-    "settled": ("passed", "Settled", "Nothing is left open."),
+    "settled": ("passed", "Settled", "One cause is left, and every parameter is known."),
     "none_permitted": (
         "undecided", "Not settled", "No permitted experiment would separate the causes further.",
     ),
@@ -47,6 +47,7 @@ def write_rounds_report(path: Path, content: Mapping[str, Any]) -> Path:
     rows = tuple(_row(item) for item in content["rounds"])
     seconds = f"{number(content['bench_seconds'], 2)} s"
     page = {
+        "name": path.resolve().parent.name,
         "status": status,
         "word": word,
         "sentence": sentence,
@@ -54,6 +55,14 @@ def write_rounds_report(path: Path, content: Mapping[str, Any]) -> Path:
         "facts": (Fact("Rounds", str(len(rows))), Fact("Bench time of all experiments", seconds)),
     }
     return write_page(path, "rounds.html.j2", page, title="Rounds of a closed loop")
+
+
+def _experiment(item: Mapping[str, Any]) -> str:
+    """Return what is run after a diagnosis; its own page says what it is worth."""
+    if item["ending"] == "nothing_open":
+        return "none needed"
+    first = str(item["experiment"] or "–").partition(". ")[0]
+    return first[:1].upper() + first[1:]
 
 
 def _row(item: Mapping[str, Any]) -> RoundRow:
@@ -64,7 +73,7 @@ def _row(item: Mapping[str, Any]) -> RoundRow:
         item["verdict"],
         ", ".join(item["effects"]) or "–",
         "; ".join(" / ".join(group) for group in item["equivalent"]) or "–",
-        item["experiment"] or "–",
+        _experiment(item),
         "–" if right is None else f"{number(100.0 * right, 0)} %",
         "–" if not asked else f"{number(seconds, 2)} s",
         item["status"] or "–",

@@ -64,6 +64,7 @@ class Group(StrEnum):
     FAILED = "failed"
     AT_RISK = "risk"
     PASSED = "passed"
+    UNJUDGED = "unjudged"
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ def write_report(
 
 
 def headline(result: Result) -> str:
-    """Return the verdict's reason as a sentence: `Of 14 limits 2 missed, in 1 of 5 trials`."""
+    """Return the verdict's reason as a sentence: `2 of 14 limits missed`, and so on."""
     scores = [score for run in result.trials for score in run.scores if score.limit]
     found = Counter(score.status for score in scores)
     trials = {run.id for run in result.trials}
@@ -171,10 +172,12 @@ def headline(result: Result) -> str:
         ScoreStatus.UNDECIDED: "undecided",
         ScoreStatus.NOT_SCORED: "not scored",
     }
-    unmet = [f"{found[status]} {word}" for status, word in words.items() if found[status]]
+    unmet = [(found[status], word) for status, word in words.items() if found[status]]
     if unmet:
+        (count, word), *others = unmet
+        also = "".join(f", {number} {other}" for number, other in others)
         parts.append(
-            f"of {_count(len(scores), 'limit')} {', '.join(unmet)}, "
+            f"{count} of {_count(len(scores), 'limit')} {word}{also}, "
             f"in {len(rejecting)} of {_count(len(trials), 'trial')}"
         )
     elif scores:
@@ -240,7 +243,7 @@ def _trial_views(
         ]
         limited = [score for run in runs for score in run.scores if score.limit]
         own = [row for row in limits if row.trial == trial_id]
-        group = _group(ordered[0].status, own)
+        group = _group(ordered[0].status, own, judged=bool(limited))
         views.append(
             TrialView(
                 id=trial_id,
@@ -253,16 +256,18 @@ def _trial_views(
                 others=tuple(sorted(shown[1:], key=lambda view: view.repeat)),
                 repeats=repeats_rows(runs[0], result.repeats),
                 group=group,
-                open=group is not Group.PASSED or len(grouped) == 1,
+                open=group in (Group.FAILED, Group.AT_RISK) or len(grouped) == 1,
                 limits_note=_limits_note(group, own),
             )
         )
     return tuple(views)
 
 
-def _group(worst: Status, rows: Sequence[ScoreRow]) -> Group:
+def _group(worst: Status, rows: Sequence[ScoreRow], *, judged: bool) -> Group:
     if worst is not Status.PASSED:
         return Group.FAILED
+    if not judged:
+        return Group.UNJUDGED
     return Group.AT_RISK if any(row.at_risk for row in rows) else Group.PASSED
 
 

@@ -14,7 +14,13 @@ from markupsafe import Markup
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.per_cent import per_cent
-from eha_bench.report.engineering import channel_name, limit_text, metric_name, number
+from eha_bench.report.engineering import (
+    channel_name,
+    limit_text,
+    metric_name,
+    number,
+    printed_unit,
+)
 from eha_bench.report.page import Fact, write_page
 from eha_bench.report.sweep_plots import (
     Axis,
@@ -152,8 +158,8 @@ def _best(sweep: SweepResult, place: int) -> dict[str, Any]:
         rows.append(
             (
                 factor.key,
-                factor.formatted(value),
-                "" if now is None else factor.formatted(now),
+                printed_unit(factor.formatted(value)),
+                "" if now is None else printed_unit(factor.formatted(now)),
             )
         )
     return {
@@ -217,7 +223,7 @@ def _point_rows(sweep: SweepResult) -> list[PointRow]:
         PointRow(
             place,
             tuple(
-                factor.formatted(value)
+                printed_unit(factor.formatted(value))
                 for factor, value in zip(sweep.space.factors, sweep.points[place], strict=True)
             ),
             sweep.results[place].status.value,

@@ -59,6 +59,10 @@ class Axis:
         """Return a value for people."""
         return self.words[round(value)] if self.words else f"{value:.4g}".replace("-", "−")
 
+    def rounded(self, value: float) -> str:
+        """Return a value to three digits, for where there is little room."""
+        return self.text(value) if self.words else self.text(float(f"{value:.3g}"))
+
     def shares(self) -> FloatArray:
         """Return where the points lie on the axis, 0 ... 1."""
         scaled = np.log(self.values) if self.log else self.values
@@ -133,14 +137,14 @@ def parallel_svg(axes: Sequence[Axis], passed: BoolArray) -> Markup:
         # an outer label starts or ends at the picture's edge: centred it would be cut off
         edge, anchor = {0: (4, "start"), len(axes) - 1: (_WIDTH - 4, "end")}.get(k, (x, "middle"))
         parts.append(_text(edge, top - 32 + 16 * (k % 2), axis.label, anchor))
-        parts.append(_text(x, height - 8, axis.text(ends[0]), "middle"))
-        parts.append(_text(x + 4, top + 10, axis.text(ends[1]), "start"))
+        parts.append(_text(x, height - 8, axis.rounded(ends[0]), "middle"))
+        parts.append(_text(x + 4, top + 10, axis.rounded(ends[1]), "start"))
     return Markup("".join([*parts, "</svg>"]))
 
 
 def pareto_svg(x: Axis, y: Axis, passed: BoolArray) -> Markup:
     """Return the points over two margins, and the front on which neither grows for nothing."""
-    height, left, bottom, top = 320, 70, 44, 12
+    height, left, bottom, top = 336, 70, 44, 28
     finite = np.isfinite(x.values) & np.isfinite(y.values)
     parts = [_svg(height, f"{x.name} against {y.name}")]
     if not finite.any():
@@ -173,7 +177,7 @@ def pareto_svg(x: Axis, y: Axis, passed: BoolArray) -> Markup:
             )
             parts.append(_text(place_[0], place_[1], number(value, 3, sign=True), place_[2]))
     parts.append(_text(0.5 * (left + _WIDTH), height - 8, f"margin of {x.name}", "middle"))
-    parts.append(_text(left + 4, top + 2, f"margin of {y.name}", "start"))
+    parts.append(_text(4, 12, f"margin of {y.name}", "start"))
     return Markup("".join([*parts, "</svg>"]))
 
 

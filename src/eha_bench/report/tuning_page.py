@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from eha_bench.core.per_cent import per_cent
-from eha_bench.report.engineering import limit_text, metric_name, number
+from eha_bench.report.engineering import limit_text, metric_name, number, printed_unit
 from eha_bench.report.page import Fact, write_page
 from eha_bench.tuning.tune import Tuned, finite_least
 
@@ -42,7 +42,7 @@ def write_tuning_page(found: Tuned, out: Path, facts: tuple[Fact, ...]) -> Path:
         else "Passes with the model as declared",
         "headline": _headline(found),
         "gains": [
-            (factor.key, factor.formatted(was), factor.formatted(now))
+            (factor.key, printed_unit(factor.formatted(was)), printed_unit(factor.formatted(now)))
             for factor, was, now in zip(found.space.factors, found.before, found.point, strict=True)
         ],
         "limits": [

@@ -68,7 +68,7 @@ def application(folder: Path, rules: Rules, watch: Watch) -> ASGIApp:
 
 
 class _Pages:
-    """Answers; each is worked out on a thread of its own, the heavy ones one at a time."""
+    """Answers; each is worked out on its own thread, the heavy ones one at a time."""
 
     def __init__(self, folder: Path, watch: Watch) -> None:
         self._folder = folder

@@ -34,7 +34,7 @@ class Rules:
     Attributes:
         token: what a browser must show; "" where any process of this machine may ask.
         hosts: names by which the server may be called where there is no token: a page elsewhere
-            must not reach it through a name of its own that leads here.
+            must not reach it through another host name that resolves to it.
     """
 
     token: str = ""

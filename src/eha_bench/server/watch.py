@@ -1,4 +1,4 @@
-"""Keeps the history of a folder up to date beside the pages, in a place of its own."""
+"""Keeps the history of a folder up to date for the pages, in a separate folder."""
 
 from __future__ import annotations
 

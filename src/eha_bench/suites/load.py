@@ -59,7 +59,7 @@ def load_suite(suite: str | Path | Mapping[str, Any]) -> Suite:
 
 
 def parse_suite(text: str, path: Path) -> Suite:
-    """Return the suite that a text holds; files that it names lie beside `path`.
+    """Return the suite that a text holds; files that it names are relative to `path`.
 
     Raises:
         InputError: as `load_suite`.
@@ -70,7 +70,7 @@ def parse_suite(text: str, path: Path) -> Suite:
 
 def _parsed(text: str, path: Path) -> Suite:
     content = Located.of(parse_yaml(text, str(path)), str(path))
-    # a metric of one's own is checked where it is read, mistake by mistake
+    # a user-defined metric is checked where it is read, mistake by mistake
     whole = content.without("metrics").value if isinstance(content.value, dict) else content.value
     form = validate(SuiteFile, whole, str(path), places=content.place, kind="suite")
     own: dict[str, OwnMetric] = {}
@@ -167,7 +167,7 @@ def _trial(
         raise InputError(
             "key 'duration' is missing",
             where=content.place(("duration",)),
-            hint=f"a {signal.kind} has no end of its own: add 'duration: 1 s'",
+            hint=f"a {signal.kind} never ends: add 'duration: 1 s'",
         )
     if context.named:
         mode = replace(mode, declared=context.named[0])
@@ -282,7 +282,7 @@ def _check_unique(name: str, folded: dict[str, str], content: Located) -> None:
             if other == name
             else f"trials '{other}' and '{name}' differ in capital letters only",
             where=content.place(("id",)),
-            hint="give each an id of its own",
+            hint="give each its own id",
         )
 
 

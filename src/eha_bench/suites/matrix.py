@@ -1,4 +1,4 @@
-"""The `matrix` of a trial: each combination of its parameters becomes a trial of its own."""
+"""The `matrix` of a trial: each combination of its parameters becomes a trial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The block `metrics` of a suite: metrics of its own, as formulas."""
+"""The block `metrics` of a suite: user-defined metrics, as formulas."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from eha_bench.core.formula import MetricInput, Statistic
 
 NAME = r"^[A-Za-z_][A-Za-z0-9_]*$"
-"""What a metric of one's own may be called: a formula has to be able to name it."""
+"""What a user-defined metric may be called: a formula has to be able to name it."""
 
 _MISSPELT = 0.9
 
 
 class OwnMetricFile(StrictModel):
-    """A metric of one's own."""
+    """A user-defined metric."""
 
     expression: str = Field(
         description="arithmetic over metrics (rise_time, peak(pressure_a)) and statistics of "

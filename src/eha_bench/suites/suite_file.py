@@ -78,7 +78,7 @@ class SuiteFile(StrictModel):
         default=None, description="result.json that limits 'of baseline' are relative to"
     )
     metrics: dict[str, str | OwnMetricFile] = Field(
-        default={}, description="metrics of one's own: an expression by name"
+        default={}, description="user-defined metrics: an expression by name"
     )
     defaults: dict[str, Any] = Field(default={}, description="keys for trials that lack them")
     trials: Annotated[list[dict[str, Any]], Field(min_length=1)]

@@ -31,7 +31,7 @@ class Conditions:
     factors: tuple[Factor, ...] = ()
 
     def met_by(self, draws: Sequence[Draw], seed: int) -> tuple[Draw, ...]:
-        """Return machines in conditions of their own; the same seed gives the same."""
+        """Return machines in different conditions; the same seed gives the same."""
         return tuple(self._met(draw, seed) for draw in draws) if self.factors else tuple(draws)
 
     def _met(self, draw: Draw, seed: int) -> Draw:

@@ -1,7 +1,7 @@
 """P(pass): how likely a suite's limits are kept over what is not known of the machine.
 
 Every draw is a machine that the recordings may have come from, run through all trials that have a
-limit, each with noise of its own. A draw passes where all limits are kept.
+limit, each with its own noise. A draw passes where all limits are kept.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ _INSTALLED: Final = frozenset({"site-packages", "dist-packages"})
 def crashes_as_faults() -> Iterator[None]:
     """Turn what no code raises on purpose into a TargetFault; an EhaBenchError stays what it is.
 
-    `sys.exit` in a plug-in is a crash, too: it would end the run with an exit status of its own.
+    `sys.exit` in a plug-in is a crash, too: it would end the run with its own exit status.
 
     Raises:
         TargetFault: the code crashed.

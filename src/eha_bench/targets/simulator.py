@@ -114,7 +114,7 @@ class Simulator(Target):
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to other processes without the compiled kernel, which each has of its own."""
+        """Travel to other processes without the compiled kernel, which each has itself."""
         return _again, (self._model, self._controllers, self._sensors, self._step, self._name)
 
     def reach(self, channel: str) -> Bounds:

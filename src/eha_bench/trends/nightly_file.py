@@ -71,7 +71,7 @@ class Diagnose(BaseModel):
     )
     follow: list[str] = Field(
         default=[],
-        description="effects and parameters that may wear, beside those under `calibrate`; every "
+        description="effects and parameters that may wear, besides those under `calibrate`; every "
         "effect that the plant has a place for, if left out",
     )
     healthy_nights: int = Field(

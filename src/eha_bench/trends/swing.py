@@ -2,7 +2,7 @@
 
 A harmonic of a period that was seen to come round is compared with steps and kinks: it takes four
 numbers, they take two each, and the better of the two by Schwarz' criterion (1978,
-doi:10.1214/aos/1176344136) is what the series is taken for. What is left beside the swing is judged
+doi:10.1214/aos/1176344136) is what the series is taken for. What is left without it is judged
 for changes as any other series.
 """
 

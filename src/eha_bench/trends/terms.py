@@ -57,7 +57,7 @@ def gains(values: FloatArray, terms: list[Term], kind: Kind) -> FloatArray:
         kind: of the further term.
 
     Returns:
-        (n,), 0 where it would add nothing of its own or lies at the very ends.
+        (n,), 0 where it would add nothing or lies at the very ends.
     """
     count = values.size
     basis, _ = np.linalg.qr(design(terms, count))

@@ -46,7 +46,7 @@ _SPREAD = 0.08
 """Standard deviation of the second search's first population, in shares of the ranges."""
 _FINALISTS = 2
 _MOST_DOUBTS = 8
-"""Limits, or sets of them, of which a search of their own finds out whether they can be kept."""
+"""Limits, or sets of them, of which a separate search finds out whether they can be kept."""
 _GENERATIONS_OF_DOUBT = 4
 
 

@@ -1,6 +1,6 @@
-"""Stamps beside a regular clock: late by what the log's computer did, or true?
+"""Stamps off a regular clock: late by what the log's computer did, or true?
 
-A log is often stamped when a message arrives. Where stamps stay beside a regular clock by a part of
+A log is often stamped when a message arrives. Where stamps are off a regular clock by a part of
 a period, however long the run, something regular drove the sampling; that the readings
 themselves were taken regularly shows in them: where a channel moves, a sample that was really taken
 late has gone on by its slope times the delay. The third differences of the readings are held
@@ -18,7 +18,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 
 _BESIDE = 0.3
-"""Root mean square of what stamps of a regular clock lie beside it at most, in periods."""
+"""Root mean square of what stamps of a regular clock are off it at most, in periods."""
 _NOTICED = 1e-3
 """And at least, in periods, to be worth it."""
 _FEWEST = 50
@@ -28,7 +28,7 @@ TELLING = 20.0
 
 @dataclass(frozen=True)
 class RegularClock:
-    """A regular clock that stamps lie beside.
+    """A regular clock that stamps are off.
 
     Attributes:
         tick: (n,) whole number of its tick for each stamp, from 0. period, first: s.
@@ -47,7 +47,7 @@ class RegularClock:
 
     @property
     def beside(self) -> float:
-        """Root mean square of what stamps lie beside it, s."""
+        """Root mean square of what stamps are off it, s."""
         return float(np.sqrt(np.mean(self.late**2)))
 
     @property
@@ -96,7 +96,7 @@ def regular_clock(time: FloatArray, channels: Sequence[FloatArray]) -> FloatArra
 
 
 def clock_beside(time: FloatArray) -> RegularClock | None:
-    """Return the regular clock that stamps stay beside, however long the run, if there is one.
+    """Return the regular clock that stamps stay near, however long the run, if there is one.
 
     Args:
         time: (n,) stamps, s.

@@ -128,7 +128,7 @@ def colour_of(stretches: Sequence[FloatArray]) -> Colour | None:
 def beside_parabola(values: FloatArray) -> FloatArray:
     """Return what of a stretch no parabola says, (n,)."""
     basis = _parabolas(values.size)
-    # an offset that is large beside the noise is none of it, not even by rounding
+    # an offset that is large compared with the noise is none of it, not even by rounding
     values = values - values[0]
     return np.asarray(values - basis @ (basis.T @ values), dtype=np.float64)
 

@@ -156,7 +156,7 @@ class Run:
         """Return the plant's parameters as they are in this run, (layout.size,), SI.
 
         Args:
-            layout: of the plant. vector: of all runs, with the values that runs have of their own
+            layout: of the plant. vector: of all runs, with the runs' own values
                 behind it or without.
 
         Raises:

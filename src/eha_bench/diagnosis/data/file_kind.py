@@ -26,7 +26,7 @@ def _check(path: Path) -> object:
 def _check_inputs(path: Path, dataset: Dataset, mapped: set[str]) -> None:
     """Raise an InputError for an input that neither plant nor channel map knows.
 
-    Our own recordings may hold channels of any name: beside them only a near miss is a mistake.
+    Our own recordings may hold channels of any name: among them only a near miss is a mistake.
     """
     from eha_bench.core.channels import CHANNELS
     from eha_bench.core.errors import InputError, Place

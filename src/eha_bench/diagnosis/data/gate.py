@@ -78,7 +78,7 @@ class Measured:
         clocks: clock -> place of its lateness in a vector of parameters.
         lateness: clock -> s by which its stamps are late, as far as it is known.
         unsure: input -> its values that were not logged.
-        apart: whether channels tick on clocks of their own.
+        apart: whether channels tick on different clocks.
     """
 
     run: Run
@@ -494,7 +494,7 @@ def _stands(
 
 
 def _stuck(raw: FloatArray, good: BoolArray, *, limited: bool, own: bool) -> BoolArray:
-    """Return where a reading is stuck; a channel with samples of its own is looked at in these."""
+    """Return where a reading is stuck; a channel with its own samples is looked at in these."""
     read = raw[good]
     if own:
         still = np.zeros(raw.size, dtype=np.bool_)

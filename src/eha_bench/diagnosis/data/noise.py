@@ -34,7 +34,7 @@ _LEAST = 0.05
 _PARTS = 8
 """Most steps between the nearest levels that come."""
 _WHOLE = 0.05
-"""What a multiple of a step may be beside a whole number."""
+"""What a multiple of a step may be off a whole number."""
 _COARSE = 20.0
 """Least size of a step, in roundings: finer ones are those of the digits that were written."""
 

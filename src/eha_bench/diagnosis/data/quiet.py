@@ -28,12 +28,12 @@ _SHORTEST = 32
 _STEPS = 2.5
 """Least range of readings that are noise, in steps of the resolution."""
 _MOVES = 2.0
-"""What a reading may move by in a stretch, in standard deviations of what is beside its parabola:
+"""What a reading may move by in a stretch, in standard deviations of what is off its parabola:
 noise with a memory of a tenth of the stretch moves as much."""
 _GOES = 5.0
-"""Mean of a speed that is motion, in standard deviations of what is beside its parabola."""
+"""Mean of a speed that is motion, in standard deviations of what is off its parabola."""
 _SMOOTH = 8.0
-"""Size of what is beside a parabola, in the noise by third differences, from which it may be
+"""Size of what is off a parabola, in the noise by third differences, from which it may be
 motion: noise of a first-order filter is as smooth where it forgets within forty samples."""
 _TOGETHER = 0.8
 """Correlation of two readings, one perhaps later, from which they swing together."""
@@ -173,7 +173,7 @@ def _rests(measured: Measured, span: slice, readings: Mapping[str, FloatArray]) 
 
 
 def _swings(readings: Mapping[str, FloatArray]) -> bool:
-    """Whether readings oscillate together: an oscillation is beside a parabola, as noise is.
+    """Whether readings oscillate together: an oscillation is off a parabola, as noise is.
 
     Noise of one sensor may be as smooth, but another one's does not follow it.
     """

@@ -15,7 +15,7 @@ _NEVER = 1e-6
 FLICKERS = 0.5
 """Noise, in steps of the resolution, up to which a reading may rest."""
 _BENDS = 0.3
-"""Share of the steepest step beside an end that its nearest steps have where it is cut."""
+"""Share of the steepest step next to an end that its nearest steps have where it is cut."""
 _ABRUPT = 1.5
 """Change from sample to sample, in steps of the resolution, of what does not stand still itself."""
 _BESIDE = 5

@@ -1,14 +1,14 @@
-"""Topics of a log on common ticks, each sample at its own instant beside one.
+"""Topics of a log on common ticks, each sample at its own instant near one.
 
 A plain log has a topic for each sensor, at its own rate and with its own losses. Nothing is carried
 from one topic's clock onto another's: a model is simulated from tick to tick, and a sample is held
 against the simulation at its own instant. Ticks are those of what drives the model, so that a
 command acts from its own stamp; ticks whose command was lost are there too, their value unknown.
 An output's sample belongs to the tick next to it, and `taken` says how long after it was taken.
-Where no tick is near, it gets one of its own.
+Where no tick is near, it gets its own.
 
-Stamps that stay beside a regular clock, while the readings follow that clock, are put back on it
-(`clock`). Whatever lies beside the ticks of the inputs by always the same may only be stamped so:
+Stamps a little off a regular clock, while the readings follow that clock, are put back on it
+(`clock`). Whatever is off the ticks of the inputs by always the same may only be stamped so:
 how late is a number that a fit has to find (`late`).
 """
 
@@ -27,7 +27,7 @@ from eha_bench.diagnosis.data.clock import RegularClock, Telling, clock_beside, 
 _SAME = 0.05
 """What samples of one tick lie apart at most, in periods of the fastest topic."""
 _USUALLY = 0.9
-"""Quantile of what a topic lies beside ticks that has to be so little."""
+"""Quantile of what a topic is off ticks that has to be so little."""
 _FURTHEST = 0.5e-3
 """Largest distance of a sample from its tick, s: a simulation is taken to be straight so far."""
 _PERIODIC = 0.25
@@ -45,7 +45,7 @@ class Sampled:
         taken: channel -> (n,) s that its samples were taken after their ticks; without: at them.
         late: channel -> name of the clock that may be stamped late by always the same.
         lost: channel -> (n,) ticks at which a message of an input was lost.
-        is_of_several: whether channels tick on clocks of their own.
+        is_of_several: whether channels tick on different clocks.
     """
 
     recording: Recording

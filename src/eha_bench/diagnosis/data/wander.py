@@ -1,11 +1,11 @@
-"""A sensor's zero that wanders slowly beside its noise: how far, and over which time.
+"""A sensor's zero that drifts slowly under its noise: how far, and over which time.
 
     E[w(t) w(t + T)] = (s noise)^2 exp(-|T| / tau)
 
 A zero that drifts about where it was set: flicker of an amplifier, temperature (an
 Ornstein-Uhlenbeck process; the Gauss-Markov bias of IEEE Std 952, annex B). Over a stretch it is a
 sum of cosines whose sizes follow its spectral density, each independent of the others: so its few
-slow cosines beside the noise say what it is, by maximum likelihood, and what it may be (Whittle,
+slow cosines and the noise say what it is, by maximum likelihood, and what it may be (Whittle,
 J. R. Stat. Soc. B 15 (1953) 125).
 """
 

@@ -153,7 +153,7 @@ def excess(problem: Problem, fit: Fit) -> Excess:
             value = total / (count - len(fit.free))
             structure[length] = value
             if length > 1:
-                # beside single samples: what is white only tells a wrong estimate of the noise
+                # apart from single samples: what is white only tells a wrong estimate of the noise
                 above = value / max(1.0, structure.get(1, 1.0)) - 1.0
                 significance = max(significance, above * np.sqrt(count / 2.0))
     for channel in dict.fromkeys(channel for channel, _ in parts):

@@ -1,6 +1,6 @@
 """The end of a search: a step of integration that no longer shows, and the bottom of the cost.
 
-A fit stops where a step gains little beside what is unexplained, and its problem is integrated as
+A fit stops where a step gains little of what is unexplained, and its problem is integrated as
 coarsely as a search can bear. Both are too far from the minimum for an interval: with a hundred
 thousand samples a tenth of the noise moves a parameter by several standard deviations. So while a
 search lasts the step is halved until what that changes would not be looked at; at its end the fit
@@ -67,7 +67,7 @@ class Finished:
     """A fit at the bottom of its cost.
 
     Attributes:
-        fit: with a Jacobian of its own place.
+        fit: with the Jacobian at its own place.
         shifts: what halving the step of integration last moved each parameter by, SI, by key.
     """
 

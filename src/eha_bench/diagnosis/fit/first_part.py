@@ -1,7 +1,7 @@
-"""What a run has of its own (`per_run`), estimated from its first part only.
+"""A run's own parameters (`per_run`), estimated from its first part only.
 
 A held-out run may not be fitted, or its error would say nothing. But nobody can predict a run
-whose load nobody knows. So what a run has of its own is estimated over its first part, everything
+whose load nobody knows. So a run's own parameters are estimated over its first part, everything
 else held at what was found before, and the rest of the run shows whether it is right.
 """
 
@@ -24,7 +24,7 @@ from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates
 from eha_bench.plants.model import Model
 
 SHARE = 1.0 / 3.0
-"""Part of a run from which what it has of its own is estimated."""
+"""Part of a run from which its own parameters are estimated."""
 _STEP = 2e-4
 _FEWEST = 4
 """Ticks of the shortest window."""
@@ -32,7 +32,7 @@ _FEWEST = 4
 
 @dataclass(frozen=True)
 class FirstPart:
-    """What the first part of a run says of what it has of its own.
+    """What the first part of a run says of the run's own parameters.
 
     Attributes:
         run: its name. until: end of that part, s from the run's start.

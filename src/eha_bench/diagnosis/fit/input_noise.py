@@ -7,7 +7,7 @@ cosine transform is orthogonal: Ahmed, Natarajan, Rao, IEEE Trans. Comput. C-23 
 doi:10.1109/T-C.1974.223784). So the response to each of them is one more direction in which a
 residual may be off by one standard deviation, as the start state's are. Whatever adds up answers
 to slow cosines most; how many matter is asked of the model itself: cosines are added until one draw
-of all the faster ones moves the residual by next to nothing beside its own noise. Where noise
+of all the faster ones moves the residual by far less than its own noise. Where noise
 remembers (`colour`), its cosines are as large as its spectral density says.
 """
 

@@ -42,7 +42,7 @@ class Free:
         low, high: bounds, SI.
         scale: a change that matters, SI.
         of_effect: whether it is an effect's, which may be hardly there.
-        run: the run that has it of its own, and alone tells of it; "" for all runs.
+        run: the run that it belongs to, which alone determines it; "" for all runs.
         of_log: whether it is the log's (how late stamps are), and not the machine's.
     """
 
@@ -99,7 +99,7 @@ def free_parameters(
     """Return parameters of a layout as free numbers.
 
     Args:
-        layout: of the plant, or with what runs have of their own.
+        layout: of the plant, or with the runs' own parameters.
         keys: `name` or `effect.name`; one that holds several numbers gives as many.
         vector: where the fit starts; the scale of a parameter is its size there, or its default's.
         spans: key -> scale, where neither says one.
@@ -150,7 +150,7 @@ def jacobian(
 
 
 def _slope_of(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -> FloatArray:
-    """Return one column; what one run has of its own takes only that run's simulation."""
+    """Return one column; what belongs to one run takes only that run's simulation."""
     if not item.run:
         return _slope(problem, vector, item, base)
     part, rows = problem.of_run(item.run)

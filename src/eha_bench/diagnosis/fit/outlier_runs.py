@@ -3,7 +3,7 @@
 A log under another name, a sensor with the wrong sign, a setup that was not the one that is
 declared: such a run is another machine's, and what is missing in it is missing nowhere else. An
 effect leaves an error of some percent of a signal; where the error is larger than what the signal
-itself does, no effect is meant. Only a run beside which as many others of its setup are explained
+itself does, no effect is meant. Only a run for which as many others of its setup are explained
 is an outlier: otherwise run and model cannot be distinguished.
 """
 

@@ -1,4 +1,4 @@
-"""Where every number of a fit stands: the plant's parameters, and those that a run has of its own.
+"""Where every number of a fit stands: the plant's parameters, and those of single runs.
 
 An unmeasured load differs from run to run. So a parameter under `per_run` stands in a
 vector once for all runs, where no run reads it, and behind the plant's layout once for each
@@ -24,12 +24,12 @@ from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 
 OwnValues = Mapping[str, Mapping[str, float]]
-"""Run -> parameter -> value that the run has of its own, SI."""
+"""Run -> parameter -> value of that run alone, SI."""
 
 
 @dataclass(frozen=True)
 class Own:
-    """A parameter (`name`, or `effect.name`) that one run has of its own, and its place."""
+    """A parameter (`name`, or `effect.name`) of one run alone, and its place."""
 
     parameter: str
     run: str
@@ -37,7 +37,7 @@ class Own:
 
     @property
     def key(self) -> str:
-        """Its key beside those of the layout."""
+        """Its key among those of the layout."""
         return f"{self.parameter} in {self.run}"
 
 
@@ -55,7 +55,7 @@ class Late:
 
     @property
     def key(self) -> str:
-        """Its key beside those of the layout."""
+        """Its key among those of the layout."""
         return f"lateness of {self.clock}"
 
 
@@ -64,7 +64,7 @@ class Places:
     """Where the numbers of a vector stand, by key.
 
     Attributes:
-        layout: of the plant. own: what runs have of their own, in the order of their places.
+        layout: of the plant. own: the runs' own parameters, in the order of their places.
         late: clocks whose lateness is estimated.
     """
 
@@ -95,7 +95,7 @@ class Places:
         return {item.key: item.run for item in self.own}
 
     def lengthened(self, vector: FloatArray) -> FloatArray:
-        """Return a plant's vector with what runs have of their own, as declared for all of them."""
+        """Return a plant's vector with the runs' own parameters, as declared for all of them."""
         size = max((item.place + 1 for item in self.behind), default=vector.size)
         if size <= vector.size:
             return vector
@@ -105,7 +105,7 @@ class Places:
         return out
 
     def with_values(self, vector: FloatArray, values: OwnValues) -> FloatArray:
-        """Return a vector, as long as `lengthened` makes it, with what runs have of their own."""
+        """Return a vector, as long as `lengthened` makes it, with the runs' own parameters."""
         out = self.lengthened(vector).copy()
         for item in self.own:
             out[item.place] = values.get(item.run, {}).get(item.parameter, out[item.place])
@@ -124,7 +124,7 @@ class Places:
         return out
 
     def values(self, vector: FloatArray) -> OwnValues:
-        """Return run -> parameter -> the value that the run has of its own, SI."""
+        """Return run -> parameter -> the value of that run alone, SI."""
         found: dict[str, dict[str, float]] = {}
         for item in self.own:
             found.setdefault(item.run, {})[item.parameter] = float(vector[item.place])
@@ -161,7 +161,7 @@ def with_clocks(layout: Layout, measured: Sequence[Measured]) -> tuple[Measured,
 
 
 def with_own(layout: Layout, runs: Sequence[Run], per_run: Sequence[str]) -> tuple[Run, ...]:
-    """Return runs with a place for every parameter that each has of its own.
+    """Return runs with a place for every parameter of single runs.
 
     What a run declares is known, and not estimated.
     """

@@ -46,7 +46,7 @@ SLOPES = 3.4e-4
 _HISTORY = 100
 """Ticks of the inputs before a window: a delayed command looks back."""
 _SMALL, _SMALLEST = 1e-10, 1e-4
-"""Squares of what is no column beside the largest one, or beside the noise."""
+"""Squares of what is no column, relative to the largest one, or to the noise."""
 _SOFT = 5.0
 _BAD = 1e9
 
@@ -170,7 +170,7 @@ class Problem:
         return other, rows
 
     def apart(self) -> Problem:
-        """Return the same problem with start-state bases of its own."""
+        """Return the same problem with its own start-state bases."""
         other = self.subset(range(len(self.windows)))
         other._parts = [replace(part) for part in self._parts]
         return other

@@ -2,7 +2,7 @@
 
 A loop that is closed on noisy sensors moves all the time, so no stretch of its log shows noise
 alone. What a fitted model leaves of a short stretch, less a parabola, does: what the model lacks is
-slow beside it, or stands in stretches of its own, so only those that are as quiet as noise count.
+slower, or stands in separate stretches, so only those that are as quiet as noise count.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ALL = 0.99
 """Share of the stretches of noise alone that the colour is then taken from: choosing the quietest
 ones alone would lose noise that is slow."""
 _MOST = 4.0
-"""Largest level beside that of third differences, which hold a quarter of what passes a first-order
+"""Largest level over that of third differences, which hold a quarter of what passes a first-order
 filter with a correlation of 0.9: above that it is the model that is wrong, not the sensor."""
 _ROUNDS = 4
 """How often colour and stretches are taken from one another."""
@@ -106,7 +106,7 @@ def steady_noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:
 
 
 def swings(colour: Colour | None) -> bool:
-    """Whether noise is loudest at a frequency of its own, as a resonance is and a filter is not."""
+    """Whether noise is loudest at one frequency, as a resonance is and a filter is not."""
     if colour is None:
         return False
     power = colour.amplitudes(_STRETCH) ** 2
@@ -190,12 +190,12 @@ def _at_rest(problem: Problem) -> dict[str, list[FloatArray]]:
 
 
 def _mean_squares(stretches: Sequence[FloatArray]) -> FloatArray:
-    """Return how loud each stretch is beside its parabola, (n,)."""
+    """Return how loud each stretch is about its parabola, (n,)."""
     return np.array([float(np.mean(beside_parabola(own) ** 2)) for own in stretches])
 
 
 def _expected(colour: Colour | None) -> tuple[float, float]:
-    """Return the mean square of a stretch beside its parabola, for noise of 1, and its freedom.
+    """Return the mean square of a stretch about its parabola, for noise of 1, and its freedom.
 
     Without a colour the noise is white.
 

@@ -2,7 +2,7 @@
 
 Windows are simulated by several threads anyway (`problem`), but between two simulations a fit is
 Python and small matrices, and most of one processor waits. Where candidates are tried in a row,
-each is therefore fitted on a thread of its own, and its windows one after the other: the same
+each is therefore fitted on its own thread, and its windows one after the other: the same
 numbers in the same order, so the results are those of one thread to the last bit. Other processes
 and machines do the same where workers were asked for.
 """

@@ -5,7 +5,7 @@ by itself: the angle is scanned over one period, and then refined by Gauss-Newto
 is that of an angle nobody knows, and what it could explain is taken out of the residual as for
 every start state (`problem`), so the intervals of everything else hold whatever it is.
 
-Runs that begin alike are the rule to be refuted: angles of their own are freedom, one number a run.
+Runs that begin alike are the rule to be refuted: different angles are freedom, one number a run.
 Under the rule twice the log likelihood ratio is chi-square with as many degrees (Wilks, Ann. Math.
 Stat. 9 (1938) 60, doi:10.1214/aoms/1177732360).
 """
@@ -29,7 +29,7 @@ from eha_bench.plants.layout import Layout
 _CHANCE = 1e-3
 """Probability of finding different start angles where the runs have the same."""
 _NEARLY = 0.75
-"""Share of what angles of their own explain that a common one explains where runs begin alike: an
+"""Share of what different angles explain that a common one explains where runs begin alike: an
 integrated speed drifts, and phases half a radian off cost a quarter (the square of a cosine)."""
 _POINTS = 12
 """Angles that are tried in a period."""
@@ -61,7 +61,7 @@ def counts_on(layout: Layout, vector: FloatArray) -> list[float]:
 def begin_apart(
     common: float, apart: float, more: int, *, level: float = 1.0, tries: int = 1
 ) -> bool:
-    """Whether runs begin at angles of their own.
+    """Whether runs begin at different angles.
 
     Args:
         common: fall of the cost with one angle for all runs. apart: with one each.

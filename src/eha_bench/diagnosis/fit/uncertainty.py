@@ -15,7 +15,7 @@ Steigerwald, Rev. Econ. Stat. 99 (2017) 698, doi:10.1162/REST_a_00639).
 
 Where a stick event jumps, the cost is no parabola, and no Jacobian tells how well it determines a
 parameter. The sizes of effects are therefore checked against their profile (`profile`). What the
-step of integration moves (`finish`) is added, as an error of its own.
+step of integration moves (`finish`) is added as a separate error.
 
 No data say by how much an effect's equation is itself inexact: what a fit can follow, it follows.
 With a hundred thousand samples noise leaves a few parts in ten thousand of an effect's size, and
@@ -102,7 +102,7 @@ def spreads(fit: Fit, groups: Groups) -> dict[str, Spread]:
     """Return how far every fitted number may be off, by key.
 
     Args:
-        fit: with a Jacobian of its own place. groups: rows by block and by run.
+        fit: with the Jacobian at its own place. groups: rows by block and by run.
     """
     if not fit.free:
         return {}
@@ -210,7 +210,7 @@ def estimates(
     """Return every fitted number with its 95 % interval inside its bounds, by key.
 
     Args:
-        fit: with a Jacobian of its own place. groups: rows by block and by run.
+        fit: with the Jacobian at its own place. groups: rows by block and by run.
         units: by key. profiled: standard deviations by the profile, SI, where there is one.
         shift: what halving the step of integration moves each number by, SI (`finish`).
     """
@@ -264,13 +264,13 @@ def posterior(fit: Fit, groups: Groups) -> Covariance:
     """Return the covariance of what all runs share, finite also where data determine nothing.
 
     The information of the data, each parameter's as much smaller as its interval is wider than
-    white noise makes it (`spreads`), and a Gaussian belief beside it: half a parameter's size, or
+    white noise makes it (`spreads`), and a Gaussian prior: half a parameter's size, or
     a uniform distribution's deviation between its bounds where that is less. Draws from it move
-    along what data leave open, and nowhere else. What one run has of its own is left out
+    along what data leave open, and nowhere else. What belongs to one run is left out
     (marginal), and so is what is the log's.
 
     Args:
-        fit: with a Jacobian of its own place. groups: rows by block and by run.
+        fit: with the Jacobian at its own place. groups: rows by block and by run.
     """
     keep = [k for k, item in enumerate(fit.free) if not item.run and not item.of_log]
     keys = tuple(fit.free[k].key for k in keep)

@@ -2,7 +2,7 @@
 
 How friction behaves at rest is fitted although no model lists it under `calibrate`: a diagnosis
 would name an effect for it otherwise. A calibration promises only what is listed, so it says what
-it estimated beside that, and keeps what was declared where the data leave it open.
+it also estimated, and keeps what was declared where the data leave it open.
 """
 
 from __future__ import annotations

@@ -63,8 +63,7 @@ def decide(
     share = 1.0 - max(rest.total, 0.0) / before
     notes = [
         *earlier,
-        f"the error that remains is {per_cent(max(rest.relative, 0.0), 1)} above the noise "
-        f"({per_cent(max(search.excess_base.relative, 0.0), 1)} before)",
+        _remaining(rest.relative, search.excess_base.relative),
     ]
     if search.effects and (not unexplained or share >= _EXPLAINED):
         if unexplained:
@@ -81,6 +80,14 @@ def decide(
     if search.effects:
         return _beside_a_remainder(search, share, step, progress, notes)
     return _unknown(search, step, progress, tuple(notes))
+
+
+def _remaining(after: float, before: float) -> str:
+    """Say by how much the error is above the noise, with the causes found and without them."""
+    left, was = (per_cent(max(share, 0.0), 1) for share in (after, before))
+    if left == was:
+        return f"the error is {left} above the noise"
+    return f"the error that remains is {left} above the noise ({was} before)"
 
 
 def _beside_a_remainder(

@@ -128,7 +128,7 @@ class Diagnosis:
         ranking: all candidates, the best first.
         train, holdout, unseen: channel -> errors; unseen runs are held out and of another kind.
         calibrated: parameters of the revised model with intervals.
-        per_run: run -> parameter that it has of its own -> value with its interval; of held-out
+        per_run: run -> parameter of that run alone -> value with its interval; of held-out
             runs by their first part.
         undetermined: directions that the data do not determine, in words.
         convergence: how the fit of the revised model ended.
@@ -271,7 +271,7 @@ class Diagnosis:
 
 
 def own_to_dict(items: Mapping[str, Mapping[str, Estimate]]) -> dict[str, Any]:
-    """Return what runs have of their own as it stands in JSON."""
+    """Return the runs' own parameters as they stand in JSON."""
     return {
         run: {name: estimate_to_dict(item) for name, item in own.items()}
         for run, own in items.items()

@@ -130,7 +130,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
 
 
 def own_estimates(places: Places, values: Mapping[str, Estimate]) -> dict[str, dict[str, Estimate]]:
-    """Return run -> parameter that it has of its own -> estimate, from estimates by key."""
+    """Return run -> parameter of that run alone -> estimate, from estimates by key."""
     found: dict[str, dict[str, Estimate]] = {}
     for item in places.own:
         if item.key in values:

@@ -48,7 +48,7 @@ class Scores:
 
     Attributes:
         errors: channel -> errors, by the runs' use. replays: what they are computed from.
-        per_run: held-out run -> parameter that it has of its own -> estimate by its first part.
+        per_run: held-out run -> parameter of that run alone -> estimate by its first part.
         notes: one sentence each.
     """
 
@@ -81,7 +81,7 @@ def scored(
 
     Args:
         found: what was decided. dataset: all runs. base: what it was fitted on.
-        recalibrated: parameters of the recalibrated model, with what runs have of their own.
+        recalibrated: parameters of the recalibrated model, with the runs' own parameters.
         progress: called with the stage and the fraction of it done.
     """
     places = base.problem.places
@@ -109,7 +109,7 @@ def scores_of(
 
     Args:
         dataset: all runs. base: what was fitted. models: declared, before, after.
-        vectors: parameters of the last two, with what training runs have of their own.
+        vectors: parameters of the last two, with the training runs' own parameters.
         progress: called with the stage and the fraction of it done.
     """
     noise = base.problem.noise

@@ -3,7 +3,7 @@
 Noise is told first from stretches in which nothing moves. They are few: a colour shows in them to a
 tenth, a zero that wanders not at all. Both have structure in time, on which a verdict rests. What a
 fitted model leaves tells them better, once it leaves hardly more than noise; then what was found
-has to stand beside that noise, and what is left is looked at again.
+has to stand out of that noise, and what is left is looked at again.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | 
     """Return baseline and search with noise as the search's fit leaves it, or None.
 
     Levels and colours come from short stretches, in which nothing slow counts. Zeros that wander
-    are asked for beside effects only, and only if they leave nothing that is unexplained: without
+    are asked for with effects only, and only if they leave nothing that is unexplained: without
     an effect something slow may be what is missing.
 
     Args:

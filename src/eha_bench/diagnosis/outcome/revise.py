@@ -17,7 +17,7 @@ def revised(
         model: the declared one.
         vector: parameters, as the plant's layout orders them.
         keys: parameters that were estimated (plant's, or `effect.name` of a declared effect);
-            what a run has of its own is no model's.
+            a run's own parameters belong to no model.
         effects: ids of effects that were added.
     """
     layout = model.plant.layout

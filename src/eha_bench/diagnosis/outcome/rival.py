@@ -63,7 +63,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Covered:
-    """Where the training recordings have been: what a next experiment is planned beside.
+    """Where the training recordings have been: what a next experiment adds to.
 
     Attributes:
         rate: samples a second, the lowest of the recordings'. seconds: of all of them.

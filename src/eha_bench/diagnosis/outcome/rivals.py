@@ -109,7 +109,7 @@ def _swapped(search: Search, item: Accepted, trial: Refit) -> Fit:
     for at, _ in trial.start.settings:
         vector[at] = trial.fit.vector[at]
     if len(search.effects) == 1:
-        # nothing came after it: its parameters are those of its own fit
+        # nothing came after it: its parameters are those of its fit
         vector = trial.fit.vector.copy()
     free = tuple(
         free

@@ -1,7 +1,7 @@
-"""Simulation error by channel, before and after, beside the noise floor; root mean square, SI.
+"""Simulation error by channel, before and after, with the noise floor; root mean square, SI.
 
 The errors that count are those of whole runs replayed freely, from a start within the noise of
-their first sample. Beside them stand those of `predict`, from the first sample as it is: the same
+their first sample. Next to them stand those of `predict`, from the first sample as it is: the same
 but for the channels that one noisy sample moves for good, as a free rod's position. And those over
 the windows of the fit (locked and bypassed runs whole, free ones about 0.4 s): where small errors
 add up over a whole run, these say how good the equations are.

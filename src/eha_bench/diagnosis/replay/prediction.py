@@ -33,7 +33,7 @@ STEP = 1e-4
 """Integration step of a prediction, s: its error is below a tenth of usual noise."""
 
 _SAME = 0.1
-"""What a stamp lies beside a tick at most and still is that tick's, in periods."""
+"""What a stamp is off a tick at most and still is that tick's, in periods."""
 
 SCHEMA_VERSION = 1
 SUMMARY = "prediction.json"
@@ -117,7 +117,7 @@ def simulate_from(
 
 
 def _with_its_own(measured: Measured, model: Model) -> Measured:
-    """Return a run with what it has of its own (`per_run`) as its first part has it."""
+    """Return a run with its own parameters (`per_run`) as its first part has it."""
     noise = pooled_noise([measured], measured.outputs)
     if not model.per_run or not noise:
         return measured
@@ -233,7 +233,7 @@ def _at_stamps(
 ) -> dict[str, FloatArray]:
     """Return what was simulated at ticks at the stamps of a recording; zero may be another.
 
-    A reading that is stamped a little beside a tick was taken at it.
+    A reading that is stamped a little off a tick was taken at it.
     """
     apart = (recording.epoch_ns - ticks.epoch_ns) / 1e9
     stamps = np.array(recording.time) + apart

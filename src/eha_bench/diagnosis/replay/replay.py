@@ -1,4 +1,4 @@
-"""Whole runs replayed freely by several models: what `predict` gives, beside what was measured.
+"""Whole runs replayed freely by several models: what `predict` gives, with what was measured.
 
 The errors of a diagnosis are those of these replays, so that anybody can compute them again from
 `predict` with recalibrated.yaml and revised.yaml. But one noisy sample is all that a replay starts
@@ -104,7 +104,7 @@ def replay(
         models: of one plant, the last one is what was found.
         noise: channel -> standard deviation of the sensors' noise, SI.
         progress: called with the fraction done.
-        own: of each model, what runs have of their own.
+        own: of each model, the runs' own parameters.
         lateness: of each model, clock -> s by which its fit takes stamps to be late.
     """
     found = []

@@ -1,9 +1,9 @@
 """Looks for two effects at once, where one after the other has not explained what is there.
 
 The first of two is fitted while the second is missing, so what fits best then may be neither of
-them, and beside it the right ones are not found. Over short windows a fit takes a fraction of a
+them, and with it the right ones are not found. Over short windows a fit takes a fraction of a
 second. There the best few first ones are each taken for given, everything else is screened again
-beside them, and the best pairs are fitted: a beam search (Lowerre, The HARPY Speech Recognition
+with them, and the best pairs are fitted: a beam search (Lowerre, The HARPY Speech Recognition
 System, 1976), of which a stepwise search is the narrowest.
 """
 
@@ -61,7 +61,7 @@ def joint(search: Search, limits: Thresholds) -> bool:
 
 
 def _beside(search: Search, item: Accepted) -> Improvement:
-    """Return what one of two gains beside the other, refitted alone."""
+    """Return what one of two gains over the other, refitted alone."""
     alone = without(search, item)
     left = excess(search.problem, alone).total
     return compare(alone, search.fit, search.groups, left)

@@ -7,8 +7,8 @@ measured speed has come to. For a fixed count the effect is then nearly linear i
 cosine amplitudes: two simulations say what it would gain. Only the best counts are refitted, over
 short windows, then over longer ones, and last over whole runs, whose phase the model has to keep.
 
-Sine and cosine are kept by run and half of a run: where runs begin at angles of their own
-(`start_angles`), each has a phase of its own.
+Sine and cosine are kept by run and half of a run: where runs begin at different angles
+(`start_angles`), each has its own phase.
 
 A periodic effect is one with parameters `count` and `phase`; its strength is the amplitude.
 """
@@ -34,7 +34,7 @@ from eha_bench.plants.layout import Layout
 _COUNTS = (*range(1, 49), 54, 56, 60, 66, 72, 80, 84, 90, 96)
 _KEEP = 2
 _TOLD = 1e-10
-"""What a run says of its phase at least, beside the one that says most."""
+"""What a run says of its phase at least, relative to the one that says most."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Wave:
     right: FloatArray
 
     def turns(self) -> dict[str, float]:
-        """Return by how much runs begin further on, rad, if each has a phase of its own.
+        """Return by how much runs begin further on, rad, if each has its own phase.
 
         The first one begins where it did.
         """
@@ -113,7 +113,7 @@ class Wave:
         return replace(self, gain=gain, start=start)
 
     def gain_in_halves(self) -> float:
-        """Return the predicted gain if each half of each run had a phase of its own."""
+        """Return the predicted gain if each half of each run had its own phase."""
         return self._best(self._turns([str(half) for half in range(len(self.runs))]))[0]
 
     def _turns(self, owners: Sequence[str]) -> list[float]:

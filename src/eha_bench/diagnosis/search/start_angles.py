@@ -1,4 +1,4 @@
-"""Lets runs begin at angles of their own, where effects of the shaft's angle show only that way.
+"""Lets runs begin at different angles, where effects of the shaft's angle show only that way.
 
 The scan says what a count gains with one phase, and with a phase in each run. Where the latter
 explain significantly more than any count does with one phase, the best few are fitted over short

@@ -167,7 +167,7 @@ class Thresholds:
     together: float = 0.8
 
     def least_share(self, before: Excess, others: int) -> float:
-        """Return the least share that an effect takes of an excess, beside others."""
+        """Return the least share that an effect takes of an excess, among others."""
         return self.first if not others and self.is_much(before) else self.share
 
     def is_much(self, missing: Excess) -> bool:

@@ -153,7 +153,7 @@ class Curves:
         return found.share_out, amplitudes
 
     def _explained_by(self, columns: FloatArray) -> tuple[Fit, FloatArray]:
-        """Return the fit to first order with some columns beside the parameters' own."""
+        """Return the fit to first order with some columns besides the parameters' own."""
         extra = tuple(
             Free(f"curve[{k}]", -1, -np.inf, np.inf, 1.0) for k in range(columns.shape[1])
         )

@@ -25,7 +25,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.problem import Problem, soften
 
 KNOTS = 12
-"""Instants of a window at which an unknown input has a value of its own."""
+"""Instants of a window at which an unknown input has its own value."""
 
 _MEMORY = 0.1
 _SIZES = (0.0, *(10.0**k for k in range(-2, 5)))

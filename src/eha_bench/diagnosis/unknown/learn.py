@@ -91,7 +91,7 @@ def _settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
 def times_of(problem: Problem, fit: Fit, declared: FloatArray) -> tuple[tuple[float, float], ...]:
     """Return when a learned curve of the time is on: (start, stop) in s from a run's start.
 
-    On is one side of half way between its levels. A constant beside the curve may have been taken
+    On is one side of half way between its levels. A constant next to the curve may have been taken
     up by what was calibrated, so off is the level at which the declared model is nearer the
     recordings.
 

@@ -57,7 +57,7 @@ _TELLING = 0.1
 """Share of the excess from which what a curve follows means anything."""
 
 _VOLUMES = SuspectPlace("flow", "additive", "volumes", ())
-"""All volumes, each with an input of its own: to be weighed, not to be described."""
+"""All volumes, each with its own input: to be weighed, not to be described."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@
 
 The angle is the joint's and G the weight times its arm. For one link alpha_0 is the angle at which
 it is level; for a body that stands on two links of one length, straight above the wheel, the knee
-is l cos(angle / 2) beside the line of the weight, and alpha_0 is 0. Behind a linkage a positive
+is l cos(angle / 2) off the line of the weight, and alpha_0 is 0. Behind a linkage a positive
 moment pushes against extension.
 
 Source: Yang et al. 2023, Eq. (8)-(10); Siciliano et al., Robotics, Springer 2009 (gravity terms).

@@ -3,7 +3,7 @@
     q = G max(0, p - p_r)
 
 either from each chamber to the reservoir (p of the chamber), or from one chamber to the other
-(p = |p_a - p_b|). The valve's own motion is fast beside the chambers' and is left out. A relief
+(p = |p_a - p_b|). The valve's own motion is fast against the chambers' and is left out. A relief
 valve opens far above what a machine works at, and then lets a pump's whole flow out within some
 bar: a conductance like a leak's, or a setting of a few bar, is no relief valve.
 

@@ -46,5 +46,5 @@ EFFECT = Effect(
     },
     states=("read",),
     source="Doebelin, Measurement Systems, 5th ed., McGraw-Hill 2003",
-    separate="move it fast and read a second, faster sensor of the same quantity beside it",
+    separate="move it fast and read a second, faster sensor of the same quantity with it",
 )

@@ -46,7 +46,7 @@ EFFECT = Effect(
         Parameter("orifice_coefficient", "m^3/(s*Pa^0.5)", 2e-10, 0.0, 1e-5, "k"),
         Parameter(
             "transition_pressure", "Pa", 1e4, 1.0, 1e7, "p_t",
-            "small beside every pressure that matters", searched=False,
+            "small compared with every pressure that matters", searched=False,
         ),
     ),
     actions={"chambers": Action({"into_a": into_a, "into_b": into_b, "link": slope})},

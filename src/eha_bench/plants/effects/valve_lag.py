@@ -1,4 +1,4 @@
-"""The valve follows its command late, beside what is declared of its spool.
+"""The valve follows its command late, on top of what is declared of its spool.
 
     first_order:   tau du/dt = u_command - u
     second_order:  u'' = w^2 (u_command - u) - 2 z w u',   w = 2 z / tau

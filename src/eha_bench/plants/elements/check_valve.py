@@ -2,7 +2,7 @@
 
     q = G max(0, p_from - p_to - p_c)
 
-The valve's own motion is fast beside the volumes' and is left out.
+The valve's own motion is fast compared with the volumes' and is left out.
 
 Source: Merritt, Hydraulic Control Systems, Wiley 1967.
 """

@@ -1,4 +1,4 @@
-"""A load cell between two parts that slide or turn: a stiff spring with a damper beside it.
+"""A load cell between two parts that slide or turn: a stiff spring with a damper in parallel.
 
     F = k (x_first - x_second) + c (v_first - v_second)
 

@@ -1,4 +1,4 @@
-"""Mass that moves with a rod, or inertia that turns with a shaft, beside the node's own."""
+"""Mass that moves with a rod, or inertia that turns with a shaft, in addition to the node's own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
 
 KIND = ElementKind(
     id="mass",
-    summary="Mass or inertia beside the node's own.",
+    summary="Mass or inertia in addition to the node's own.",
     ports=(Port("on", MECHANICAL),),
     parameters=(_MASS,),
     anatomy=_anatomy,

@@ -19,7 +19,7 @@ _AREA = Parameter("area", "m^2", 1e-6, 0.0, math.inf, "A")
 _DISCHARGE = Parameter("discharge_coefficient", "", 0.61, 0.01, 1.0, "C_d", "sharp edges")
 _DENSITY = Parameter("density", "kg/m^3", 860.0, 100.0, 3000.0, "rho", "mineral oil")
 _TRANSITION = Parameter(
-    "transition_pressure", "Pa", 1e4, 1.0, math.inf, "p_t", "small beside what matters"
+    "transition_pressure", "Pa", 1e4, 1.0, math.inf, "p_t", "small compared with what matters"
 )
 
 

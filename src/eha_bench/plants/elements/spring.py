@@ -1,4 +1,4 @@
-"""A spring with a damper beside it, from a fixed point.
+"""A spring with a damper in parallel, from a fixed point.
 
 F = -(k (x - x_0) + c v)
 """

@@ -18,7 +18,7 @@ from eha_bench.plants.smooth_root import smooth_root
 
 _COEFFICIENT = Parameter("coefficient", "m^3/(s*Pa^0.5)", 1e-9, 0.0, math.inf, "k")
 _TRANSITION = Parameter(
-    "transition_pressure", "Pa", 1e4, 1.0, math.inf, "p_t", "small beside what matters"
+    "transition_pressure", "Pa", 1e4, 1.0, math.inf, "p_t", "small compared with what matters"
 )
 
 

@@ -130,7 +130,7 @@ class Oil:
 
 @dataclass(frozen=True)
 class Compliance:
-    """What gives way beside the oil itself: dV/dp that an element adds to a volume, m^3/Pa."""
+    """What gives way besides the oil itself: dV/dp that an element adds to a volume, m^3/Pa."""
 
     port: str
     law: Law
@@ -147,7 +147,7 @@ class Stops:
 
 @dataclass(frozen=True)
 class Tie:
-    """A node whose motion follows another one's, as behind a gear: it has no state of its own.
+    """A node whose motion follows another one's, as behind a gear: it has no state.
 
     Attributes:
         port: the node that follows. leader: the port of the node that it follows.

@@ -13,7 +13,7 @@ from eha_bench.plants.layout import Layout
 
 _VALUE = "value"
 STATES = "states"
-"""Group of the effects with states of their own."""
+"""Group of the effects with their own states."""
 CONDUCTANCES = "conductances"
 """Group of the places where a conductance between volumes may come and go."""
 _CONDUCTANCE = re.compile(r"(link|ground|[a-z_]+_slope):")

@@ -21,7 +21,7 @@ NODE_PARAMETERS: Mapping[NodeKind, tuple[Parameter, ...]] = {
     NodeKind.TRANSLATION: (Parameter("mass", "kg", 0.0, 0.0, _INF, "M"),),
     NodeKind.VOLUME: (
         Parameter("bulk_modulus", "Pa", 1e9, 1e3, _INF, "beta"),
-        Parameter("volume", "m^3", 0.0, 0.0, _INF, "V", "beside what its cylinders hold"),
+        Parameter("volume", "m^3", 0.0, 0.0, _INF, "V", "in addition to what its cylinders hold"),
         Parameter("pressure", "Pa", 0.0, -1e5, _INF, "p_0", "at rest, where nothing measures it"),
     ),
     NodeKind.RESERVOIR: (Parameter("pressure", "Pa", 0.0, -1e5, _INF, "p"),),

@@ -23,7 +23,7 @@ from eha_bench.plants.network.network import (
 from eha_bench.plants.parameter import Parameter
 
 NETWORK_KEYS = ("plant", "nodes", "elements", "inputs", "channels", "names", "assumed")
-"""Keys of a plant.yaml that say what the plant is; a model's keys may stand beside them."""
+"""Keys of a plant.yaml that say what the plant is; a model's keys may be added."""
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _BETWEEN = ("first", "second")

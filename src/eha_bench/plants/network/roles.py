@@ -133,7 +133,7 @@ def usual_flow(system: System) -> float:
 
 
 def _ratio(system: System, node: str) -> float:
-    """Return how fast a node moves beside its coordinate, where a gear says so."""
+    """Return how fast a node moves relative to its coordinate, where a gear says so."""
     ratio = 1.0
     while node in system.leaders:
         part, tie = system._ties[node]

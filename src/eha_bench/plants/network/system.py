@@ -796,7 +796,7 @@ class System:
         return self._of_volume(volume, Oil)
 
     def compliances(self, volume: Volume) -> list[tuple[BoundElement, Compliance]]:
-        """Return what gives way beside the oil of a volume."""
+        """Return what gives way besides the oil of a volume."""
         return self._of_volume(volume, Compliance)
 
     def _of_volume(self, volume: Volume, kind: type) -> list[tuple[BoundElement, Any]]:

@@ -21,7 +21,7 @@ def make_decoder(encoded: Encoded, paths: tuple[FieldPath, ...]) -> Decoder:
         case "json":
             return JsonDecoder(paths)
         case "protobuf":
-            # imported here, since it brings a library of its own
+            # imported here, since it brings its own library
             from eha_bench.recordings.encodings.protobuf_decoder import ProtobufDecoder
 
             return ProtobufDecoder(encoded, paths)

@@ -40,7 +40,7 @@ Step = Attribute | ArrayItem | NamedElement
 
 
 def lists_names(field: str) -> bool:
-    """Whether a field of texts names the elements of arrays beside it: `name`, `joint_names`."""
+    """Whether a field of texts names the elements of arrays next to it: `name`, `joint_names`."""
     return field == "name" or field.endswith("names")
 
 

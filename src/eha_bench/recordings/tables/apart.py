@@ -1,4 +1,4 @@
-"""Files that a library in C reads, in a process of its own: what crashes there ends no bench.
+"""Files that a library in C reads, in a separate process: what crashes there ends no bench.
 
 The other process opens the file with limits of memory and time, says what it holds, and hands over
 one column at a time: a line of JSON and the numbers behind it, nothing that could be executed.
@@ -48,7 +48,7 @@ _LIBRARIES = {
     "hdf5": "h5py", "mat": "h5py", "mdf": "asammdf", "tdms": "nptdms", "ulog": "pyulog"
 }  # fmt: skip
 _SLACK = 256 << 20
-"""Bytes that a library may reserve beside what the file takes."""
+"""Bytes that a library may reserve in addition to what the file takes."""
 _PATIENCE = 60.0
 """Seconds of waiting beyond the budget: the other process starts, and the machine may be busy."""
 _GRACE = 2
@@ -83,7 +83,7 @@ class ApartTable(GroupedTable):
         return self._format
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """What the file says beside its columns."""
+        """What the file says besides its columns."""
         return self._metadata
 
     def in_columns(self, mapping: ChannelMap) -> ChannelMap:

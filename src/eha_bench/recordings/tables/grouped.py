@@ -95,7 +95,7 @@ class GroupedTable(TableSource):
 
     @property
     def has_clock(self) -> bool:
-        """Whether every group has a clock of its own."""
+        """Whether every group has its own clock."""
         return bool(self._series) and all(s.shared in self._clocks for s in self._series)
 
     def names(self) -> tuple[str, ...]:

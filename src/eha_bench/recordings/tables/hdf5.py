@@ -135,7 +135,7 @@ class Mat73Source(Hdf5Source):
         return "mat"
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """Return nothing: MATLAB keeps no text beside its variables."""
+        """Return nothing: MATLAB keeps no text with its variables."""
         return {}
 
     def _keep(self, path: str, dataset: Any) -> None:

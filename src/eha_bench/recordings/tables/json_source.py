@@ -27,7 +27,7 @@ _MOST_SAID = 5
 """Damaged lines that are reported one by one."""
 _DEEPEST = 40
 _TOPIC = "topic"
-"""Where every line of JSON lines has this key, each topic is a group with a clock of its own."""
+"""Where every line of JSON lines has this key, each topic is a group with its own clock."""
 
 
 class JsonSource(GroupedTable):
@@ -35,7 +35,7 @@ class JsonSource(GroupedTable):
 
     Read are: one object a line; a list of objects (or of lists); an object of lists, each a
     column; and any of the latter inside objects, as groups. An element of a list is
-    `position[0]`, or `position[elbow]` where a list of names (`names`, `joint_names`) stands beside
+    `position[0]`, or `position[elbow]` where a list of names (`names`, `joint_names`) is next to
     it; a value inside an object is `state.position`. What is a single value is metadata.
     """
 

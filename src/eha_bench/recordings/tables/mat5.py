@@ -55,7 +55,7 @@ class MatArrays:
 
 
 def read_mat5(content: memoryview) -> MatArrays:
-    """Return all arrays up to the first that is damaged; fields and cells get names of their own.
+    """Return all arrays up to the first that is damaged; fields and cells get their own names.
 
     Raises:
         DamagedMat: it is not a MAT file of version 5.

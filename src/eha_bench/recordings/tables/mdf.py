@@ -117,7 +117,7 @@ class MdfSource(GroupedTable):
             if master is not None:
                 self._clocks[name] = partial(self._stamps_of, log, number, rows)
             elif name:
-                self._notes.append(f"the group '{name[:80]}' has no clock of its own")
+                self._notes.append(f"the group '{name[:80]}' has no clock")
 
     def _look_for_more(self, log: Any) -> None:
         """Compare what the groups declare with what their data hold."""

@@ -52,7 +52,7 @@ class ParquetSource(TableSource):
         self._describe()
 
     def _describe(self) -> None:
-        """Take what eha-bench wrote beside its columns; of another file there is nothing."""
+        """Take what eha-bench wrote besides its columns; of another file there is nothing."""
         raw = (self._schema.metadata or {}).get(DESCRIPTION)
         if raw is None:
             return
@@ -168,7 +168,7 @@ class ParquetSource(TableSource):
             raise RecordingError(
                 f"{len(places)} columns have this name",
                 where=where,
-                hint="write the table again with a name of its own for each column",
+                hint="write the table again with a different name for each column",
             )
         kind = self._schema.field(owner).type
         path, in_structs = owner, True

@@ -34,7 +34,7 @@ def described(
 
     Args:
         columns: of each column its title, which is its name but for groups around it.
-        units: by column, where the file gives one beside the name.
+        units: by column, where the file gives one with the name.
         own_clock: whether the file has a clock, so that no column needs to be one.
     """
     heads = {column: _heading(column, title, units) for column, title in columns.items()}

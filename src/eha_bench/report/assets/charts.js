@@ -399,7 +399,7 @@
         try {
           history.replaceState(null, "", this.hash());
         } catch {
-          // the address stays as it is; the link beside the charts is right
+          // the address stays as it is; the link next to the charts is right
         }
       }, 150);
     }

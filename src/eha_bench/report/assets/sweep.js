@@ -12,6 +12,7 @@ document.addEventListener("DOMContentLoaded", () => {
   const count = data.points.length, brushes = new Map();
   const axes = [...data.factors, data.margins[0], ...data.axes.map((place) => data.margins[place])];
   const format = (axis, value) => (axis.words.length ? axis.words[Math.round(value)] : String(Number(value.toPrecision(4)))).replace(/^-/, drawing.MINUS);
+  const rounded = (axis, value) => (axis.words.length ? format(axis, value) : format(axis, Number(value.toPrecision(3))));
   const fixed = (value) => (value > 0 ? "+" : "") + value.toFixed(3).replace(/^-/, drawing.MINUS);
   const scaled = (axis, value) => (axis.log ? Math.log(value) : value);
   const range = (axis) => {
@@ -127,7 +128,7 @@ document.addEventListener("DOMContentLoaded", () => {
         }
       }
       axes.forEach((axis, k) => {
-        const x = side + gap * k, [low, high] = (axis.range ??= range(axis)), ends = [low, high].map((value) => format(axis, axis.log ? Math.exp(value) : value));
+        const x = side + gap * k, [low, high] = (axis.range ??= range(axis)), ends = [low, high].map((value) => rounded(axis, axis.log ? Math.exp(value) : value));
         picture.append(svg("path", { d: `M${x} ${top}V${height - bottom}`, stroke: "var(--axis)" }), label(axis, k, x), text(x, height - 8, ends[0], "middle"), text(x + 4, top + 10, ends[1], "start"));
         const brush = brushes.get(axis);
         if (brush) picture.append(svg("rect", { x: x - 7, width: 14, y: top + inner * (1 - brush[1]), height: Math.max(2, inner * (brush[1] - brush[0])), fill: "var(--accent)", "fill-opacity": 0.35 }));
@@ -164,7 +165,7 @@ document.addEventListener("DOMContentLoaded", () => {
     const pick = (key) => (place) => { chosen[key] = place; draw(); };
     tools.append(choice("across", data.margins, chosen.x, pick("x")), choice("up", data.margins, chosen.y, pick("y")));
     const draw = () => {
-      const x = data.margins[chosen.x], y = data.margins[chosen.y], height = 320, left = 70, top = 12, bottom = 44;
+      const x = data.margins[chosen.x], y = data.margins[chosen.y], height = 336, left = 70, top = 28, bottom = 44;
       const picture = stage(height, `${x.label} against ${y.label}`);
       const at = (place) => [left + (WIDTH - 20 - left) * share(x, x.values[place]), height - bottom - (height - bottom - top) * share(y, y.values[place])];
       const places = data.points.map((_, place) => place).filter((place) => x.values[place] !== null && y.values[place] !== null && inside(place));
@@ -177,7 +178,7 @@ document.addEventListener("DOMContentLoaded", () => {
       const front = places.toSorted((a, b) => x.values[b] - x.values[a] || y.values[b] - y.values[a]).filter((place) => y.values[place] > most && ((most = y.values[place]), true));
       if (front.length) picture.append(svg("path", { d: `M${front.map((place) => at(place).join(" ")).join("L")}`, fill: "none", stroke: "var(--text)", "stroke-width": 1.5 }));
       const [xs, ys] = [x, y].map((axis) => (axis.range ??= range(axis)));
-      picture.append(svg("path", { d: `M${left - 8} ${top}V${height - bottom + 8}H${WIDTH - 12}`, fill: "none", stroke: "var(--axis)" }), text(left, height - bottom + 24, fixed(xs[0]), "middle"), text(WIDTH - 20, height - bottom + 24, fixed(xs[1]), "end"), text(left - 14, height - bottom + 4, fixed(ys[0]), "end"), text(left - 14, top + 8, fixed(ys[1]), "end"), text((left + WIDTH) / 2, height - 8, `margin of ${x.label}`, "middle"), text(left + 4, top + 2, `margin of ${y.label}`, "start"));
+      picture.append(svg("path", { d: `M${left - 8} ${top}V${height - bottom + 8}H${WIDTH - 12}`, fill: "none", stroke: "var(--axis)" }), text(left, height - bottom + 24, fixed(xs[0]), "middle"), text(WIDTH - 20, height - bottom + 24, fixed(xs[1]), "end"), text(left - 14, height - bottom + 4, fixed(ys[0]), "end"), text(left - 14, top + 8, fixed(ys[1]), "end"), text((left + WIDTH) / 2, height - 8, `margin of ${x.label}`, "middle"), text(4, 12, `margin of ${y.label}`, "start"));
       canvas.replaceChildren(picture);
     };
     pareto.classList.add("fitted");

@@ -75,7 +75,7 @@ def split_words(text: str) -> LimitWords:
 
 
 def split_stated(text: str) -> LimitWords:
-    """Return the text of a limit as a result states it, without what stands beside its bounds.
+    """Return the text of a limit as a result states it, without what follows its bounds.
 
     Raises:
         UnitError: as `split_words`.

@@ -100,7 +100,7 @@ def judgement(
                 if pair in limits or pair in pairs:
                     raise one.error(
                         f"{metric} of {pair[1] or 'the run'} is limited twice",
-                        hint="give each entry a 'channel' of its own",
+                        hint="give each entry its own 'channel'",
                     )
                 if limit is None:
                     pairs[pair] = None

@@ -10,7 +10,7 @@ from eha_bench.suites.signals.signal_model import Level, SignalModel
 
 
 class Constant(SignalModel):
-    """`value` all the time; has no end of its own."""
+    """`value` all the time; never ends."""
 
     kind: Literal["constant"]
     value: Level

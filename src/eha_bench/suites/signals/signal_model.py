@@ -30,7 +30,7 @@ class SignalModel(StrictModel, Signal):
     """Base of the signals: a `kind` that names its entry point, and quantities in SI.
 
     Levels and amplitudes are typed `Level`: they take the unit of the trial's control mode. A field
-    `duration` is declared as `span: Seconds = Field(alias="duration")`, beside the property.
+    `duration` is declared as `span: Seconds = Field(alias="duration")`, next to the property.
     """
 
     kind: str

@@ -23,7 +23,7 @@ class Sine(SignalModel):
     """offset + amplitude * sin(2 pi frequency (t - at) + phase); amplitude is the peak value.
 
     Before `at` it keeps its first value. With `cycles` it ends after so many periods, without it
-    has no end of its own.
+    never ends.
     """
 
     kind: Literal["sine"]

@@ -12,7 +12,7 @@ from eha_bench.suites.signals.staircase import Staircase
 
 
 class Step(SignalModel):
-    """From `initial` to `final` at the time `at`; has no end of its own."""
+    """From `initial` to `final` at the time `at`; never ends."""
 
     kind: Literal["step"]
     initial: Level = 0.0

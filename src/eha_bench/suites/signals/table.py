@@ -23,7 +23,7 @@ class Column(StrictModel):
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Return the path of a file that lies beside the suite or below.
+    """Return the path of a file in the suite's folder or below.
 
     Raises:
         ValueError: the name is absolute, or leads out of the folder.

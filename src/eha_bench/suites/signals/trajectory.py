@@ -1,4 +1,4 @@
-"""A recorded or planned trajectory, from a CSV file beside the suite."""
+"""A recorded or planned trajectory, from a CSV file in the suite's folder."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class TrajectorySamples(StrictModel):
 class Trajectory(SignalModel):
     """Straight lines between the rows of a CSV file, the first row at the time `at`.
 
-    `file` is relative to the suite, and lies beside it or below; its first line names the columns.
+    `file` is relative to the suite, and is in its folder or below; its first line names columns.
     """
 
     kind: Literal["trajectory"]

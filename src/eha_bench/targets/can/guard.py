@@ -109,7 +109,7 @@ class GuardLimits:
             return Place(file=str(drive.path), key=".".join(keys))
 
         file = drive.file
-        # a channel without limits of its own is still not to be believed for ever
+        # a channel without limits is still checked for being frozen
         limits = {name: file.limits.get(name, ChannelLimitFile()) for name in drive.channels}
         return GuardLimits(
             tuple(

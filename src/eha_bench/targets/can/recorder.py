@@ -1,4 +1,4 @@
-"""The recording of a running trial, written by a process of its own.
+"""The recording of a running trial, written by a separate process.
 
 The loop hands a tick over by one small write to a pipe; compressing and writing happen in the
 other process, with its own interpreter lock. When the loop's process is killed, the recorder finds

@@ -1,4 +1,4 @@
-"""An FMU's library in a process of its own, asked over a socket."""
+"""An FMU's library in a separate process, asked over a socket."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ class FmuTarget(Target):
             measured = name in CHANNELS and name not in COMMANDS
             near = "" if name in COMMANDS else likely(name, COMMANDS, likeness=_MISSPELT)
             if name != command or measured or near:
-                only = command if name != command else ", ".join((*COMMANDS, "one of its own"))
+                only = command if name != command else ", ".join((*COMMANDS, "its own"))
                 raise InputError(
                     f"'{name}' is not commanded by the bench",
                     where=self._place("inputs", name),
@@ -208,7 +208,7 @@ class FmuTarget(Target):
 
     @property
     def concurrent(self) -> bool:
-        """Every copy has a process of its own for the FMU."""
+        """Every copy has a separate process for the FMU."""
         return True
 
     def __reduce__(self) -> tuple[Any, ...]:
