@@ -1,7 +1,9 @@
 """Commands in processes of their own that need no start of their own.
 
 Python with all that a command imports takes two seconds to start. One process does that once, and
-every command is forked from it: a process with its own signals, limits and exit status.
+every command is forked from it: a process with its own signals, limits and exit status. It ends as
+Python does, its threads, exit functions and output first; but what it shares with the process that
+it was forked from is left to the system, where taking it apart took half a second a command.
 """
 
 from __future__ import annotations
@@ -18,10 +20,12 @@ from typing import Any
 MAIN = "from eha_bench.cli.main import main\nmain()"
 
 _SERVER = """\
-import importlib, json, os, resource, socket, sys
+import atexit, gc, importlib, json, os, resource, socket, sys, threading, traceback
 channel = socket.socket(fileno=int(sys.argv[1]))
 for name in ("cli.app", "rounds", "comparison_api", "diagnosis.replay.prediction"):
     importlib.import_module(f"eha_bench.{name}")
+importlib.import_module("eha_bench.plants.compiled").load_numba()
+gc.freeze()
 while True:
     message, given, _, _ = socket.recv_fds(channel, 1 << 20, 2)
     if not message:
@@ -38,8 +42,19 @@ while True:
         if asked["room"] is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (asked["room"], asked["room"]))
         sys.argv = ["eha-bench", *asked["words"]]
-        exec(asked["code"])
-        sys.exit()
+        status = 0
+        try:
+            exec(asked["code"])
+        except SystemExit as left:
+            status = left.code if isinstance(left.code, int) else int(bool(left.code))
+        except BaseException:
+            status = 1
+            traceback.print_exc()
+        threading._shutdown()
+        atexit._run_exitfuncs()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
     for file in given:
         os.close(file)
     channel.send(str(child).encode())

@@ -1,5 +1,6 @@
 """The command line as a user calls it."""
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import eha_bench as eb
 from eha_bench.cli.main import main
 
 Cli = Callable[..., subprocess.CompletedProcess[str]]
@@ -54,6 +56,21 @@ def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
         return subprocess.CompletedProcess(words, status, said.out, said.err)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def first_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the tiny suite and what it left on the simulator, made once for all tests."""
+    folder = tmp_path_factory.mktemp("first")
+    (folder / "tiny.yaml").write_text(SUITE, encoding="utf-8")
+    eb.run(folder / "tiny.yaml", out=folder / "out")
+    return folder
+
+
+@pytest.fixture
+def ran(first_run: Path, suite: Path, tmp_path: Path) -> Path:
+    """What the tiny suite left, in a folder of the test's own."""
+    return Path(shutil.copytree(first_run / "out", tmp_path / "ran"))
 
 
 @pytest.fixture

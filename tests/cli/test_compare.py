@@ -1,10 +1,7 @@
 """`eha-bench compare`, `ab`, `history`, `baseline` and the pytest plug-in, as a user calls them."""
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -16,26 +13,26 @@ from forked import Forked
 
 from .conftest import SUITE, Cli
 
+# not what this run of pytest was asked for
+PYTEST = """\
+import os, pytest, sys
+for name in [name for name in os.environ if name.startswith("PYTEST")]:
+    del os.environ[name]
+sys.exit(pytest.main(sys.argv[1:]))
+"""
 
-@pytest.fixture
-def runs(cli: Cli, suite: Path, tmp_path: Path) -> Path:
-    cli("run", suite, "--out", "base", check=0)
-    return tmp_path / "base"
 
-
-def test_a_result_compared_with_itself_is_no_regression(cli: Cli, runs: Path) -> None:
-    done = cli("compare", runs, runs, "--json", check=0)
+def test_a_result_compared_with_itself_is_no_regression(cli: Cli, ran: Path) -> None:
+    done = cli("compare", ran, ran, "--json", check=0)
     content = json.loads(done.stdout)
     assert (content["schema_version"], content["status"]) == (1, "no_regression")
     assert {item["verdict"] for item in content["metrics"]} <= {"same", "not_compared"}
-    assert (
-        cli("compare", runs, runs, check=0).stdout.strip() == "reports/comparison/comparison.html"
-    )
-    assert cli("compare", runs, runs, "--markdown", check=0).stdout.startswith("## ✅")
+    assert cli("compare", ran, ran, check=0).stdout.strip() == "reports/comparison/comparison.html"
+    assert cli("compare", ran, ran, "--markdown", check=0).stdout.startswith("## ✅")
 
 
-def test_a_slower_candidate_is_a_regression(cli: Cli, runs: Path, tmp_path: Path) -> None:
-    content = json.loads((runs / "result.json").read_text(encoding="utf-8"))
+def test_a_slower_candidate_is_a_regression(cli: Cli, ran: Path, tmp_path: Path) -> None:
+    content = json.loads((ran / "result.json").read_text(encoding="utf-8"))
     for trial in content["trials"]:
         for score in trial["scores"]:
             if score["metric"] in ("tracking_rms", "tracking_max") and score["value"] is not None:
@@ -44,16 +41,14 @@ def test_a_slower_candidate_is_a_regression(cli: Cli, runs: Path, tmp_path: Path
     slower = tmp_path / "slower"
     slower.mkdir()
     (slower / "result.json").write_text(json.dumps(content), encoding="utf-8")
-    done = cli("compare", runs, slower, check=1)
+    done = cli("compare", ran, slower, check=1)
     assert "worse" in done.stderr
 
 
-def test_limits_that_became_stricter_are_no_green_verdict(
-    cli: Cli, runs: Path, suite: Path
-) -> None:
+def test_limits_that_became_stricter_are_no_green_verdict(cli: Cli, ran: Path, suite: Path) -> None:
     suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
     cli("run", suite, "--out", "strict", check=1)
-    done = cli("compare", runs, "strict", "--markdown", check=0)
+    done = cli("compare", ran, "strict", "--markdown", check=0)
     assert "no regression, but 1 limit newly missed: " in done.stderr
     (turned,) = [line for line in done.stderr.splitlines() if line.startswith("limit newly missed")]
     assert turned.replace("\xa0", " ").endswith("≤ 1 A (in the baseline ≤ 12 A)")
@@ -62,22 +57,22 @@ def test_limits_that_became_stricter_are_no_green_verdict(
     assert 'class="verdict warned"' in page
     assert 'class="verdict passed"' not in page
     # and the other way round
-    done = cli("compare", "strict", runs, check=0)
+    done = cli("compare", "strict", ran, check=0)
     assert "limit kept again: hold: " in done.stderr
     assert "no regression: " in done.stderr
 
 
-def test_bad_input_is_a_sentence_and_exit_status_2(cli: Cli, runs: Path) -> None:
-    assert "no such result" in cli("compare", runs, "nothing", check=2).stderr
+def test_bad_input_is_a_sentence_and_exit_status_2(cli: Cli, ran: Path) -> None:
+    assert "no such result" in cli("compare", ran, "nothing", check=2).stderr
     assert "no such folder" in cli("history", "nothing", check=2).stderr
 
 
 def test_a_baseline_is_a_file_that_limits_and_comparisons_refer_to(
-    cli: Cli, runs: Path, suite: Path, tmp_path: Path
+    cli: Cli, ran: Path, suite: Path, tmp_path: Path
 ) -> None:
-    cli("baseline", "baselines/tiny.json", runs, check=0)
-    assert "what changes" in cli("baseline", "baselines/tiny.json", runs, check=0).stderr
-    cli("compare", "baselines/tiny.json", runs, check=0)
+    cli("baseline", "baselines/tiny.json", ran, check=0)
+    assert "what changes" in cli("baseline", "baselines/tiny.json", ran, check=0).stderr
+    cli("compare", "baselines/tiny.json", ran, check=0)
     text = suite.read_text(encoding="utf-8")
     text = text.replace("name: tiny", "name: tiny\nbaseline: baselines/tiny.json")
     suite.write_text(text.replace("max: 12 A", "limit: <= 101 % of baseline"), encoding="utf-8")
@@ -143,21 +138,20 @@ def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
     assert [file.stat().st_mtime_ns for file in first] == kept
 
 
-def test_a_history_of_runs_is_a_site(cli: Cli, runs: Path, tmp_path: Path) -> None:
+def test_a_history_of_runs_is_a_site(cli: Cli, ran: Path, tmp_path: Path) -> None:
     done = cli("history", tmp_path, "--out", "site", check=0)
     assert done.stdout.strip() == "site/index.html"
     assert (tmp_path / "site" / "index.html").is_file()
 
 
-def test_pytest_runs_a_suite_limit_by_limit(suite: Path, tmp_path: Path) -> None:
+def test_pytest_runs_a_suite_limit_by_limit(forked: Forked, suite: Path, tmp_path: Path) -> None:
     suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
     (tmp_path / "broken.yaml").write_text("name: [", encoding="utf-8")
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
-    failed = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-rA", "-p", "no:cacheprovider",
-         "--eha-suite", suite.name, "--eha-suite", "broken.yaml",
-         "--continue-on-collection-errors"],
-        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+    failed = forked.run(
+        "-q", "-rA", "-p", "no:cacheprovider", "--eha-suite", suite.name,
+        "--eha-suite", "broken.yaml", "--continue-on-collection-errors",
+        "-W", "ignore::pytest.PytestAssertRewriteWarning",  # what is imported is not rewritten
+        folder=tmp_path, code=PYTEST,
     )  # fmt: skip
     assert failed.returncode == 1
     assert "1 failed, 1 passed, 1 error" in failed.stdout
@@ -174,15 +168,13 @@ def test_a_seed_is_not_negative(cli: Cli, suite: Path) -> None:
         ab(suite, "simulator", "simulator", seed=-1)
 
 
-def test_a_baseline_is_no_folder(cli: Cli, suite: Path) -> None:
-    cli("run", suite, "--out", "ran", check=0)
+def test_a_baseline_is_no_folder(cli: Cli, ran: Path) -> None:
     done = cli("baseline", "ran", "ran", check=2)
     assert "ran: a baseline is a file, and this is a folder" in done.stderr
 
 
 @pytest.mark.parametrize("command", ["compare", "history", "score"])
-def test_what_cannot_be_written_into_is_said_first(cli: Cli, suite: Path, command: str) -> None:
-    cli("run", suite, "--out", "ran", check=0)
+def test_what_cannot_be_written_into_is_said_first(cli: Cli, ran: Path, command: str) -> None:
     Path("file").touch()
     given = {
         "compare": ["ran", "ran"], "history": ["ran"], "score": ["ran/recordings/hold-0.mcap"],

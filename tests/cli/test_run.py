@@ -65,42 +65,38 @@ def test_a_safety_limit_is_exit_status_3_and_keeps_the_recording(
 
 
 def test_scoring_a_recording_alone_gives_the_same_scores(
-    cli: Cli, suite: Path, tmp_path: Path
+    cli: Cli, ran: Path, suite: Path, tmp_path: Path
 ) -> None:
-    cli("run", suite, "--out", "out", check=0)
-    first = result_of(tmp_path / "out")["trials"]
+    first = result_of(ran)["trials"]
     suite.unlink()
-    paths = [tmp_path / "out" / trial["recording"] for trial in first]
+    paths = [ran / trial["recording"] for trial in first]
     cli("score", *paths, "--out", "again", check=0)
     again = result_of(tmp_path / "again")["trials"]
     assert [trial["scores"] for trial in again] == [trial["scores"] for trial in first]
 
 
-def test_resume_runs_only_what_is_missing(cli: Cli, suite: Path, tmp_path: Path) -> None:
-    cli("run", suite, "--out", "out", check=0)
-    out = tmp_path / "out"
-    kept = out / "recordings" / "hold-0.mcap"
+def test_resume_runs_only_what_is_missing(cli: Cli, ran: Path, suite: Path) -> None:
+    kept = ran / "recordings" / "hold-0.mcap"
     before = kept.stat().st_mtime_ns
-    (out / "recordings" / "sine-0.mcap").unlink()
-    cli("run", suite, "--out", "out", "--resume", check=0)
+    (ran / "recordings" / "sine-0.mcap").unlink()
+    cli("run", suite, "--out", "ran", "--resume", check=0)
     assert kept.stat().st_mtime_ns == before
-    assert (out / "recordings" / "sine-0.mcap").is_file()
-    assert result_of(out)["status"] == "passed"
+    assert (ran / "recordings" / "sine-0.mcap").is_file()
+    assert result_of(ran)["status"] == "passed"
 
 
 def test_resume_does_not_trust_another_suite_or_a_changed_recording(
-    cli: Cli, suite: Path, tmp_path: Path
+    cli: Cli, ran: Path, suite: Path
 ) -> None:
-    cli("run", suite, "--out", "out", check=0)
-    kept = tmp_path / "out" / "recordings" / "hold-0.mcap"
+    kept = ran / "recordings" / "hold-0.mcap"
     before = kept.stat().st_mtime_ns
     suite.write_text(SUITE.replace("8 A", "9 A"), encoding="utf-8")
-    refused = cli("run", suite, "--out", "out", "--resume", check=2)
-    assert "out: holds a run of another suite, which cannot be resumed" in refused.stderr
+    refused = cli("run", suite, "--out", "ran", "--resume", check=2)
+    assert "ran: holds a run of another suite, which cannot be resumed" in refused.stderr
     assert kept.stat().st_mtime_ns == before
     suite.write_text(SUITE, encoding="utf-8")
     kept.write_bytes(b"not what it was")
-    cli("run", suite, "--out", "out", "--resume", check=0)
+    cli("run", suite, "--out", "ran", "--resume", check=0)
     assert len(eb.read(kept)) == 100
 
 

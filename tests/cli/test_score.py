@@ -117,10 +117,9 @@ def test_a_foreign_bag_without_a_map_names_the_way_out(
 
 
 def test_scoring_executes_nothing_that_a_recording_holds(
-    cli: Cli, suite: Path, tmp_path: Path
+    cli: Cli, ran: Path, tmp_path: Path
 ) -> None:
-    cli("run", suite, "--out", "out", check=0)
-    recording = eb.read(tmp_path / "out" / "recordings" / "sine-0.mcap")
+    recording = eb.read(ran / "recordings" / "sine-0.mcap")
     (tmp_path / "evil.py").write_text(
         "from pathlib import Path\nPath('owned').touch()\n"
         "from eha_bench.control.open_loop import OpenLoop as Evil\n",
@@ -137,9 +136,8 @@ def test_scoring_executes_nothing_that_a_recording_holds(
     assert "evil" not in sys.modules
 
 
-def test_a_name_in_a_recording_never_becomes_a_path(cli: Cli, suite: Path, tmp_path: Path) -> None:
-    cli("run", suite, "--out", "out", check=0)
-    recording = eb.read(tmp_path / "out" / "recordings" / "sine-0.mcap")
+def test_a_name_in_a_recording_never_becomes_a_path(cli: Cli, ran: Path, tmp_path: Path) -> None:
+    recording = eb.read(ran / "recordings" / "sine-0.mcap")
     trial = json.loads(recording.attachments["trial.json"])
     trial["id"] = "../../outside"
     attachments = {**recording.attachments, "trial.json": json.dumps(trial).encode()}
@@ -220,11 +218,8 @@ def test_a_log_that_belongs_to_no_trial_says_so(cli: Cli, tmp_path: Path, suite:
     assert "--trial" in done.stderr
 
 
-def test_scores_name_recordings_from_their_own_folder(
-    cli: Cli, suite: Path, tmp_path: Path
-) -> None:
+def test_scores_name_recordings_from_their_own_folder(cli: Cli, ran: Path, tmp_path: Path) -> None:
     """As a run does: whoever reads result.json finds the recording, wherever they stand."""
-    cli("run", suite, "--out", "ran", check=0)
     done = cli("score", "ran/recordings/hold-0.mcap", "--out", "some/where", "--json", check=0)
     (trial,) = json.loads(done.stdout)["trials"]
     assert trial["recording"] == "../../ran/recordings/hold-0.mcap"
@@ -233,8 +228,7 @@ def test_scores_name_recordings_from_their_own_folder(
     assert "No plot" not in (tmp_path / "some/where/report.html").read_text()
 
 
-def test_scores_do_not_take_the_place_of_a_run(cli: Cli, suite: Path) -> None:
-    cli("run", suite, "--out", "ran", check=0)
+def test_scores_do_not_take_the_place_of_a_run(cli: Cli, ran: Path) -> None:
     before = Path("ran/result.json").read_bytes()
     done = cli("score", "ran/recordings/hold-0.mcap", "--out", "ran", check=2)
     assert "ran: holds the result of a run" in done.stderr
@@ -243,8 +237,7 @@ def test_scores_do_not_take_the_place_of_a_run(cli: Cli, suite: Path) -> None:
         cli("score", "ran/recordings/hold-0.mcap", "--out", "scored", check=0)
 
 
-def test_a_file_name_that_is_no_text_is_one_sentence(cli: Cli, suite: Path) -> None:
-    cli("run", suite, "--out", "ran", check=0)
+def test_a_file_name_that_is_no_text_is_one_sentence(cli: Cli, ran: Path) -> None:
     odd = os.fsdecode(b"b\xffd.mcap")
     try:
         Path(odd).write_bytes(Path("ran/recordings/hold-0.mcap").read_bytes())

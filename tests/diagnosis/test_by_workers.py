@@ -1,4 +1,7 @@
-"""A diagnosis whose candidates are fitted by workers is that of one process, to the last bit."""
+"""A diagnosis whose candidates are fitted on a cluster is that of one process, to the last bit.
+
+That processes of this machine find the same is a test of `test_interruption`.
+"""
 
 from __future__ import annotations
 
@@ -31,10 +34,6 @@ def assert_same(one: Diagnosis, two: Diagnosis) -> None:
     assert one.to_dict() | {"seconds": 0} == two.to_dict() | {"seconds": 0}
     assert one.revised.to_yaml() == two.revised.to_yaml()
     np.testing.assert_array_equal(one.revised.vector(), two.revised.vector())
-
-
-def test_processes_find_the_same(dataset: Path) -> None:
-    assert_same(eha_bench.diagnose(dataset), eha_bench.diagnose(dataset, workers=2))
 
 
 def kill_at_work(victim: subprocess.Popen[bytes], over: threading.Event) -> None:

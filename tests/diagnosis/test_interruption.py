@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from drive_data import write_drive
 
 from eha_bench.cli.main import main
+from eha_bench.core.workers import Processes
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.replay.prediction import predict
 from eha_bench.diagnosis.run import diagnose
@@ -26,6 +27,7 @@ PRESS = """\
 import os, signal, sys
 from eha_bench.cli import closing
 from eha_bench.cli.main import main
+from eha_bench.core.workers import Processes
 stage, least = sys.argv.pop(1), float(sys.argv.pop(1))
 pressed = []
 def stages(bar):
@@ -41,7 +43,7 @@ main()
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory) -> Path:
-    return write_drive(tmp_path_factory.mktemp("drive"))
+    return write_drive(tmp_path_factory.mktemp("drive"), seconds=1.5)
 
 
 @pytest.fixture(scope="module")
@@ -107,11 +109,14 @@ def test_a_calibration_keeps_its_values(forked, dataset, tmp_path) -> None:
     assert load_model(tmp_path / "calibrated.yaml").parameters["mass"] != 95.0
 
 
-def test_the_same_input_gives_the_same_output(dataset, diagnosed, tmp_path) -> None:
+def test_the_same_input_gives_the_same_output_also_by_processes(
+    dataset, diagnosed, tmp_path
+) -> None:
     one, folder, stages = diagnosed
-    two = diagnose(dataset, tmp_path)
+    two = diagnose(dataset, tmp_path, workers=Processes(2))
     assert one.to_dict() | {"seconds": 0} == two.to_dict() | {"seconds": 0}
     assert (folder / "revised.yaml").read_text() == (tmp_path / "revised.yaml").read_text()
+    np.testing.assert_array_equal(one.revised.vector(), two.revised.vector())
     # progress is told while it works
     assert {"read", "calibrate", "search", "replay", "done"} <= set(stages)
     assert one.verdict is Verdict.EFFECT

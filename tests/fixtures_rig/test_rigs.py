@@ -1,7 +1,9 @@
 """The three rigs beside the knee: right equations, honest cases."""
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +28,7 @@ SAMPLES = {
     "I": "single_rod_eha", "L": "single_rod_eha",
 }  # fmt: skip
 STILL = (0.0, 0.0, 1.0, 0.0)
+HEALTHY = Plan("case_0000", "none", (), (), (3, 2, 0))
 
 
 def edge(width: float) -> tb.Curve:
@@ -224,19 +227,30 @@ def test_a_case_is_laid_out_as_the_samples_and_tells_nothing(
     assert yaml.load(write_answers(tmp_path)) == answers(tmp_path)
 
 
-def test_the_same_plan_gives_the_same_bytes_of_a_foreign_plant(tmp_path: Path) -> None:
-    plan = Plan("case_0000", "none", (), (), (3, 2, 0))
-    plant = PLANTS["geared_servo"]
-    folders = [record_case(plan, tmp_path / name, plant).parent for name in ("a", "b")]
-    for path in sorted(folders[0].iterdir()):
-        assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """A case of each plant with nothing hidden, recorded once."""
+
+    @cache
+    def recorded(name: str) -> Path:
+        return record_case(HEALTHY, tmp_path_factory.mktemp(name), PLANTS[name]).parent
+
+    return recorded
+
+
+def test_the_same_plan_gives_the_same_bytes_of_a_foreign_plant(
+    healthy: Callable[[str], Path], tmp_path: Path
+) -> None:
+    first = healthy("geared_servo")
+    again = record_case(HEALTHY, tmp_path, PLANTS["geared_servo"]).parent
+    for path in sorted(first.iterdir()):
+        assert path.read_bytes() == (again / path.name).read_bytes(), path.name
 
 
 @pytest.mark.parametrize("name", PLANTS)
-def test_every_log_reads_back_as_it_was_measured(name: str, tmp_path: Path) -> None:
+def test_every_log_reads_back_as_it_was_measured(name: str, healthy: Callable[[str], Path]) -> None:
     plant = PLANTS[name]
-    plan = Plan("case_0000", "none", (), (), (3, 2, 0))
-    folder = record_case(plan, tmp_path, plant).parent
+    folder = healthy(name)
     runs = YAML(typ="safe").load(folder / "dataset.yaml")["runs"]
     ends = {}
     for run in runs:

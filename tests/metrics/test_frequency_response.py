@@ -101,7 +101,10 @@ def simulate(kit, signal, damping, bend, settle):
     drive[time < settle] = signal(np.zeros(1))[0]
     turn = 2 * np.pi * NATURAL
     model = ([turn**2], [1.0, 2 * damping * turn, turn**2])
-    response = systems.lsim(model, drive - drive[0], time)[1] + drive[0]
+    # between samples the drive is taken as straight; a filter does that a hundred times as fast
+    # as `lsim`, which goes from sample to sample in Python
+    above, below, _ = systems.cont2discrete(model, 1.0 / (RATE * OVER), method="foh")
+    response = systems.lfilter(above.ravel(), below, drive - drive[0]) + drive[0]
     response = bend(response) if bend else response
     values = {kit.channel: response[::OVER], "reference": drive[::OVER]}
     recording = Recording(time[::OVER], values, metadata={"signal_start": repr(settle)})

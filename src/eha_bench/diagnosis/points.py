@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError, MissingChannelError, Place
@@ -230,7 +230,7 @@ def _fitted(
     left = float(rest @ rest)
     # what no point tells takes none of their freedom
     freedom = rest.size - sum(np.isfinite(size) for size in spread.values())
-    chance = float(chi2.sf(left, max(freedom, 1)))
+    chance = float(chdtrc(max(freedom, 1), left))
     return Tried(start, done, left, stretched(done) ** 2, chance, spread)
 
 
@@ -399,4 +399,4 @@ def _line(plant: StaticPlant, item: Tried, base: Tried, best: Tried | None) -> R
 def _by_chance(item: Tried, base: Tried) -> float:
     """Probability that a candidate gains that much where it does nothing (likelihood ratio)."""
     assert item.start is not None
-    return float(chi2.sf(max(base.left - item.left, 0.0), len(item.start.keys)))
+    return float(chdtrc(len(item.start.keys), max(base.left - item.left, 0.0)))

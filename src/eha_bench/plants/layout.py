@@ -53,7 +53,7 @@ class Layout:
         """Parameters by key."""
         return dict(self.items())
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Length of `P`."""
         return sum(parameter.size for _, parameter in self.items())

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, toeplitz
@@ -133,9 +133,12 @@ def beside_parabola(values: FloatArray) -> FloatArray:
     return np.asarray(values - basis @ (basis.T @ values), dtype=np.float64)
 
 
+@lru_cache(maxsize=32)
 def _parabolas(count: int) -> FloatArray:
-    """Return an orthonormal basis of the parabolas, (count, 3)."""
-    return np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, count), _DEGREE + 1))[0]
+    """Return an orthonormal basis of the parabolas, (count, 3), not to be written to."""
+    basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, count), _DEGREE + 1))[0]
+    basis.setflags(write=False)
+    return basis
 
 
 def _standard_errors(stretches: Sequence[FloatArray]) -> float:
@@ -210,11 +213,13 @@ def _minus_twice_log(colour: Colour, tables: Sequence[FloatArray]) -> float:
     for table in tables:
         size, columns = table.shape
         factor = cho_factor(toeplitz(colour.correlations(size)), lower=True)
+        # a factor that was found is finite, and need not be looked at again
+        solve = partial(cho_solve, check_finite=False)
         basis = _parabolas(size)
-        inner = cho_factor(basis.T @ cho_solve(factor, basis), lower=True)
+        inner = cho_factor(basis.T @ solve(factor, basis), lower=True, check_finite=False)
         solved = cho_solve(factor, table)
         along = basis.T @ solved
-        square += float(np.sum(table * solved) - np.sum(along * cho_solve(inner, along)))
+        square += float(np.sum(table * solved) - np.sum(along * solve(inner, along)))
         logs = np.log(np.diag(factor[0])).sum() + np.log(np.diag(inner[0])).sum()
         volume += 2.0 * columns * float(logs)
         count += columns * (size - basis.shape[1])

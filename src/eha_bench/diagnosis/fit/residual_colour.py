@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import toeplitz
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour, beside_parabola, colour_of
@@ -150,8 +150,8 @@ def noise_of_stretches(stretches: Sequence[FloatArray]) -> tuple[float, Colour |
         colour = colour_of([own for own, keep in zip(stretches, kept, strict=True) if keep])
         usual, freedom = _expected(colour)
         quartile = float(np.quantile(squares, _LOW))
-        variance = quartile / (usual * float(chi2.ppf(_LOW, freedom)) / freedom)
-        kept = squares <= variance * usual * float(chi2.ppf(_ALL, freedom)) / freedom
+        variance = quartile / (usual * float(chdtri(freedom, 1.0 - _LOW)) / freedom)
+        kept = squares <= variance * usual * float(chdtri(freedom, 1.0 - _ALL)) / freedom
     return float(np.sqrt(variance)), colour
 
 

@@ -16,7 +16,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
@@ -125,6 +124,8 @@ def _weigh(problem: Problem, vector: FloatArray) -> None:
 
 def _spread(short: Problem, vector: FloatArray, free: Sequence[Free]) -> list[Fit]:
     """Return fits over short windows from the best of some starts about the declared values."""
+    from scipy.stats import qmc
+
     believed = {item.at: item for item in short.beliefs}
     draws = qmc.LatinHypercube(len(free), rng=np.random.default_rng(0)).random(_SPREAD)
     starts = []

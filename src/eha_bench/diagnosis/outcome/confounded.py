@@ -12,7 +12,6 @@ import inspect
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.gate import Measured
@@ -59,6 +58,8 @@ def _wants(effect: BoundEffect) -> set[str]:
 
 def _together(measured: Sequence[Measured]) -> Iterator[tuple[str, str, float]]:
     """Yield pressures and speeds that change together over runs, with their rank correlation."""
+    from scipy.stats import spearmanr
+
     pressures = [_pressures(item) for item in measured]
     speeds = [_speeds(item) for item in measured]
     for pressure in sorted(set.intersection(*(set(item) for item in pressures))):
