@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from writing import STEP, load, only, refusal, with_signal, write
 
-from eha_bench.core.errors import EhaBenchError, InputError
+from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.limit import Bounds
+from eha_bench.core.located import Keys, Located
 from eha_bench.core.trial import MODES, Bypass, ControlMode, Piston
 from eha_bench.suites import load_suite
 
@@ -322,6 +324,42 @@ def test_aliases_that_multiply_are_refused(tmp_path: Path) -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
     assert "too many values" in str(refusal(tmp_path, "\n".join([*lines, "trials: []"])))
+
+
+MANY = """\
+name: many
+defaults: {mode: pressure, setup: {piston: locked}, accept: {overshoot: <= 20 %}}
+trials:
+"""
+ONE_OF_MANY = """\
+  - {id: step-%d, duration: 1 s, signal: {kind: step, final: 5 MPa}, accept: {rise_time: <= 1 s}}
+"""
+
+
+def test_the_work_of_loading_grows_with_the_trials_and_no_faster(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Places that are gone through, counted: four times the trials once cost sixteen times them."""
+    whole = Located.places.fget
+    assert whole is not None
+    gone_through = 0
+
+    def counted(part: Located) -> Mapping[Keys, Place]:
+        nonlocal gone_through
+        gone_through += len(part.written) if part.inside else 1
+        return whole(part)
+
+    monkeypatch.setattr(Located, "places", property(counted))
+
+    def work(count: int) -> int:
+        nonlocal gone_through
+        path = tmp_path / f"{count}.yaml"
+        path.write_text(MANY + "".join(ONE_OF_MANY % number for number in range(count)))
+        gone_through = 0
+        assert len(load_suite(path).trials) == count
+        return gone_through
+
+    assert work(120) < 4.5 * work(30)
 
 
 KEYS = ["id", "mode", "signal", "kind", "final", "duration", "setup", "accept", "peak", "safety"]

@@ -57,7 +57,12 @@ def noise_of(values: FloatArray, step: float | None = None) -> float:
     spread = _in_blocks(third, block) if block == _BLOCK else _usual(third)
     if _SHORTEST_BLOCK <= block < _BLOCK and step > _FEW_STEPS * spread:
         spread = _in_blocks(third, block)
-    return max(spread, step / float(np.sqrt(12.0)))
+    return max(spread, noise_of_step(step))
+
+
+def noise_of_step(step: float) -> float:
+    """Return the standard deviation that a resolution alone makes, step / sqrt(12)."""
+    return step / float(np.sqrt(12.0))
 
 
 def _in_blocks(third: FloatArray, block: int) -> float:
@@ -95,7 +100,7 @@ def noise_of_input(values: FloatArray) -> float:
     if third.size < 8:
         return float("nan")
     step = quantum_of(values[np.isfinite(values)])
-    return max(_usual(third), step / float(np.sqrt(12.0)))
+    return max(_usual(third), noise_of_step(step))
 
 
 def _median_of(freedom: float) -> float:

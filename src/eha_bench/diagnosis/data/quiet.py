@@ -19,7 +19,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour, beside_parabola, colour_of
 from eha_bench.diagnosis.data.gate import GAP, SAME, Measured
-from eha_bench.diagnosis.data.noise import THIRD, noise_of_input, quantum_of
+from eha_bench.diagnosis.data.noise import THIRD, noise_of_input, noise_of_step, quantum_of
 
 _STRETCH = 0.128
 """Length of a quiet stretch, s."""
@@ -192,7 +192,7 @@ def _swings(readings: Mapping[str, FloatArray]) -> bool:
 def _is_smooth(beside: FloatArray, step: float) -> bool:
     """Whether a reading is far larger than what its neighbours differ by."""
     sharp = float(np.sqrt(np.mean(np.diff(beside, 3) ** 2) / THIRD))
-    return float(np.std(beside)) > _SMOOTH * max(sharp, step / float(np.sqrt(12.0)))
+    return float(np.std(beside)) > _SMOOTH * max(sharp, noise_of_step(step))
 
 
 def _together(one: FloatArray, other: FloatArray) -> bool:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from eha_bench.core.arrays import FloatArray, IndexArray
-from eha_bench.diagnosis.data.noise import noise_of
+from eha_bench.diagnosis.data.noise import noise_of, noise_of_step
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.oscillation import oscillation
 from eha_bench.diagnosis.fit.problem import Problem, soften
@@ -49,12 +49,11 @@ def refined_noise(
     What is smooth in the signal but not over four samples is mostly gone from the residual.
     """
     names = problem.plant.outputs
-    least = _of_resolution(problem)
+    steps = _steps(problem)
     found: dict[int, list[tuple[float, int]]] = {}
     for channel, part in _stretches(problem, residual):
         name = names[channel]
-        step = float(np.sqrt(12.0)) * least.get(name, 0.0) / noise[name]
-        level = noise_of(part, step)
+        level = noise_of(part, steps.get(name, 0.0) / noise[name])
         size = int(np.isfinite(part).sum())
         if np.isfinite(level) and size > 60:
             found.setdefault(channel, []).append((level, size))
@@ -67,18 +66,18 @@ def refined_noise(
         middle = float(levels[order][np.searchsorted(cumulative, 0.5)])
         # below half or above twice the first estimate something else than noise is at work
         level = noise[names[channel]] * float(np.clip(middle, 0.5, 2.0))
-        out[names[channel]] = max(level, least.get(names[channel], 0.0))
+        out[names[channel]] = max(level, noise_of_step(steps.get(names[channel], 0.0)))
     return out
 
 
-def _of_resolution(problem: Problem) -> dict[str, float]:
-    """Return what each channel's resolution alone makes of noise, its step over the root of 12."""
+def _steps(problem: Problem) -> dict[str, float]:
+    """Return each channel's step of resolution, SI: the usual one of its runs."""
     runs = {window.measured.run.name: window.measured for window in problem.windows}
     steps: dict[str, list[float]] = {}
     for item in runs.values():
         for name, step in item.steps.items():
             steps.setdefault(name, []).append(step)
-    return {name: float(np.median(own)) / float(np.sqrt(12.0)) for name, own in steps.items()}
+    return {name: float(np.median(own)) for name, own in steps.items()}
 
 
 def _stretches(problem: Problem, residual: FloatArray) -> Iterator[tuple[int, FloatArray]]:
