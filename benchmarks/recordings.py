@@ -171,7 +171,7 @@ def best(first: Callable[[], object], second: Callable[[], object], rounds: int)
 def reading(name: str, path: Path, target: float, rounds: int, channels: object) -> list[Line]:
     base, ours, base_cpu, ours_cpu = best(
         lambda: decompress_only(path),
-        lambda: read(path, channels=channels),  # type: ignore[arg-type]
+        lambda: read(path, channels=channels),
         rounds,
     )
     return [
@@ -181,9 +181,9 @@ def reading(name: str, path: Path, target: float, rounds: int, channels: object)
 
 
 def memory(name: str, path: Path, channels: object) -> Line:
-    read(path, channels=channels)  # type: ignore[arg-type]  # libraries are loaded
+    read(path, channels=channels)
     tracemalloc.start()
-    recording = read(path, channels=channels)  # type: ignore[arg-type]
+    recording = read(path, channels=channels)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     arrays = recording.time.nbytes + sum(array.nbytes for array in recording.values.values())
@@ -196,7 +196,7 @@ def memory(name: str, path: Path, channels: object) -> Line:
 def peers(path: Path, short: Path, ticks: int, short_ticks: int, rounds: int) -> list[Line]:
     lines = []
     for name, act, target in (("rosbags", by_rosbags, 40), ("mcap-ros2", by_mcap_ros2, 100)):
-        theirs, ours, *_ = best(lambda act=act: act(short), lambda: read(path), rounds)  # type: ignore[misc]
+        theirs, ours, *_ = best(lambda act=act: act(short), lambda: read(path), rounds)
         ratio = (theirs / short_ticks) / (ours / ticks)
         lines.append(
             Line(f"{name} / ours, per message", ratio, ">", target, f"{theirs * 1e3:.0f} ms")

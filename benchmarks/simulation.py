@@ -68,7 +68,7 @@ def c_function(folder: Path, name: str, arguments: list[Any]) -> Callable[..., N
     command = [compiler, "-O3", "-shared", "-fPIC", "-o", str(library)]
     subprocess.run([*command, str(_ROOT / f"{name}.c"), "-lm"], check=True)
     simulate: Callable[..., None] = ctypes.CDLL(str(library)).simulate
-    simulate.argtypes = arguments  # type: ignore[attr-defined]  # a function of ctypes
+    simulate.argtypes = arguments
     return simulate
 
 
@@ -200,7 +200,7 @@ def against_c(case: Case, rounds: int) -> Iterator[Row]:
         wanted = np.stack([case.c(v, drive) for v in vectors])
         agrees(plant.sweep(vectors, drive, STEP), wanted, 1e-8)
         acts += [
-            lambda d=drive: [case.c(v, d) for v in vectors],  # type: ignore[misc]
+            lambda d=drive: [case.c(v, d) for v in vectors],
             partial(plant.sweep, vectors, drive, STEP),
         ]
     found = best(acts, rounds)
@@ -224,8 +224,8 @@ def by_scipy(plant: NetworkPlant, vector: FloatArray, drive: Drive) -> FloatArra
     rates = kernel.rates
     current = plant.system.signals["motor.current"]
 
-    @numba.njit  # type: ignore[misc]  # numba has no types
-    def slopes(t, y, i, own, signals, shown):  # type: ignore[no-untyped-def]
+    @numba.njit
+    def slopes(t, y, i, own, signals, shown):
         signals[current] = i
         P, S, X = pointer(own), pointer(signals), pointer(shown)
         f = rates(1e-6, 1.0, 1.0, y[0], y[1], y[2], y[3], y[4], y[5], t, X, P, S)

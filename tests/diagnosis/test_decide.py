@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eha_bench.core.progress import ProgressHook
+from eha_bench.diagnosis.fit.baseline import no_progress
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
@@ -22,7 +22,6 @@ from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.places import Template
 
 SIZE = 1000
-QUIET: ProgressHook = lambda stage, share: None  # noqa: E731
 
 
 def beyond(relative: float, significance: float = 50.0, **channels: float) -> Excess:
@@ -85,7 +84,7 @@ def curves(monkeypatch: pytest.MonkeyPatch) -> Curves:
 
 
 def verdict(state: Search) -> Decision:
-    return decide(state, 1e-3, QUIET, ("said before",))
+    return decide(state, 1e-3, no_progress, ("said before",))
 
 
 def test_an_effect_that_leaves_noise_is_the_verdict() -> None:

@@ -88,7 +88,7 @@ def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
         fit=SimpleNamespace(vector=np.array([strength])),
         excess_base=SimpleNamespace(relative=missing, significance=40.0),
     )
-    text = _against(search, item, Thresholds())  # type: ignore[arg-type]
+    text = _against(search, item, Thresholds())
     assert re.search(says, text) if says else text == ""
 
 
@@ -120,7 +120,7 @@ def test_an_effect_that_may_as_well_be_nothing_needs_an_error_with_structure(
         groups=Groups(*(tuple(np.array_split(np.arange(400), parts)) for parts in (4, 40))),
         excess_base=SimpleNamespace(relative=0.5, significance=significance),
     )
-    text = _against(search, item, Thresholds())  # type: ignore[arg-type]
+    text = _against(search, item, Thresholds())
     assert (text == "") is stands, text
     assert stands or "may as well be nothing" in text
 

@@ -12,7 +12,7 @@ from eha_bench.diagnosis.unknown.places import SuspectPlace
 
 def test_no_other_channel_makes_no_case_against_a_sensor():
     locator = object.__new__(Locator)
-    locator.plant = SimpleNamespace(outputs=("pressure_a", "pressure_b"))  # type: ignore[assignment]
+    locator.plant = SimpleNamespace(outputs=("pressure_a", "pressure_b"))
     locator.channels = np.array([0, 1, 0, 1])
     place = SuspectPlace(
         "measurement", "additive", "pressures", ("time",), ("pressure_a", "pressure_b")

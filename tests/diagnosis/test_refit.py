@@ -27,7 +27,7 @@ def test_a_fit_never_begins_where_it_is_worse_than_without(predicted: float) -> 
     fit = Fit(np.zeros(1), (), nothing, np.zeros((1, 0)), float(nothing @ nothing), 0, problem.soft)
     start = Start("effect", (), 0, 0.0, 1.0, 0.0, 1e3, ("effect.strength",), "force")
     item = Screened(start, predicted, 1.0, np.zeros(1, dtype=np.float32))
-    vector = starting_point(problem, item, fit)  # type: ignore[arg-type]  # only its residual is asked for
+    vector = starting_point(problem, item, fit)
     residual = problem.residual(vector)
     assert 0.0 < vector[0] <= predicted
     if predicted < 30.0:

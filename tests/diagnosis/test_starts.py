@@ -129,7 +129,7 @@ def test_what_only_differences_make_is_not_determined():
     columns = [(problem.residual(vector + 0.01 * unit) - base) / 0.01 for unit in np.eye(2)]
     fit = Fit(vector, free, base, np.column_stack(columns), float(base @ base))
     assert open_parameters(fit) == frozenset()
-    better = _with_long_slopes(problem, fit)  # type: ignore[arg-type]
+    better = _with_long_slopes(problem, fit)
     apart = np.linalg.norm(better.jacobian @ [1.0, -1.0])
     assert apart < 0.2 * np.linalg.norm(fit.jacobian @ [1.0, -1.0])
     together = np.linalg.norm(better.jacobian @ [1.0, 1.0])

@@ -13,7 +13,7 @@ import terminal
 
 
 def test_every_command_is_shown_or_says_why_not() -> None:
-    commands = set(get_command(app).commands)  # type: ignore[attr-defined]
+    commands = set(get_command(app).commands)
     shown = {line.split()[1] for line in terminal.COMMANDS.values() if " " in line}
     assert shown | terminal.NOT_SHOWN == commands
     assert not shown & terminal.NOT_SHOWN

@@ -181,10 +181,9 @@ def test_every_effect_moves_what_is_measured_of_a_foreign_plant(name: str) -> No
         with_it = base | form.settings(form.limit)
         most = 0.0
         for run, still in zip(runs, declared, strict=True):
-            if effect.without:
-                still = Machine(plant.kind, base).run(run, step).readings  # noqa: PLW2901
+            without = Machine(plant.kind, base).run(run, step).readings if effect.without else still
             moved = Machine(plant.kind, with_it).run(run, step).readings
-            off = (moved - still)[:, list(plant.readings)] / plant.floor
+            off = (moved - without)[:, list(plant.readings)] / plant.floor
             assert np.isfinite(off).all(), effect.key
             most = max(most, float(np.sqrt(np.mean(off**2, axis=0)).max()))
         assert most > 0.5, effect.key

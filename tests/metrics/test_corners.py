@@ -40,7 +40,10 @@ def held(kit, metric, draw, runs=40):
 def test_a_stop_all_at_once_is_no_later_than_it_is(kit):
     def draw(rng):
         length, level = rng.uniform(0.02, 0.05), rng.uniform(0.001, 0.01)
-        noise = lambda count: level * rng.normal(size=count)  # noqa: E731
+
+        def noise(count):
+            return level * rng.normal(size=count)
+
         return lambda t: np.minimum(t / length, 1.0), 0.95 * length, noise
 
     assert held(kit, "response_time", draw) >= 0.85
@@ -49,7 +52,10 @@ def test_a_stop_all_at_once_is_no_later_than_it_is(kit):
 def test_a_corner_after_a_dead_time_is_no_undershoot(kit):
     def draw(rng):
         delay, lag, level = *rng.uniform(0.005, 0.03, 2), rng.uniform(0.002, 0.015)
-        noise = lambda count: level * rng.normal(size=count)  # noqa: E731
+
+        def noise(count):
+            return level * rng.normal(size=count)
+
         return lambda t: -np.expm1(-np.maximum(t - delay, 0.0) / lag), 0.0, noise
 
     assert held(kit, "undershoot", draw) >= 0.85
@@ -58,7 +64,10 @@ def test_a_corner_after_a_dead_time_is_no_undershoot(kit):
 def test_dead_time_of_few_samples_a_rise_is_held(kit):
     def draw(rng):
         delay, lag, level = *rng.uniform(0.0015, 0.0035, 2), rng.uniform(0.001, 0.01)
-        noise = lambda count: level * rng.normal(size=count)  # noqa: E731
+
+        def noise(count):
+            return level * rng.normal(size=count)
+
         truth = delay + lag * math.log(1.0 / 0.95)
         return lambda t: -np.expm1(-np.maximum(t - delay, 0.0) / lag), truth, noise
 
@@ -68,7 +77,10 @@ def test_dead_time_of_few_samples_a_rise_is_held(kit):
 def test_noise_with_heavy_tails_is_no_overshoot(kit):
     def draw(rng):
         lag, level = rng.uniform(0.005, 0.02), rng.uniform(0.003, 0.02)
-        noise = lambda count: level / math.sqrt(3.0) * rng.standard_t(3, count)  # noqa: E731
+
+        def noise(count):
+            return level / math.sqrt(3.0) * rng.standard_t(3, count)
+
         return lambda t: -np.expm1(-t / lag), 0.0, noise
 
     assert held(kit, "overshoot", draw) >= 0.85

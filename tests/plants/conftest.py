@@ -206,8 +206,8 @@ class HybridKnee:
 
         moving = m if which == "shaft" else r
         found = stops if moving else breaks
-        found.terminal = True  # type: ignore[attr-defined]  # as solve_ivp asks of an event
-        found.direction = -moving if moving else -1  # type: ignore[attr-defined]  # the same
+        found.terminal = True
+        found.direction = -moving if moving else -1
         return found
 
 

@@ -192,7 +192,7 @@ def _joined(records: list[McapRecord], *, keep_statistics: bool) -> bytes:
             start = summary or 0
             head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, 0)
             crc = zlib.crc32(bytes(out[start or len(out) :]) + head)
-            record = Footer(summary_start=start, summary_offset_start=0, summary_crc=crc)  # noqa: PLW2901
+            record.summary_start, record.summary_offset_start, record.summary_crc = start, 0, crc
         builder = RecordBuilder()
         try:
             record.write(builder)

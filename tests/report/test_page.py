@@ -39,7 +39,7 @@ def other_kind(monkeypatch: pytest.MonkeyPatch) -> str:
     own = DictLoader({"other.html.j2": TEMPLATE})
 
     class Both(DictLoader):
-        def get_source(self, env, template):  # type: ignore[no-untyped-def]  # as jinja calls it
+        def get_source(self, env, template):
             loader = own if template == "other.html.j2" else shared
             return loader.get_source(env, template)
 

@@ -31,7 +31,7 @@ def test_recording_needs_no_file(tmp_path: Path) -> None:
     trial = only(tmp_path, TEXT)
     (tmp_path / "walk.csv").unlink()
     assert trial_from_source(trial.source) == trial
-    assert written(trial.signal).file == "walk.csv"  # type: ignore[attr-defined]  # a trajectory
+    assert written(trial.signal).file == "walk.csv"
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])

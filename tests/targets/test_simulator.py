@@ -63,7 +63,7 @@ TRIAL = Trial("hold", Constant(10.0), ControlMode.CURRENT, LOCKED, 0.2, settle=0
 
 def simulator(kind: type[Controller] | None = None, **options: object) -> Simulator:
     modes = {"current": ControllerSpec(kind, NoGains())} if kind else {}
-    return Simulator(Model("eha_knee"), ControllerSet(modes), **options)  # type: ignore[arg-type]  # passed on
+    return Simulator(Model("eha_knee"), ControllerSet(modes), **options)
 
 
 def test_the_same_seed_gives_the_same_recording_and_another_does_not() -> None:

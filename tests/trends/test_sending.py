@@ -34,7 +34,7 @@ class Hook(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         body = self.rfile.read(int(self.headers["Content-Length"]))
-        self.server.received.append((self.headers["Content-Type"], json.loads(body)))  # type: ignore[attr-defined]
+        self.server.received.append((self.headers["Content-Type"], json.loads(body)))
         self.send_response(self.answer)
         self.send_header("Location", "http://127.0.0.1:1/")
         self.end_headers()
@@ -46,7 +46,7 @@ class Hook(BaseHTTPRequestHandler):
 @pytest.fixture
 def hook() -> Iterator[HTTPServer]:
     server = HTTPServer(("127.0.0.1", 0), Hook)
-    server.received = []  # type: ignore[attr-defined]
+    server.received = []
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()
     yield server
@@ -61,7 +61,7 @@ def test_a_webhook_gets_text_and_what_programs_read(
     assert "sent" in send_on(drifted, Nightly(send=url))
     monkeypatch.setenv("KNEE_HOOK", url)
     assert "sent" in send_on(drifted, Nightly(send="$KNEE_HOOK"))
-    (kind, content), again = hook.received  # type: ignore[attr-defined]
+    (kind, content), again = hook.received
     assert again[1] == content
     assert kind == "application/json"
     assert content["status"] == "drifted"
@@ -110,8 +110,8 @@ def test_steady_nights_are_sent_only_always(tmp_path: Path, hook: HTTPServer) ->
     steady = eb.history(tmp_path)
     url = f"http://127.0.0.1:{hook.server_port}/"
     assert send_on(steady, Nightly(send=url)) == ""
-    assert send_on(steady, Nightly(send=url, when="always")) != ""  # type: ignore[arg-type]
-    assert len(hook.received) == 1  # type: ignore[attr-defined]
+    assert send_on(steady, Nightly(send=url, when="always")) != ""
+    assert len(hook.received) == 1
     assert (tmp_path / "history" / "history.md").read_text(encoding="utf-8").startswith("## ✅")
 
 

@@ -44,8 +44,8 @@ def searched(aim: Aim) -> tuple[GainSearch, Curves]:
         Gain(name, Range(0.0, 6.0, 5, False), "", Place(file="vary.yaml"))
         for name in ("a.x", "a.y")
     )
-    curves = Curves(Space(cast("object", None), gains))  # type: ignore[arg-type]
-    machines = [Machine(number, cast("object", None)) for number in range(8)]  # type: ignore[arg-type]
+    curves = Curves(Space(cast("object", None), gains))
+    machines = [Machine(number, cast("object", None)) for number in range(8)]
     search = GainSearch(cast("Trying", curves), machines, aim, lambda: False, lambda _: None)
     search.run(first_population([], 2, 8, 3), 12, 3)
     return search, curves

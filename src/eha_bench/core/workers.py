@@ -30,7 +30,7 @@ TRIES = 3
 
 
 class WorkError(EhaBenchError):
-    """An item could not be done."""
+    """An item could not be done; `exit_status` is that of the error it stands for."""
 
     def __init__(self, what: str, *, trace: str = "", status: int = 2) -> None:
         super().__init__(what)

@@ -386,3 +386,8 @@ def group_of(function: Callable[..., object], name: str) -> type | None:
     if isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields"):
         return kind
     return None
+
+
+def fields_of(group: type) -> tuple[str, ...]:
+    """Return the names that a group of arguments holds."""
+    return tuple(group.__annotations__)

@@ -27,6 +27,7 @@ from eha_bench.plants.effect import (
     Hook,
     Spot,
     bound,
+    fields_of,
     group_of,
 )
 from eha_bench.plants.layout import Layout
@@ -402,7 +403,7 @@ def _called(function: Callable[..., Any], scope: Mapping[str, Any]) -> Any:
     given = []
     for number, (name, several) in enumerate(_wanted(function)):
         if several is not None:
-            given.append(several(*(scope[field] for field in several._fields)))  # type: ignore[attr-defined]
+            given.append(several(*(scope[field] for field in fields_of(several))))
         elif number == 0 and name not in scope:
             given.append(scope["value"])
         else:

@@ -47,7 +47,7 @@ def answers(drive: CanDrive, counter: int, state: str = "enabled") -> list[Frame
 def link_to(drive: CanDrive) -> tuple[Link, FakeBus, LoopHealth]:
     bus = FakeBus()
     messages = len(drive.status) if drive.sync else 0
-    return Link(drive, bus, 1e-3), bus, LoopHealth(100, 1e-3, messages)  # type: ignore[arg-type]  # a fake
+    return Link(drive, bus, 1e-3), bus, LoopHealth(100, 1e-3, messages)
 
 
 def tick(link: Link, health: LoopHealth, now: float | None = None) -> bool:

@@ -255,8 +255,8 @@ def _errors(
         column = _believed(name, measured, recording)
         if column is None or not (there := np.isfinite(column)).any():
             continue
-        values = measured.as_taken(name, values, {})  # noqa: PLW2901
-        other = np.where(np.isfinite(values[there]), values[there], np.inf)
+        taken = measured.as_taken(name, values, {})[there]
+        other = np.where(np.isfinite(taken), taken, np.inf)
         with np.errstate(over="ignore"):
             found[name] = float(np.sqrt(np.mean((column[there] - other) ** 2)))
     return found

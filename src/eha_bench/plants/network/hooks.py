@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from eha_bench.core.errors import PluginError
-from eha_bench.plants.effect import AT, EVERYWHERE, BoundEffect, Hook, Spot, group_of
+from eha_bench.plants.effect import AT, EVERYWHERE, BoundEffect, Hook, Spot, fields_of, group_of
 from eha_bench.plants.layout import Layout
 
 _VALUE = "value"
@@ -246,7 +246,7 @@ class Hooks:
             alias = f"_g_{group.__module__.replace('.', '_')}_{group.__name__}"
             self._groups[alias] = group
             fields = (
-                self._argument(effect, spot, known, function, field) for field in _fields(group)
+                self._argument(effect, spot, known, function, field) for field in fields_of(group)
             )
             return f"{alias}({', '.join(fields)})"
         state = f"{effect.id}.{name}@{spot.name}"
@@ -265,7 +265,3 @@ class Hooks:
             hint=f"at {spot.name} there are: {', '.join([*known, *spot.names])}, "
             "its own parameters and states",
         )
-
-
-def _fields(group: type) -> Iterable[str]:
-    return group.__annotations__

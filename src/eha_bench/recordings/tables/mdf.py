@@ -186,14 +186,13 @@ class MdfSource(GroupedTable):
 def _calm(kind: Any) -> None:
     """Let the library's destructor fail silently: it expects a log whose opening succeeded."""
     original = kind.__del__
-    if getattr(original, "calm", False):
+    if original.__module__ == __name__:
         return
 
     def close(log: Any) -> None:
         with suppress(Exception):
             original(log)
 
-    close.calm = True  # type: ignore[attr-defined]  # marks it as done
     kind.__del__ = close
 
 

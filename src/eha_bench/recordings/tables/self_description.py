@@ -43,11 +43,11 @@ def described(
     channels: dict[str, ChannelEntry] = {}
     unsaid: list[str] = []
     notes: list[str] = []
-    for column, (name, unit) in heads.items():
+    for column, (title, unit) in heads.items():
         if clock is not None and clock.column in (column, columns[column]):
             continue
-        if often[name] > 1:
-            name = column  # noqa: PLW2901  # two of one name are distinguished by their groups
+        # two of one name are distinguished by their groups
+        name = column if often[title] > 1 else title
         if unit is None and name not in CHANNELS:
             unsaid.append(column)
             continue
@@ -55,9 +55,9 @@ def described(
         if wrong or not name.strip() or not name.isprintable() or name == "time":
             notes.append(f"column {shown([column])!r} was left out: {wrong or 'it has no name'}")
             continue
-        if unit is None and not CHANNELS[name].unit:
-            unit = ""  # noqa: PLW2901  # the trial knows what it asks for
-        channels[name] = ChannelEntry(column=column, unit=unit)
+        # of a known channel without a unit the trial knows what it asks for
+        known = "" if unit is None and not CHANNELS[name].unit else unit
+        channels[name] = ChannelEntry(column=column, unit=known)
     if unsaid and channels:
         notes.append(
             f"columns without a known name or a unit were left out: {shown(unsaid)}; "
