@@ -104,7 +104,7 @@ def _dependent(pairs: int, seed: int) -> Iterator[Line]:
                     ))
                     for _ in range(pairs if metrics == 1 else max(1, pairs // 4))
                 ]  # fmt: skip
-                what = f"no difference, neighbours alike by {correlation:g}, {count} and {count}, "
+                what = f"no difference, correlated by {correlation:g}, {count} and {count}, "
                 yield _line(f"{what}{metrics} metric{'s' if metrics > 1 else ''}", found)
 
 

@@ -46,8 +46,8 @@ NOISES: dict[str, Draw] = {
     "rounded": lambda rng, count: np.round(rng.normal(size=count)),
     "whole numbers": lambda rng, count: rng.poisson(2.0, count).astype(np.float64),
     "log-normal": lambda rng, count: rng.lognormal(0.0, 0.7, count),
-    "neighbours alike by 0.3": alike(0.3),
-    "neighbours alike by 0.6": alike(0.6),
+    "neighbours correlated by 0.3": alike(0.3),
+    "neighbours correlated by 0.6": alike(0.6),
 }
 
 
@@ -103,17 +103,17 @@ def doubled(rng: np.random.Generator, count: int) -> FloatArray:
 
 SHORT: dict[str, Draw] = {
     "normal": NOISES["normal"],
-    "neighbours alike by 0.3": alike(0.3),
-    "neighbours alike by 0.5": alike(0.5),
-    "neighbours alike by 0.8": alike(0.8),
+    "neighbours correlated by 0.3": alike(0.3),
+    "neighbours correlated by 0.5": alike(0.5),
+    "neighbours correlated by 0.8": alike(0.8),
     "2 % outliers": lambda rng, count: (
         rng.normal(size=count) * np.where(rng.random(count) < 0.02, 8.0, 1.0)
     ),
     "weekends 1 sigma higher": weekends,
     "doubled variance": doubled,
 }
-_SIGMA = {"neighbours alike by 0.3": 1.048, "neighbours alike by 0.5": 1.155,
-          "neighbours alike by 0.8": 1.667}  # fmt: skip
+_SIGMA = {"neighbours correlated by 0.3": 1.048, "neighbours correlated by 0.5": 1.155,
+          "neighbours correlated by 0.8": 1.667}  # fmt: skip
 
 
 def newest_nights(histories: int, workers: Workers = _HERE) -> Iterator[Line]:
@@ -210,7 +210,7 @@ def units(kinds: int) -> Iterator[Line]:
         kinds: how often five units are drawn.
     """
     rng = np.random.default_rng(5)
-    for noise in ("normal", "neighbours alike by 0.5"):
+    for noise in ("normal", "neighbours correlated by 0.5"):
         for wear, differ in ((0.0, 0.0), (0.0, 2.0), (6.0, 0.0)):
             hits = []
             for _ in range(kinds):
@@ -243,7 +243,7 @@ def changed_histories(histories: int, workers: Workers = _HERE) -> Iterator[Line
     drifts += [("drift a night", 0.3, 60), ("drift a night", 0.5, 60)]
     tasks = [
         (noise, kind, size, count, histories)
-        for noise in ("normal", "Student's t, 3 degrees", "Laplace", "neighbours alike by 0.3")
+        for noise in ("normal", "Student's t, 3 degrees", "Laplace", "neighbours correlated by 0.3")
         for kind, size, count in [*steps, *drifts]
     ]
     for outcome in workers.ordered(_changed, tasks):

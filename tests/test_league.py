@@ -133,7 +133,7 @@ def test_an_answer_that_does_not_fit_is_a_sentence(asked: tuple[Any, Any]) -> No
         answer(asked, ("gremlin",))
     with pytest.raises(ValueError, match="named twice"):
         answer(asked, LEAK, LEAK)
-    with pytest.raises(ValueError, match="'magic' is no balance"):
+    with pytest.raises(ValueError, match="'magic' is not a balance"):
         answer(asked, ("unknown", "magic"))
     with pytest.raises(ValueError, match="is to be predicted at 300 ticks"):
         Answer(()).checked(asked[0])

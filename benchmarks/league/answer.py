@@ -53,7 +53,7 @@ class Answer:
         if len(set(named)) < len(named):
             raise ValueError("a cause is named twice")
         if wrong := {cause.equation for cause in (*self.claimed, *self.others)} - {*EQUATIONS}:
-            raise ValueError(f"'{wrong.pop()}' is no balance; there are {EQUATIONS[1:]}")
+            raise ValueError(f"'{wrong.pop()}' is not a balance; there are {EQUATIONS[1:]}")
         for run in question.held_out:
             for channel in question.channels:
                 values = self.prediction.get(run.name, {}).get(channel)

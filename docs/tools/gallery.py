@@ -25,7 +25,7 @@ def bench(*arguments: str | Path, where: Path, accepted: tuple[int, ...] = (0,))
     command = [sys.executable, "-m", "eha_bench", *map(str, arguments)]
     done = subprocess.run(command, cwd=where, capture_output=True, text=True, check=False)
     if done.returncode not in accepted:
-        sys.exit(f"{' '.join(command[2:])} left with {done.returncode}:\n{done.stderr}")
+        sys.exit(f"{' '.join(command[2:])} exited with {done.returncode}:\n{done.stderr}")
 
 
 def tutorial_files(folder: Path) -> None:
@@ -64,7 +64,7 @@ def make(gallery: Path) -> None:
         for job in [pool.submit(job) for job in jobs]:
             job.result()
     for page in gallery.rglob("*.md"):
-        page.unlink()  # summaries for merge requests are no pages of the site
+        page.unlink()  # summaries for merge requests are not pages of the site
 
 
 if __name__ == "__main__":

@@ -142,7 +142,7 @@ def _drawn(command: str, work: Path, name: str) -> str:
         check=False,
     )  # fmt: skip
     if "Traceback" in done.stdout or done.returncode not in (0, 1, 2):
-        sys.exit(f"{command} left with {done.returncode}:\n{done.stdout}")
+        sys.exit(f"{command} exited with {done.returncode}:\n{done.stdout}")
     lines = done.stdout.rstrip().splitlines()
     if len(lines) > LONGEST:
         lines = [*lines[: LONGEST - 1], f"... {len(lines) - LONGEST + 1} more lines"]

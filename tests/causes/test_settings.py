@@ -77,7 +77,7 @@ def test_a_model_without_calibrate_is_refused(tmp_path: Path) -> None:
 def test_sending_alone_asks_for_no_causes(tmp_path: Path) -> None:
     file = written(tmp_path, "send: cat\n")
     assert load_nightly(file).diagnose is None
-    with pytest.raises(InputError, match="nothing is to be diagnosed"):
+    with pytest.raises(InputError, match="there is nothing to diagnose"):
         load_cause_settings(file)
 
 

@@ -44,7 +44,7 @@ def test_values_are_in_the_units_of_the_suite_and_those_of_the_page(
         margin = re.search(r", ([^,]+ over)", line)
         assert margin is not None
         assert margin[1] in page
-    assert "still  passed   none" in told
+    assert "still  not judged  none" in told
     assert told.splitlines()[-1] == "knee: failed, 0 of 6 limits kept"
 
 

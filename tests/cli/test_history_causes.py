@@ -93,7 +93,7 @@ def test_the_leak_is_named_with_its_rate_and_what_is_left(archive: Path, cli: Cl
     shown = {item["result"] for trend in causes["trends"] for item in trend["nights"]}
     assert not shown & {"04/result.json", "06/result.json"}
     page = (nights / "history/index.html").read_text(encoding="utf-8")
-    assert "moves since" in page
+    assert ">change</text>" in page
     assert "first limit: step" in page
     kept = sorted((nights / "history/causes").glob("night-*.json"))
     stamps = [path.stat().st_mtime_ns for path in kept]

@@ -62,7 +62,7 @@ MISTAKES = [
         "trials:",
         "trails:",
         "trails",
-        "belongs to no kind of file",
+        "is not a key of any kind of file",
         "did you mean 'trials'",
     ),
     Mistake(
@@ -433,7 +433,7 @@ def test_a_typical_mistake_is_told_with_its_place_and_the_way_out(
 ) -> None:
     path = project / mistake.file
     text = path.read_text(encoding="utf-8")
-    assert mistake.old in text, "the project has changed: this is no mistake any more"
+    assert mistake.old in text, "the project has changed: this is not a mistake any more"
     wrong = text.replace(mistake.old, mistake.new, 1)
     path.write_text(wrong, encoding="utf-8")
     command = ["validate", mistake.file]
@@ -535,3 +535,52 @@ def test_a_wrong_option_is_named_before_anything_is_run(
 ) -> None:
     assert told in cli(*command, check=2).stderr
     assert not (project / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "way_out"),
+    [
+        ("name: x\ntrials:\n\t- id: a\n", "mine.yaml:3", "indent with spaces, not with tabs"),
+        ("name: x\nname: y\n", "mine.yaml:2", "give each key once"),
+        ("name: `x`\n", "mine.yaml:1", "put the text into quotes"),
+        ("name: x: y\n", "mine.yaml:1", "quote text with ': '"),
+        ("trials: [{id: a}\n", "mine.yaml:2", "close every [, { and quote"),
+        ("name: *x\n", "mine.yaml:1", "put text that begins with * into quotes"),
+        ("", "mine.yaml", "'eha-bench init' writes files to start from"),
+        ("name: knee/one\ntrials: []\n", "mine.yaml:1, key 'name'", "use letters, digits"),
+    ],
+)
+def test_a_slip_of_yaml_comes_with_the_way_out(
+    cli: Cli, tmp_path: Path, text: str, place: str, way_out: str
+) -> None:
+    (tmp_path / "mine.yaml").write_text(text, encoding="utf-8")
+    told = cli("validate", "mine.yaml", check=2).stderr
+    assert told.startswith(f"eha-bench: {place}: ")
+    assert way_out in told
+
+
+def test_a_controller_without_its_method_is_refused_before_the_run(cli: Cli, project: Path) -> None:
+    # a module name of its own: Python keeps those it has imported
+    law = (project / "pressure_law.py").read_text(encoding="utf-8").replace("def step", "def setp")
+    (project / "law_without_step.py").write_text(law, encoding="utf-8")
+    gains = project / "controller.yaml"
+    gains.write_text(
+        gains.read_text(encoding="utf-8").replace("pressure_law:", "law_without_step:")
+    )
+    told = cli("run", "suite.yaml", "--target", "target.yaml", "--out", "out", check=2).stderr
+    assert "controller.yaml:5, key 'pressure.controller': " in told
+    assert "does not define step; write the method, or check its name" in told
+    assert not (project / "out").exists()
+
+
+def test_another_file_in_place_of_a_result_is_refused(cli: Cli, project: Path) -> None:
+    told = cli("compare", "suite.yaml", "suite.yaml", check=2).stderr
+    assert "eha-bench: suite.yaml: not a result; give the result.json that" in told
+
+
+def test_a_log_that_is_not_there_names_how_to_make_one(cli: Cli, project: Path) -> None:
+    log = next(project.glob("reports/**/stairs-0.mcap"))
+    log.unlink()
+    told = cli("validate", "dataset.yaml", check=2).stderr
+    assert re.search(r"dataset\.yaml:\d+, key 'runs\.\d\.log': ", told)
+    assert "`eha-bench run` makes recordings" in told

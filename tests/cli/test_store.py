@@ -36,7 +36,7 @@ def test_every_run_has_a_folder_of_its_own_and_latest_is_the_newest(
     latest = tmp_path / "reports" / "tiny" / "latest"
     assert latest.is_symlink()
     assert latest.resolve() == reports[1].resolve().parent
-    # the link is no third result
+    # the link is not a third result
     assert "2 runs, " in cli("history", "reports/tiny", check=0).stderr
 
 

@@ -12,7 +12,7 @@ def square(x: float) -> float:
 
 def fails_on_three(x: int) -> int:
     if x == 3:
-        raise ValueError("three is no good")
+        raise ValueError("three is not a good")
     return x
 
 

@@ -87,7 +87,7 @@ def test_what_is_not_plain_is_left_to_ruamel(text: str) -> None:
 
 
 def test_lists_that_hold_themselves_are_refused() -> None:
-    with pytest.raises(InputError, match="nests too deep"):
+    with pytest.raises(InputError, match="is nested too deeply"):
         parse("a: &x [*x]", "rig.yaml")
 
 

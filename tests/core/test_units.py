@@ -58,7 +58,7 @@ def test_quantity_becomes_si(text: str | float, si: str, value: float) -> None:
         ("15 deg", "Pa"),
         ("15 MPa", "rad"),
         ("15 A", ""),
-        ("50 deg", ""),  # an angle is no overshoot
+        ("50 deg", ""),  # an angle is not an overshoot
         ("5 %", "rad"),
         ("6.7 Hz", "rad/s"),  # 6.7 Hz is 42 rad/s, not the 6.7 that plain dimensions give
         ("2400 rpm", "Hz"),

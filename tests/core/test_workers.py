@@ -33,10 +33,10 @@ def test_the_results_are_those_of_one_process_in_order(workers: Workers) -> None
 def test_an_error_costs_its_own_item_only(workers: Workers) -> None:
     found = list(workers.ordered(fails_on_three, range(6)))
     assert [outcome.value for outcome in found] == [0, 1, 2, None, 4, 5]
-    assert str(found[3].error) == "ValueError: three is no good"
+    assert str(found[3].error) == "ValueError: three is not a good"
     assert found[3].error is not None
     assert "fails_on_three" in found[3].error.trace
-    with pytest.raises(WorkError, match="three is no good"):
+    with pytest.raises(WorkError, match="three is not a good"):
         workers.map(fails_on_three, range(6))
 
 
@@ -161,4 +161,4 @@ def test_ray_gives_the_same_and_an_error_costs_its_own_item(
     assert 1 <= len(places) == len(set(places)) <= 2
     found = list(in_ray.ordered(fails_on_three, range(6)))
     assert [outcome.value for outcome in found] == [0, 1, 2, None, 4, 5]
-    assert str(found[3].error) == "ValueError: three is no good"
+    assert str(found[3].error) == "ValueError: three is not a good"

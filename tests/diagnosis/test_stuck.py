@@ -1,4 +1,4 @@
-"""What stands still because it does is no fault of a sensor."""
+"""What stands still because it does is not a fault of a sensor."""
 
 from __future__ import annotations
 

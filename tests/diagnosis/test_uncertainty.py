@@ -121,7 +121,7 @@ def test_a_product_is_named_as_a_product():
     column = rng.standard_normal(1000)
     matrix = np.column_stack([column, column])
     fit = linear_fit(matrix, rng.standard_normal(1000), ["J", "beta"], np.array([2.0, 3.0]))
-    assert undetermined(fit) == ("J and beta only as a product (nothing changes along it)",)
+    assert undetermined(fit) == ("J and beta only as a product (the data do not depend on it)",)
 
 
 def test_a_ratio_is_named_as_a_ratio():
@@ -129,7 +129,7 @@ def test_a_ratio_is_named_as_a_ratio():
     column = rng.standard_normal(1000)
     matrix = np.column_stack([column, -column])
     fit = linear_fit(matrix, rng.standard_normal(1000), ["K", "D"], np.array([2.0, 3.0]))
-    assert undetermined(fit) == ("K and D only as a ratio (nothing changes along it)",)
+    assert undetermined(fit) == ("K and D only as a ratio (the data do not depend on it)",)
 
 
 def test_a_regressor_without_meaning_gains_nothing_on_runs_left_out():

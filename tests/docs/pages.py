@@ -95,7 +95,7 @@ class Bench:
             command, cwd=self.where, env=self.environment, timeout=300, check=False,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
-        assert done.returncode == 0, f"{place} left with {done.returncode}:\n{done.stdout}"
+        assert done.returncode == 0, f"{place} exited with {done.returncode}:\n{done.stdout}"
         if block.language == "sh":
             self.where = Path((self.folder / ".where").read_text().strip())
         return done.stdout

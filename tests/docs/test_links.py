@@ -35,7 +35,7 @@ def test_yaml_that_is_shown_is_yaml(page: Path) -> None:
             continue
         content = YAML(typ="safe").load(block.text)
         if block.title and block.title != "workflow.yml":
-            assert known & set(content), f"{page.name}:{block.line} is no file of ours"
+            assert known & set(content), f"{page.name}:{block.line} is not a file of ours"
 
 
 def test_every_command_of_the_readme_is_there() -> None:

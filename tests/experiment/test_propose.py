@@ -218,7 +218,7 @@ def test_a_file_that_says_nothing_of_safety_is_refused(tmp_path: Path):
     ("text", "said"),
     [
         ("{", "cannot be read as JSON"),
-        ("[]", "no diagnosis.json"),
+        ("[]", "not a diagnosis.json"),
         ('{"verdict": "none"}', "holds no rivals"),
         ('{"verdict": "none", "rivals": [{}], "covered": {"rate": 1}}', "cannot be read"),
     ],

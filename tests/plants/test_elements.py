@@ -34,7 +34,7 @@ def test_relief_valve_lets_out_what_is_above_its_setting() -> None:
     assert relief_valve.slope(21e6, 0.5e6, 1e-9, 20e6) == 1e-9
     assert relief_valve.flow(20.4e6, 0.5e6, 1e-9, 20e6) == 0.0
     assert relief_valve.slope(20.4e6, 0.5e6, 1e-9, 20e6) == 0.0
-    # it is no way back
+    # it is not a way back
     assert relief_valve.flow(0.0, 30e6, 1e-9, 20e6) == 0.0
 
 

@@ -41,14 +41,14 @@ MISTAKES = {
     "unknown kind of element": (
         "kind: pump", "kind: pomp", 10, "elements.pump.kind", "did you mean 'pump'",
     ),
-    "kind of element that is no name": (
+    "kind of element that is not a name": (
         "kind: pump", "kind: [pump]", 10, "elements.pump.kind", "there is no kind",
     ),
     "unknown kind of node": (
         "kind: rotation", "kind: rotatoin", 3, "nodes.shaft.kind", "did you mean 'rotation'",
     ),
     "kind left out": ("kind: pump, ", "", 10, "elements.pump", "key 'kind' is missing"),
-    "element that is no mapping": (
+    "element that is not a mapping": (
         "{kind: friction, on: rod, coulomb: 60 N}", "friction", 13, "elements.seals",
         "expected a kind and its parameters",
     ),
@@ -111,7 +111,7 @@ MISTAKES = {
         "channels.current_command", "is also an input",
     ),
     "name of a channel that is none": (
-        "motor_speed: shaft", "motor speed: shaft", 17, "channels.motor speed", "is no name",
+        "motor_speed: shaft", "motor speed: shaft", 17, "channels.motor speed", "is not a name",
     ),
     "key that there is not": (
         "channels: {", "chanels: {}\nchannels: {", 17, "chanels", "did you mean 'channels'",
@@ -147,7 +147,7 @@ MISTAKES = {
     "value outside what is possible": (
         "9e-4 kg*m^2", "-1 kg*m^2", 3, "nodes.shaft.inertia", "is outside 0",
     ),
-    "value that is no number": (
+    "value that is not a number": (
         "0.69 cm^3/rev", "true", 10, "elements.pump.displacement", "expected a number",
     ),
     "value that is not finite": (
@@ -210,7 +210,7 @@ MISTAKES = {
         "  pump:  ", "  shaft:  ", 10, "elements.shaft", "names a node and an element",
     ),
     "name of the plant that is none": ("plant: axis", "plant: an axis", 1, "plant", "no name"),
-    "name with a dot": ("  shaft:  ", "  sha.ft:", 3, "nodes.sha.ft", "is no name"),
+    "name with a dot": ("  shaft:  ", "  sha.ft:", 3, "nodes.sha.ft", "is not a name"),
     "servo without a motor": (
         "  seals:", SERVO.replace("motor: motor, ", "") + "  seals:", 13, "elements.loop",
         "needs 'motor'",
@@ -231,7 +231,7 @@ MISTAKES = {
         "  seals:", GAS.replace("1 l}", "1 l, mid_stroke_of: cilinder}") + "  seals:", 13,
         "elements.gas.mid_stroke_of", "did you mean 'cylinder'",
     ),
-    "gas of what is no cylinder": (
+    "gas of what is not a cylinder": (
         "  seals:", GAS.replace("1 l}", "1 l, mid_stroke_of: pump}") + "  seals:", 13,
         "elements.gas.mid_stroke_of", "is a pump, no cylinder",
     ),

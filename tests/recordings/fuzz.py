@@ -330,7 +330,7 @@ class Hang(BaseException):
 
 @contextmanager
 def limited() -> Iterator[None]:
-    """Stop after some seconds of work; a busy machine is no defect."""
+    """Stop after some seconds of work; a busy machine is not a defect."""
 
     def stop(*_: object) -> None:
         raise Hang

@@ -464,7 +464,7 @@ def test_protobuf_of_every_shape(tmp_path: Path) -> None:
         ("i", r"not a number but a message: add one of its fields \(z, n\)"),
         ("names[0]", "not a number but text"),
         ("ri.z", r"say which element, e\.g\. \[0\]\.z"),
-        ("e[0]", "takes an element of something that is no array"),
+        ("e[0]", "takes an element of something that is not an array"),
     ):
         with pytest.raises(RecordingError, match=message):
             recordings.read(path, channels=one("/x", field))

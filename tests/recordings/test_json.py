@@ -168,12 +168,12 @@ def test_lines_that_are_no_objects_are_left_out_and_said(tmp_path: Path) -> None
     rec = recordings.read(path, channels=PLAIN)
     assert rec["force"].tolist() == list(range(9))
     assert [note for note in rec.notes if "line" in note] == [
-        "it is damaged or torn in line 6 (it is no object); this line was left out",
-        "it is damaged or torn in line 7 (it is no object); this line was left out",
+        "it is damaged or torn in line 6 (it is not an object); this line was left out",
+        "it is damaged or torn in line 7 (it is not an object); this line was left out",
         "it is damaged or torn in line 8 (Expecting property name enclosed in double quotes); "
         "this line was left out",
         "it is damaged or torn in line 9 (Expecting value); this line was left out",
-        "it is damaged or torn in line 10 (it is no object); this line was left out",
+        "it is damaged or torn in line 10 (it is not an object); this line was left out",
         "1 more lines were left out",
     ]
     assert recordings.info(path).health == "damaged"

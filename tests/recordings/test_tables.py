@@ -132,7 +132,7 @@ def test_what_eha_bench_writes_as_a_table_needs_no_map(tmp_path: Path) -> None:
         ("t,p,pos_mm\n0,1,2\n,2,3\n", r"time is not a number in 1 of 2 rows, first in row 2"),
         ("t,p,pos_mm\n", "the table is empty"),
         ("t,p\n0,1\n", "there is no column 'pos_mm'.*its columns are: t, p"),
-        ("t,p,pos_mm\n0,1,2,9\n1,2,3,9\n", "its lines hold 4 cells, its line of names 3"),
+        ("t,p,pos_mm\n0,1,2,9\n1,2,3,9\n", "its lines hold 4 cells, its header line 3"),
         ("t,p,pos_mm\n5,1,2\n5,2,3\n5,2,4\n", "time stands still"),
         ("just one column\n1\n2\n", "no delimiter"),
     ],
@@ -224,7 +224,7 @@ def test_a_table_without_names(tmp_path: Path) -> None:
     mapping = {"time": {"column": "0"}, "channels": {"probe": {"column": "1", "unit": "V"}}}
     back = recordings.read(tmp_path / "a.csv", channels=mapping)
     assert back["probe"].tolist() == [1.0, 2.0]
-    assert any("no line of names" in note for note in back.notes)
+    assert any("no header line" in note for note in back.notes)
 
 
 @pytest.mark.parametrize(
@@ -329,7 +329,7 @@ def test_a_mat_array_that_stands_twice_is_no_good_file(tmp_path: Path, frame: pd
     (tmp_path / "log.mat").write_bytes(content + content[128:])
     found = recordings.info(tmp_path / "log.mat")
     assert found.health == "damaged"
-    assert "stands in it twice" in found.notes[0]
+    assert "occurs in it twice" in found.notes[0]
 
 
 def test_mat_arrays_are_those_of_scipy(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A drive that is no knee: a voltage in, a carriage's position and a channel of its own out."""
+"""A drive that is not a knee: a voltage in, a carriage's position and a channel of its own out."""
 
 import math
 from collections.abc import Iterator

@@ -314,7 +314,7 @@ def test_missing_and_deep_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         load_suite(tmp_path / "none.yaml")
     deep = "trials: " + "[" * 60 + "]" * 60
-    assert "nests too deep" in str(refusal(tmp_path, deep))
+    assert "is nested too deeply" in str(refusal(tmp_path, deep))
     assert refusal(tmp_path, "trials: " + "[" * 1000 + "]" * 1000)
     assert refusal(tmp_path, "trials: &a [*a]\n")
     assert refusal(tmp_path, "trials: [&a {id: *a}]\n")

@@ -190,7 +190,7 @@ def test_a_plant_in_python_is_simulated_whole_as_well(flap: Path) -> None:
         ("suite", "{flap_angle: 5 deg}", "{flap_angle: 5 mm}", None, "",
          "flap_angle in m, and flap has it in rad"),
         ("suite", "{flap_angle: 5 deg}", "{flap_angle: 90 deg}", None, None, "flap_angle"),
-        ("suite", "{flap_angle: 5 deg}", "{wind: 1}", None, None, "which is no state of flap"),
+        ("suite", "{flap_angle: 5 deg}", "{wind: 1}", None, None, "which is not a state of flap"),
         ("suite", "+- 1.2 mm}", "+- 1.2 bar}", None, "",
          "spool_position in Pa, and flap has it in m"),
         ("suite", "peak: 19 deg .. 25 deg", "peak: 19 mm .. 25 mm", 12, "trials.turn.accept.peak",

@@ -45,7 +45,7 @@ def test_a_history_is_a_site_with_links_to_every_report(tmp_path: Path) -> None:
     (trend,) = content["trends"]
     assert [change["night"] for change in trend["changes"]] == [20]
     assert trend["changes"][0]["at"]["revision"] == "r4"
-    assert trend["state"] == "steady"  # ten nights ago it is no news
+    assert trend["state"] == "steady"  # ten nights ago it is not a news
     assert found.exit_status() == 0
     (page,) = (site / "trends").glob("*.html")
     text = page.read_text(encoding="utf-8")

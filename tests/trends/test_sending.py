@@ -99,7 +99,7 @@ def test_a_command_gets_markdown_and_no_shell_reads_it(drifted: History, tmp_pat
     assert text.startswith("## ❌")
     with pytest.raises(InputError, match="cannot be run"):
         send_on(drifted, Nightly(send="/no/such/mailer"))
-    with pytest.raises(InputError, match="left with 3"):
+    with pytest.raises(InputError, match="exited with 3"):
         send_on(drifted, Nightly(send=f"{sys.executable} -c 'raise SystemExit(3)'"))
 
 
@@ -119,7 +119,7 @@ def test_steady_nights_are_sent_only_always(tmp_path: Path, hook: HTTPServer) ->
     ("text", "said"),
     [
         ("send: ''", "neither a webhook nor a command"),
-        ('send: "mail \'x"', "is no command"),
+        ('send: "mail \'x"', "is not a command"),
         ("sent: x", "send"),
         ("send: x\nwhen: sometimes", "when"),
     ],

@@ -74,7 +74,7 @@ def causes_behind(
         try:
             reference = _reference(known, settings, kept, progress)
         except EhaBenchError as error:
-            note = f"no healthy machine could be calibrated: {error}"
+            note = f"the healthy machine could not be calibrated: {error}"
             return Causes(*group, untold=tuple(untold), notes=(note,))
         told: list[tuple[Night, NightEvidence]] = []
         before: Mapping[str, float] = {}
@@ -291,29 +291,27 @@ class _Followed:
         notes = []
         if found.oil:
             notes.append(
-                "oil temperature was logged: what it does to the calibrated parameters is taken out"
+                "oil temperature was logged: its influence on the calibrated parameters is removed"
             )
         else:
             notes.append(
-                "oil temperature was not logged: a cause that follows it (viscous friction, "
-                "leakage) counts as varying from night to night"
+                "oil temperature was not logged: what depends on it (viscous friction, leakage) "
+                "counts as scatter from night to night"
             )
         blind = [trend.name for trend in trends if not trend.values.size]
         if blind:
             notes.append(f"these runs do not determine {', '.join(blind)}")
         if self._settings.case is None:
-            notes.append("no suite is named under 'diagnose': no limit is followed to")
+            notes.append("no suite is named under 'diagnose': no limit is forecast")
         if self._unnamed:
             notes.append(
-                "the machine changed, and no followed cause explains it alone (at best "
-                f"{self._unnamed}): two causes at once, one that is not followed, or oil that "
-                "was not logged"
+                "the machine changed, and none of the followed causes explains it alone (at best "
+                f"{self._unnamed}): two causes at once, one that is not followed, or an oil "
+                "temperature that was not logged"
             )
         if self._missed:
             limits = "; ".join(self._missed)
-            notes.append(
-                f"missed or not scored on the healthy machine, so followed to by none: {limits}"
-            )
+            notes.append(f"missed or not scored on the healthy machine, so not forecast: {limits}")
         return tuple(notes)
 
 

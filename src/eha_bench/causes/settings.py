@@ -63,7 +63,7 @@ def load_cause_settings(path: Path) -> CauseSettings:
     nightly = load_nightly(path)
     if nightly.diagnose is None:
         raise InputError(
-            "nothing is to be diagnosed",
+            "there is nothing to diagnose",
             where=Place(file=str(path), key="diagnose"),
             hint="name the machine's model: 'diagnose: {model: model.yaml, suite: suite.yaml}'",
         )

@@ -82,7 +82,7 @@ def errors_as_sentences() -> Iterator[None]:
         near = error.object[max(0, error.start - _NEAR) : error.end + _NEAR]
         if not any("\ud800" <= letter <= "\udfff" for letter in near):
             _leave_with_a_bug(error)
-        # so Python holds the bytes of a file name that are no letters: no JSON can
+        # so Python holds the bytes of a file name that are not letters: no JSON can
         shown = " ".join(near.encode("utf-8", "backslashreplace").decode().split())
         say(f"eha-bench: a file name is not UTF-8 ('{shown}') and cannot be written; rename it")
         raise SystemExit(2) from error

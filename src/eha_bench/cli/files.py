@@ -40,7 +40,7 @@ def validate(
             for remark in remarks:
                 say(f"{path}: {remark}")
             for reference in dict.fromkeys(unseen):
-                say(f"{path}: did not look into {reference}, whose code only a run loads")
+                say(f"{path}: {reference} was not checked: only a run loads its code")
         except EhaBenchError as error:
             mistakes = [_mistake(item) for item in error.each]
             entry.update(valid=False, error=mistakes[0], errors=mistakes)

@@ -96,9 +96,11 @@ def clear(
 
     opened = open_target(target)
     if not isinstance(opened, CanTarget):
-        raise InputError(f"'{target}' is no rig and has no latch")
+        raise InputError(f"'{target}' is not a rig, so it has no latch")
     if not by.strip():
-        raise InputError("no person is named who inspected the rig", hint="give a name: --by NAME")
+        raise InputError(
+            "the person who inspected the rig is not named", hint="give a name: --by NAME"
+        )
     say(opened.clear(by))
 
 

@@ -153,7 +153,7 @@ def _trials(result: Result, *, verbose: bool, colour: bool) -> list[str]:
         rows.append(
             (
                 name,
-                status[name].value if name in status else "not run",
+                _word(name, status, kept),
                 f"{sum(marks)} of {len(marks)}" if marks else "none",
                 missing,
             )
@@ -165,6 +165,14 @@ def _trials(result: Result, *, verbose: bool, colour: bool) -> list[str]:
     if len(shown) < len(names):
         lines.append(more(len(names) - len(shown)))
     return lines
+
+
+def _word(trial: str, status: Mapping[str, Status], kept: Mapping[str, list[bool]]) -> str:
+    """Return a trial's verdict; a run that ended well without limits passed none."""
+    if trial not in status:
+        return "not run"
+    unjudged = status[trial] is Status.PASSED and not kept[trial]
+    return "not judged" if unjudged else status[trial].value
 
 
 def _tone(trial: str, status: Mapping[str, Status], kept: Mapping[str, list[bool]]) -> Paint:

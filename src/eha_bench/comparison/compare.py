@@ -153,7 +153,7 @@ def _metric(
     counts = [len(side.values) for side in (item.baseline, item.candidate)]
     if not any(counts):
         why = (*item.baseline.reasons, *item.candidate.reasons, "no such score")[0]
-        # of two equal results, what neither could score is no difference either
+        # of two equal results, what neither could score is not a difference either
         verdict = ComparisonVerdict.SAME if exactly else ComparisonVerdict.NOT_COMPARED
         return replace(item, verdict=verdict, reason=f"not scored on either side: {why}")
     samples = [_sample(side) for side in (_whole(scores) if looks else scores)]

@@ -197,7 +197,7 @@ def _repeated(
             lambda bound: permutation.p_greater(second, first + bound),
         )
     if ordered:
-        method += ", neighbours alike or not"
+        method += ", correlated or not"
         note = _likeness(found.chances(prior)) or note
     difference = candidate.mean - baseline.mean
     spreads = [sample.variance for sample in (baseline, candidate) if len(sample) > 1]

@@ -213,6 +213,13 @@ def _parse_block(block: Located) -> ControllerSpec:
             where=where,
             hint="derive it from eha_bench.control.controller.Controller",
         )
+    missing = sorted(getattr(kind, "__abstractmethods__", ()))
+    if missing:
+        raise InputError(
+            f"'{reference}' does not define {' and '.join(missing)}",
+            where=where,
+            hint="write the method, or check its name",
+        )
     gains = block.without("controller")
     checked = yaml_file.validate(kind.Gains, gains.value, where.file, places=gains.place)
     places = {key: gains.place((key,)) for key in gains.value}

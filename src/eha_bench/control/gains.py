@@ -95,7 +95,7 @@ def read_gain(controllers: ControllerSet, key: str, raw: float | str, where: Pla
     mode, path = _split(controllers, key, where)
     changed = _changed(controllers.by_mode[mode], {path: raw}, where)
     if (number := _in_si(_value(changed.gains, path))) is None:
-        raise InputError(f"'{raw}' is no number, with or without a unit", where=where)
+        raise InputError(f"'{raw}' is not a number, with or without a unit", where=where)
     by_mode = {**controllers.by_mode, mode: changed}
     return WrittenGain(number, replace(controllers, by_mode=by_mode))
 

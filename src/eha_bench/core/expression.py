@@ -82,7 +82,7 @@ class Expression:
         try:
             return ast.parse(self.text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            raise ValueError(f"'{self.text}' is no arithmetic expression") from error
+            raise ValueError(f"'{self.text}' is not an arithmetic expression") from error
 
     def value(self, channels: Mapping[str, FloatArray]) -> FloatArray:
         """Return its value, (n,), NaN where it is not finite.
@@ -96,9 +96,9 @@ class Expression:
 
 
 def _check(node: ast.AST, names: dict[str, None], depth: int) -> None:
-    """Collect the names of a tree; refuse what is no arithmetic."""
+    """Collect the names of a tree; refuse what is not arithmetic."""
     if depth > DEEPEST:
-        raise ValueError("an expression nests too deep")
+        raise ValueError("an expression is nested too deeply")
     children: list[ast.expr] = []
     match node:
         case ast.BinOp(left=left, op=two, right=right) if type(two) in _TWO:

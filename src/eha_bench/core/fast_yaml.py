@@ -25,7 +25,7 @@ _TYPED = re.compile(
     r"|[0-9]{4}-[0-9]{2}?-[0-9]{2}?(?:[Tt]|[ \t]+)[0-9]{1,2}:.*"
     r"|<<|="
 )
-"""What is no text in YAML 1.2, or may be none."""
+"""What is not text in YAML 1.2, or may be none."""
 _UNLIKE = re.compile(
     "[\t\r\x85\u2028\u2029\ufeff]|[|>][-+0-9]*#|^(?:%|---|\\.\\.\\.)", re.MULTILINE
 )
@@ -69,7 +69,7 @@ def parse(text: str, deepest: int) -> Any:
     """Return the content of one plain document.
 
     Raises:
-        Unread: it is not plain, nests deeper than `deepest`, is no YAML, or libyaml is not there.
+        Unread: it is not plain, nests deeper than `deepest`, is not YAML, or libyaml is not there.
     """
     if _UNLIKE.search(text):
         raise Unread

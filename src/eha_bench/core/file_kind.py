@@ -95,7 +95,7 @@ def kind_of(path: Path) -> FileKind:
         if near:
             line = yaml_file.line_of(content, [key])
             raise InputError(
-                f"key '{key}' belongs to no kind of file",
+                f"key '{key}' is not a key of any kind of file",
                 where=Place(file=str(path), line=line, key=str(key)),
                 hint=near,
             )

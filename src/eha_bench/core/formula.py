@@ -95,7 +95,7 @@ class _NameReader:
             ValueError: a statistic of something else than channels, a metric on anything but one.
         """
         if depth > DEEPEST:
-            raise ValueError("an expression nests too deep")
+            raise ValueError("an expression is nested too deeply")
         match node:
             case ast.BinOp(left=left, op=two, right=right):
                 return ast.BinOp(self.read(left, depth + 1), two, self.read(right, depth + 1))
@@ -139,7 +139,7 @@ def _text(node: ast.expr, depth: int) -> str:
     level: list[ast.AST] = [node]
     while level:
         if depth > 2 * DEEPEST:
-            raise ValueError("an expression nests too deep")
+            raise ValueError("an expression is nested too deeply")
         level = [child for one in level for child in ast.iter_child_nodes(one)]
         depth += 1
     return ast.unparse(node)

@@ -28,7 +28,7 @@ def read_object(path: Path, what: str, hint: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise InputError(_not_json(path, what, error), where=where, hint=hint) from error
     if not isinstance(content, dict):
-        raise InputError(f"this is no {what}", where=where, hint=hint)
+        raise InputError(f"this is not a {what}", where=where, hint=hint)
     return content
 
 

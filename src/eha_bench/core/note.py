@@ -35,7 +35,7 @@ class Note(str):
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """What notes of one kind share: the template and all values that are no numbers."""
+        """What notes of one kind share: the template and all values that are not numbers."""
         words = {name: value for name, value in self.values.items() if isinstance(value, str)}
         return self.template, *sorted(words.items())
 

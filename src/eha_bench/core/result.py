@@ -197,9 +197,12 @@ class Result:
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError as error:
-            raise InputError("no such result", where=Place(file=str(path))) from error
+            raise InputError(
+                "no such result", where=Place(file=str(path)), hint=_RESULTS
+            ) from error
         except (OSError, ValueError) as error:
-            raise InputError(f"not a result ({error})", where=Place(file=str(path))) from error
+            what = f"not a result ({error})" if isinstance(error, OSError) else "not a result"
+            raise InputError(what, where=Place(file=str(path)), hint=_RESULTS) from error
         version = data.get("schema_version") if isinstance(data, dict) else None
         if version != SCHEMA_VERSION:
             raise InputError(
@@ -213,6 +216,9 @@ class Result:
             raise InputError(
                 f"not a result ({_why(error)})", where=Place(file=str(path))
             ) from error
+
+
+_RESULTS = "give the result.json that `run` or `score` wrote, or its folder"
 
 
 def _to_dict(result: Result) -> dict[str, Any]:

@@ -59,7 +59,7 @@ class Sensor:
 
     @staticmethod
     def of(metadata: Mapping[str, str], channel: str) -> Sensor:
-        """Return what metadata say of a channel's sensor; what is no number counts as missing."""
+        """Return what metadata say of a channel's sensor; what is not a number is missing."""
 
         def number(key: str) -> float:
             try:

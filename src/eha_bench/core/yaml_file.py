@@ -148,10 +148,26 @@ def parse(text: str, name: str) -> Any:
     except fast_yaml.Unread:
         content = _parse_any(text, name)
     if content is None:
-        raise InputError("the file is empty", where=Place(file=name))
+        raise InputError(
+            "the file is empty",
+            where=Place(file=name),
+            hint="'eha-bench init' writes files to start from",
+        )
     if _size(content, name, 0, {}) > MOST_VALUES:
         raise InputError("there are too many values, by aliases of aliases", where=Place(file=name))
     return content
+
+
+_SYNTAX = {
+    "\\t": "indent with spaces, not with tabs",
+    "duplicate key": "give each key once",
+    "cannot start any token": "put the text into quotes",
+    "mapping values are not allowed": "indent lines of one block alike, and quote text with ': '",
+    "expected <block end>": "indent lines of one block alike",
+    "expected ',' or": "close every [, { and quote",
+    "undefined alias": "put text that begins with * into quotes",
+}
+"""What is usually behind a message of the parser -> the way out."""
 
 
 def _parse_any(text: str, name: str) -> Any:
@@ -168,7 +184,11 @@ def _parse_any(text: str, name: str) -> Any:
     except MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 0
         problem = " ".join(str(error.problem or error.context or "syntax error").split())
-        raise InputError(f"not valid YAML: {problem}", where=Place(file=name, line=line)) from error
+        raise InputError(
+            f"not valid YAML: {problem}",
+            where=Place(file=name, line=line),
+            hint=next((way for sign, way in _SYNTAX.items() if sign in problem), ""),
+        ) from error
     except Exception as error:  # its parser trips over some texts instead of refusing them
         first = str(error).strip().splitlines()[0] if str(error).strip() else "syntax error"
         raise InputError(f"not valid YAML: {first}", where=Place(file=name)) from error
@@ -180,7 +200,9 @@ def _size(content: Any, name: str, depth: int, known: dict[int, int]) -> int:
         return 1
     if depth > DEEPEST:
         raise InputError(
-            "nests too deep", where=Place(file=name), hint=f"at most {DEEPEST} levels are read"
+            "is nested too deeply",
+            where=Place(file=name),
+            hint=f"at most {DEEPEST} levels are read",
         )
     if id(content) not in known:
         items = content.values() if isinstance(content, dict) else content
@@ -424,6 +446,8 @@ def _sentence(kind: str, message: str, location: Sequence[int | str]) -> str:
         return f"key '{last}' is missing"
     if kind == "too_short" and message.endswith("not 0"):
         return f"'{last}' is empty: it needs at least 1"
+    if kind == "string_pattern_mismatch":
+        return f"'{last}' has a character that a name cannot have"
     if kind in _PLAINER:
         return _PLAINER[kind]
     text = message.removeprefix("Value error, ").removeprefix("Assertion failed, ")

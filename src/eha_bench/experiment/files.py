@@ -21,7 +21,7 @@ def suite_path(out: str | Path) -> Path:
     """Return where the suite goes.
 
     Raises:
-        InputError: it is no name of a YAML file.
+        InputError: it is not a name of a YAML file.
     """
     path = Path(out)
     if path.suffix not in (".yaml", ".yml"):

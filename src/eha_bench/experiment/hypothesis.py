@@ -104,7 +104,7 @@ def read_question(path: str | Path) -> Question:
     """Read a diagnosis.json, or the one of a folder.
 
     Raises:
-        InputError: it is missing, is no diagnosis, or was made before rivals were kept.
+        InputError: it is missing, is not a diagnosis, or was made before rivals were kept.
     """
     file = Path(path)
     if file.is_dir():
@@ -113,7 +113,7 @@ def read_question(path: str | Path) -> Question:
     hint = "give the folder that `eha-bench diagnose --out` wrote"
     content = read_object(file, DIAGNOSIS_FILE, hint)
     if "verdict" not in content:
-        raise InputError("this is no diagnosis.json: it has no verdict", where=where, hint=hint)
+        raise InputError("this is not a diagnosis.json: it has no verdict", where=where, hint=hint)
     if not content.get("rivals") or not content.get("covered"):
         raise InputError(
             "it holds no rivals to plan an experiment for",

@@ -337,7 +337,7 @@ class _ExperimentSearch:
             sensor = advice(self.rivals, layout, drawn[0].candidate, self.plan, self.bench,
                             self.permitted.limits, self._before)  # fmt: skip
             why = (
-                f"nothing permitted within {self.budget:g} s separates "
+                f"no permitted experiment within {self.budget:g} s separates "
                 f"{' and '.join(item.id for item in self.rivals)}: the best of {self.tried} "
                 f"experiments would name the right one in {per_cent(expected.right)} of cases"
             )

@@ -35,7 +35,7 @@ class Backlash(Metric):
     def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
         """Return the lost motion, positive where the driving position leads."""
         if channel in recording and recording.unit(channel) not in LENGTHS:
-            raise NotScored(f"{channel} is no position: backlash needs one on either side of it")
+            raise NotScored(f"{channel} is not a position: backlash needs one on either side of it")
         found = loop(recording, trial, channel)
         value = 2.0 * math.copysign(found.half, found.half * found.slope)
         budget = found.budget.scaled(2.0)

@@ -53,7 +53,7 @@ class FormulaMetric(Metric):
         value = formula.value(values)
         if not math.isfinite(value):
             found = ", ".join(f"{part.text} = {part.measure.value:.4g}" for part in parts)
-            raise NotScored(f"{formula.text} is no finite number for {found}")
+            raise NotScored(f"{formula.text} is not a finite number for {found}")
         notes = [formula.text]
         notes += [f"{part.text}: {part.measure.reason}" for part in parts if part.measure.reason]
         unknown = [part.text for part in parts if not part.known]
@@ -67,7 +67,7 @@ class FormulaMetric(Metric):
             for side in (0, 1)
         )
         if not (math.isfinite(down) and math.isfinite(up)):
-            notes.insert(1, "no interval: within those of its inputs it is no finite number")
+            notes.insert(1, "no interval: within those of its inputs it is not a finite number")
             return Measure(value, reason="; ".join(notes))
         budget = Budget(tuple(_contribution(group, parts, moves) for group in groups)).merged()
         return Measure(value, value - down, value + up, "; ".join(notes), budget)

@@ -164,7 +164,7 @@ class GainMargin(MarginMetric):
     """What the gain of the loop may be multiplied by until it oscillates, a ratio above 1.
 
     A loop with two integrations lags by 180 degrees at low frequency as well, where its gain is
-    large: there less gain would be unstable. Such a crossover is no margin for more.
+    large: there less gain would be unstable. Such a crossover is not a margin for more.
     """
 
     spec = MetricSpec(

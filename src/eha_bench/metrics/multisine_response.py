@@ -96,7 +96,7 @@ def _spectra(
     if fits and window.stop - window.start == used * count:
         data = values[window]
     else:
-        # periods that are no whole number of samples: the same spline on both sides of the ratio
+        # periods that are not whole number of samples: the same spline on both sides of the ratio
         stamps = start + np.arange(used * count) * (period / count)
         near = slice(max(window.start - 3, 0), window.stop + 3)
         spline = CubicSpline(line.time[near], values[near])

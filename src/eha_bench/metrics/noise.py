@@ -185,7 +185,7 @@ def estimate(segments: Sequence[FloatArray]) -> Noise:
     if rising is None:
         return found
     other = Noise(rising.autocovariance, max(freedom / 2.0, 2.0), min(freedom, rising.freedom))
-    # what still rings is no noise of 1 / f: that adds to a mean's variance, and takes nothing off
+    # what still rings is not noise of 1 / f: that adds to a mean's variance, and takes nothing off
     window = round(length)
     slower = other.variance_of_mean(window) > found.variance_of_mean(window)
     return other if slower else found

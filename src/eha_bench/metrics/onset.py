@@ -39,7 +39,7 @@ _NEARER = 0.5
 _FEWEST = 7  # samples from the edge to half of the step
 _REGULAR = 1e-12  # of the trace
 _CORNERED = 1.4
-"""What the variance is larger by, by simulation: a corner between two samples is no smooth function
+"""What the variance grows by, by simulation: a corner between two samples is not a smooth function
 of either, and what rounds it may be another curve than a lag's."""
 
 

@@ -1,8 +1,8 @@
-"""Samples that are no measurements: spikes, and places without a value.
+"""Samples that are not measurements: spikes, and places without a value.
 
 A spike is a sample that its neighbours contradict while they agree with one another: a parabola
 through the three on either side follows these, and misses the sample by far more than the noise.
-Jumps, kinks and narrow peaks are no spikes: there the neighbours do not agree.
+Jumps, kinks and narrow peaks are not spikes: there the neighbours do not agree.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _STEEP = (
 _LEAST = 0.01  # of the span: what is less is as well the shape of a response that is free of noise
 _NEAR = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
 _BESIDE = ((2, 1), (3, 4))  # neighbours on either side, the near and the far one
-_MOST = 0.03  # share of samples that may be spikes; more are no exceptions
+_MOST = 0.03  # share of samples that may be spikes; more are not exceptions
 _MIDDLE = np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0  # of the cubic through two on either side
 LONGEST_FILLED = 3
 """Samples in a row without a value that neighbours may stand for."""
@@ -37,7 +37,7 @@ _FITS = _parabolas()
 
 
 def spikes(time: FloatArray, values: FloatArray, resolution: float) -> IndexArray:
-    """Return the places of single samples that are no measurements, in (n,) finite values.
+    """Return the places of single samples that are not measurements, in (n,) finite values.
 
     A sample next to a gap in the (n,) times is never one: its neighbours are too far away to tell.
     """

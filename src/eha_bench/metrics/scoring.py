@@ -62,7 +62,7 @@ def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
 
     Raises:
         PluginError: a metric that is asked for does not exist or cannot be loaded.
-        InputError: what is given is no recording or no trial.
+        InputError: what is given is not a recording or no trial.
     """
     _check(recording, trial)
     recording, trial = bind(recording, trial)

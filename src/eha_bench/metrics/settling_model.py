@@ -56,7 +56,7 @@ def settled_by_model(step: StepResponse, band: float, latest: float) -> tuple[fl
         latest: s since the edge after which it does not count as settled.
 
     Raises:
-        NotScored: the tail is no decaying pair of modes, or not settled.
+        NotScored: the tail is not a decaying pair of modes, or not settled.
     """
     tail = _fit(step)
     end = float(step.time[-1])

@@ -82,7 +82,7 @@ def _loop(recording: Recording, trial: Trial, channel: str) -> HysteresisLoop:
     moved = trial.channel
     unit = recording.unit(moved) if moved in recording else trial.mode.unit
     if unit not in LENGTHS:
-        raise NotScored(f"the trial commands {moved}, which is no position")
+        raise NotScored(f"the trial commands {moved}, which is not a position")
     if channel in (moved, "reference"):
         raise NotScored(f"{channel} is the motion itself: name another measured position")
     line = timeline(recording, trial)

@@ -168,7 +168,7 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     notes = [f"{settled} settled periods of {periods}"]
     if response.transient != 0.0:
         share = 100.0 * abs(response.transient / (response.phasors[0] or 1.0))
-        notes.append(f"a decaying transient of {share:.2g} % taken off")
+        notes.append(f"a decaying transient of {share:.2g} % was removed")
     if line.how:
         notes.append(line.how)
     notes += channel_samples.notes(line, whole)

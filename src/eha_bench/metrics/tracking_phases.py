@@ -44,7 +44,7 @@ class TrackingLagCompensated(TrackingMetric):
         for whole in range(max(best - 1, 0), min(best + 1, reference.size - 2)):
             found.append(_between_lags(reference, measured, whole))
         value, lag = min(found)
-        reason = f"RMS after a lag of {lag * error.period:.4g} s is taken off"
+        reason = f"RMS after removing a lag of {lag * error.period:.4g} s"
         return Measure(value * error.scale, reason=reason)
 
 

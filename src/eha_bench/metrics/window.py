@@ -24,7 +24,7 @@ from eha_bench.metrics.search import best_lag
 SIGNAL_START = "signal_start"
 """Metadata key: time of the recording, in s, at which the trial's signal starts."""
 
-_FASTEST = 1e-12  # s: samples closer than this, or a longer recording, are no clock's ...
+_FASTEST = 1e-12  # s: samples closer than this, or a longer recording, are not clock's ...
 _LONGEST = 1e12  # ... and differences and squares of their times leave the floating-point range
 _UNEVEN = 0.02  # of the period: intervals that differ by more than a clock's rounding
 _SAME_LEVEL = 0.05  # of the jump: closer than this, two sampled levels of the reference are one

@@ -48,7 +48,7 @@ class Model:
         effects: declared effects.
         within: of those under `calibrate`, what the true value may be off by at most, SI.
         per_run: names of unmeasured parameters that differ from run to run.
-        network: what a plant.yaml says, where the plant is no registered one.
+        network: what a plant.yaml says, where the plant is not a registered one.
     """
 
     plant_id: str

@@ -24,7 +24,7 @@ class Parameter:
             reference pressure, a regularisation width).
         when: the choice and the words of it with which the parameter matters; nothing: always.
         role: of an effect's parameter, the only role in which it is there; "": in all.
-        nonzero: whether 0 is no value of it though it lies within the bounds (a gear's ratio).
+        nonzero: whether 0 is not a value of it though it lies within the bounds (a gear's ratio).
     """
 
     name: str

@@ -170,7 +170,7 @@ class Plant:
         inputs: channels that drive a session, in the order of `advance`'s columns: what a
             controller commands, and disturbances. Inputs of `simulate` may be others, too.
         command: the one of `inputs` that a controller gives; "" where none does, and then there
-            is no session.
+            is not a session.
         references: those of `inputs` that a controller inside the plant follows: one of them may
             stand in a session for `command`, which that controller then gives.
         resting_inputs: what inputs are by default, SI; 0 for the rest.
@@ -287,7 +287,7 @@ class Plant:
             command: one of `references` in place of the plant's command.
 
         Raises:
-            InputError: no input commands this plant, its setup cannot be so, or a channel is no
+            InputError: no input commands this plant, its setup cannot be so, or a channel is not a
                 state of it.
         """
         at = self.at(vector)
@@ -311,7 +311,7 @@ class Plant:
             initial: state -> what its sensor reads, SI; the rest is at rest.
 
         Raises:
-            InputError: a channel that is no state of this plant, or a plant without sessions.
+            InputError: a channel that is not a state of this plant, or a plant without sessions.
         """
         raise self._no_session()
 
@@ -464,7 +464,7 @@ def registered_effects() -> tuple[Effect, ...]:
     """Return all registered effects, in the order of their ids.
 
     Raises:
-        PluginError: one of them is no Effect.
+        PluginError: one of them is not an Effect.
     """
     found: list[Effect] = []
     for name in plugins.names("effects"):

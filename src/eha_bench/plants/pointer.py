@@ -19,7 +19,7 @@ def pointer(typing_context: Any, vector: Any) -> Any:
     """The address of a contiguous vector's first element; its elements are read by `p[k]`.
 
     Raises:
-        TypingError: the vector has gaps between its elements, or is no vector.
+        TypingError: the vector has gaps between its elements, or is not a vector.
     """
     if not isinstance(vector, types.Array) or vector.ndim != 1 or vector.layout != "C":
         raise TypingError(f"a pointer stands for a contiguous vector, not for {vector}")

@@ -52,7 +52,7 @@ class Session:
             command: the input that `advance` gives (default: the plant's command).
 
         Raises:
-            InputError: no input commands this plant, its setup cannot be so, or a channel is no
+            InputError: no input commands this plant, its setup cannot be so, or a channel is not a
                 state of it.
         """
         plant = at.plant

@@ -134,7 +134,7 @@ def _of_calibration(
         raise InputError(
             "the calibration has no intervals, so nothing can be drawn",
             where=where,
-            hint="calibrate again, or free fewer parameters",
+            hint="calibrate again, or with fewer parameters under `calibrate`",
         )
     rows = [
         [math.inf if value is None else float(value) for value in row]

@@ -21,7 +21,7 @@ def open_file(path: Path, head: bytes) -> Source:
     """Return one file as a source; `head` is its first 4096 bytes.
 
     Raises:
-        RecordingError: it is no recording.
+        RecordingError: it is not a recording.
     """
     for fits, place in _FORMATS:
         if fits(path, head):

@@ -82,7 +82,7 @@ def first_map(path: str | Path) -> str:
     """Return a `channels.yaml` for a log, every guess marked as one.
 
     Raises:
-        RecordingError: it is no recording, or holds no numbers.
+        RecordingError: it is not a recording, or holds no numbers.
     """
     with spending(Path(path)):
         found = info(path)

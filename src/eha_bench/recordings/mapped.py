@@ -251,7 +251,7 @@ def _of_kind(source: Source, mapping: ChannelMap) -> tuple[ChannelMap, list[str]
             where=Place(file=source.path),
             hint="use topic and field for logs, column for CSV, Parquet and MAT",
         )
-    kinds = "topics of a log, and this is a table" if tables else "columns, and this is no table"
+    kinds = "topics of a log, and this is a table" if tables else "columns, and this is not a table"
     names = ", ".join(others)
     return mapping.part(tables=tables), [f"the channel map has {names} from {kinds}: left out"]
 

@@ -39,7 +39,7 @@ def open_source(path: Path) -> Source:
 
 
 def refuse_special(path: Path) -> None:
-    """Refuse what is no file, before it is opened: a pipe would wait, a device never end.
+    """Refuse what is not a file, before it is opened: a pipe would wait, a device never end.
 
     Raises:
         RecordingError: it is a pipe, a device or a socket.

@@ -32,7 +32,7 @@ class RecoveryReport:
         target: the clean file.
         messages: messages saved, by topic.
         duration: time between the first and the last message saved, s.
-        bytes_lost: bytes of the source that are no whole records; most of them may have been saved
+        bytes_lost: bytes of the source that are not whole records; most of them may have been saved
             from a torn chunk nevertheless.
         chunks_lost: chunks that could not be decompressed or had a wrong checksum.
         notes: what was found, one sentence each; empty if the source was whole.
@@ -153,13 +153,10 @@ def _problems(file: McapFile, reader: ChunkReader, damaged: list[str]) -> tuple[
 def _unverified(tally: _Tally) -> list[str]:
     notes = []
     if tally.undeclared:
-        notes.append(
-            f"{tally.undeclared} messages were left out, since nothing says for sure what they are"
-        )
+        notes.append(f"{tally.undeclared} messages were left out, since their type is not certain")
     if tally.unverified:
         notes.append(
-            f"no checksum vouches for {tally.unverified} of its messages: "
-            "they were copied without one"
+            f"{tally.unverified} of its messages have no checksum: they were copied without one"
         )
     return notes
 

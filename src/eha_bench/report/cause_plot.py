@@ -58,7 +58,8 @@ def cause_svg(trend: CauseTrend, wear: Wear | None, *, number: int) -> Markup:
         parts.append(
             f'<line x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}" '
             f'stroke="var(--safety)" stroke-dasharray="8 3 2 3"/>'
-            f'<text x="{_LEFT + 4}" y="{at - 4:.1f}" fill="var(--safety)">{escape(said)}</text>'
+            f'<text x="{WIDTH - _RIGHT}" y="{at + 14:.1f}" text-anchor="end" '
+            f'fill="var(--safety)">{escape(said)}</text>'
         )
     if wear is not None and wear.since in trend.nights:
         at = x(trend.nights.index(wear.since) - 0.5)
@@ -66,7 +67,7 @@ def cause_svg(trend: CauseTrend, wear: Wear | None, *, number: int) -> Markup:
             f'<line x1="{at:.1f}" x2="{at:.1f}" y1="{_TOP - 6}" y2="{HEIGHT - _BOTTOM}" '
             f'stroke="var(--limit)" stroke-dasharray="5 3"/>'
             f'<text x="{at:.1f}" y="{_TOP - 9}" text-anchor="middle" fill="var(--limit)">'
-            f"moves since</text>"
+            f"change</text>"
         )
     path = " ".join(f"{'L' if i else 'M'}{x(i):.1f} {y(v):.1f}" for i, v in enumerate(line))
     parts.append(f'<path d="{path}" fill="none" stroke="var(--blue)" stroke-width="1.6"/>')

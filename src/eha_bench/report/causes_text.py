@@ -22,7 +22,7 @@ def wear_sentence(wear: Wear) -> str:
     unit, trend = unit_of_cause(wear.trend), wear.trend
     now = trend.healthy + wear.moved.value
     parts = [
-        f"{trend.name}: {number(unit.shown(trend.healthy))} -> {number(unit.shown(now))}"
+        f"{trend.name}: {number(unit.shown(trend.healthy))} → {number(unit.shown(now))}"
         f"{unit.suffix} since {_day(wear)}"
     ]
     if wear.rate is not None:
@@ -38,14 +38,14 @@ def wear_sentence(wear: Wear) -> str:
 
 
 def left_words(wear: Wear) -> str:
-    """Return how many nights are left and to which limit, "" where no limit is followed to."""
+    """Return how many nights are left and to which limit, "" where no limit is forecast."""
     at = wear.crossing
     if at is None:
         return ""
     limit = f"{at.trial}: {metric_name(at.metric)} {limit_text(at.limit)}"
     left = wear.nights_left
     if left is None:
-        return f"it does not go on surely towards its first limit ({limit})"
+        return f"it does not clearly go on towards its first limit ({limit})"
     if left.value <= 0.0:
         return f"its first limit is reached ({limit})"
     return f"{_interval(left, lambda value: value, 0)} nights left to {limit}"
@@ -61,7 +61,7 @@ def causes_line(history: History) -> str:
         return f"cause: {', '.join(item.trend.name for item in alarms)}"
     if causes.wear:
         names = ", ".join(item.trend.name for item in causes.wear)
-        return f"{names} moves, not far enough to matter"
+        return f"{names} moves, by less than matters"
     return "no cause moves" if causes.trends else "no cause can be named yet"
 
 

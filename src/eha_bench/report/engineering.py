@@ -171,7 +171,7 @@ def printed_unit(unit: str) -> str:
 
 
 def _written_unit(si: str, written: str) -> DisplayUnit | None:
-    # The last word that is no number; `<= 41 ms`, `11 A +- 6 %` and `38 .. 41 MPa` are all met.
+    # The last word that is not a number; `<= 41 ms`, `11 A +- 6 %` and `38 .. 41 MPa` are all met.
     if si == "":
         return PERCENT if written.rstrip().endswith("%") else None
     known = {unit.symbol: unit for _, unit in _SCALES.get(si, ())} | _WRITTEN.get(si, {})

@@ -95,8 +95,8 @@ def _run(words: list[str], text: str) -> None:
     except OSError as error:
         raise _unsent(f"{words[0]} cannot be run ({error.strerror})") from error
     if done.returncode:
-        last = (done.stderr.strip().splitlines() or ["no word why"])[-1]
-        raise _unsent(f"{words[0]} left with {done.returncode} ({last[:200]})")
+        last = (done.stderr.strip().splitlines() or ["without a reason"])[-1]
+        raise _unsent(f"{words[0]} exited with {done.returncode} ({last[:200]})")
 
 
 def _unsent(why: str) -> InputError:

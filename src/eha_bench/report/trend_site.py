@@ -39,6 +39,7 @@ INDEX_NAME: Final = "index.html"
 _ALIKE: Final = 1.4  # widening from which on it is noted: nights correlated by a third
 _DATE: Final = 10
 _MOST_EVENTS: Final = 30
+_SHARE_THAT_SAYS_SOMETHING = 10.0
 _KELVIN: Final = 273.15
 _NOTABLE: Final = (TrendState.NOT_SCORED, TrendState.ONE_NIGHT_OUT)
 _LOOKS: Final = {
@@ -284,8 +285,10 @@ def _view(
     def moved(value: float) -> str:
         share = value / abs(trend.level) if trend.level else math.nan
         text = number(round(unit.difference(value), places), places, sign=True)
+        if unit.symbol == "%":
+            return f"{text}\N{NO-BREAK SPACE}points"
         text += unit.suffix
-        if math.isfinite(share) and unit.symbol != "%":
+        if abs(share) < _SHARE_THAT_SAYS_SOMETHING:  # not of a value that should be zero
             text += f" ({number(round(100.0 * share, 1), 1, sign=True)}\N{NO-BREAK SPACE}%)"
         return text
 

@@ -63,7 +63,7 @@ def parse_fault(text: str) -> Fault:
     kinds = [kind.value for kind in FaultKind]
     if match is None or match["kind"] not in kinds:
         hint = suggest(match["kind"], kinds) if match else f"kinds: {', '.join(kinds)}"
-        raise InputError(f"'{text}' is no fault", hint=hint or f"kinds: {', '.join(kinds)}")
+        raise InputError(f"'{text}' is not a fault", hint=hint or f"kinds: {', '.join(kinds)}")
     kind = FaultKind(match["kind"])
     channel, value = "", 0.0
     try:

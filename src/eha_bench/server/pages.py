@@ -95,7 +95,7 @@ def compare_page(folder: Path, baseline: str, candidate: str) -> str:
     """Return the page of two runs compared.
 
     Raises:
-        InputError: one of them is no run below the folder, or they cannot be compared.
+        InputError: one of them is not a run below the folder, or they cannot be compared.
     """
     sides = [_side(folder, name) for name in (baseline, candidate)]
     return comparison_page(compare_sides(sides[0], sides[1], across_targets=True))
@@ -151,7 +151,7 @@ def _side(folder: Path, name: str) -> Side:
     place = inside(folder, name) if name else folder.resolve()
     result = None if place is None else inside(place, "result.json")
     if result is None:
-        raise InputError(f"'{name}' is no run of this folder")
+        raise InputError(f"'{name}' is not a run of this folder")
     side = load_side(result)
     found = tuple(
         (replace(one, trials=tuple(_own(trial, at) for trial in one.trials)), at)

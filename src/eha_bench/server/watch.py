@@ -120,7 +120,7 @@ class Watch:
         file = self._own.path / _INDEX
         try:
             index = update(file, self._folder)
-        except EhaBenchError:  # what was left behind is no index of this version
+        except EhaBenchError:  # what was left behind is not an index of this version
             file.unlink(missing_ok=True)
             index = update(file, self._folder)
         history = history_of(index, self._folder.resolve().name)

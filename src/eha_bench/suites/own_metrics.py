@@ -79,7 +79,7 @@ def _own(name: object, entry: Located, before: dict[str, OwnMetric], all_: list[
 
     if not isinstance(name, str) or not re.match(NAME, name):
         raise entry.error(
-            f"'{name}' is no name for a metric", hint="letters, digits and _, no digit first"
+            f"'{name}' is not a name for a metric", hint="letters, digits and _, no digit first"
         )
     if name in METRICS or name in plugins.names("metrics") or name in (*STATISTICS, *FUNCTIONS):
         raise entry.error(

@@ -22,11 +22,11 @@ def case_of(suite: Suite, target: Target) -> Case:
     """Return the case of a suite on a target.
 
     Raises:
-        InputError: the target is no simulator of ours, whose model and gains are ours to change.
+        InputError: the target is not a simulator of ours, whose model and gains are ours to change.
     """
     if not isinstance(target, Simulator):
         raise InputError(
-            f"{target.identity.name} is no simulator whose model and gains can be varied",
+            f"{target.identity.name} is not a simulator whose model and gains can be varied",
             hint="give a model.yaml, or a target.yaml with 'target: simulator'",
         )
     return Case(suite, target)

@@ -36,7 +36,7 @@ class PointJournal:
         try:
             found = json.loads(lines[0])
         except (IndexError, ValueError) as error:
-            raise InputError("is no journal of a sweep", where=where) from error
+            raise InputError("is not a journal of a sweep", where=where) from error
         changed = [
             key.removesuffix("_sha256")
             for key in self._header

@@ -13,7 +13,7 @@ def with_remainder(simulator: Simulator, remainder: Mapping[str, float]) -> Simu
 
     Args:
         simulator: of the model that was left with it. remainder: channel -> its root mean square,
-            SI; it stays alike as long as a sensor's `memory`.
+            SI; it stays correlated as long as a sensor's `memory`.
     """
     if not remainder:
         return simulator

@@ -112,7 +112,7 @@ def span_of(content: Located, read: Reader) -> Span:
         return Levels(found)
     if not isinstance(content.value, dict):
         raise content.error(
-            f"'{content.value}' is no range",
+            f"'{content.value}' is not a range",
             hint="write {from: ..., to: ...}, or a list of values",
         )
     where = content.place()

@@ -26,7 +26,7 @@ class SimulatedSensor(StrictModel):
         Real | str, Field(description="standard deviation of an error that changes slowly")
     ] = 0.0
     memory: Annotated[
-        float, Unit("s"), Field(gt=0, description="how long that error stays alike")
+        float, Unit("s"), Field(gt=0, description="correlation time of that error")
     ] = 0.02
 
     def in_si(self, channel: str, unit: str | None = None) -> tuple[float, float, float]:

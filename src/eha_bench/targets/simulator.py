@@ -204,7 +204,8 @@ class Simulator(Target):
                 behind = plant.behind(self._vector, {**initial, name: value})
                 if not behind:
                     raise InputError(
-                        f"trial '{trial.id}' starts at a {name}, which is no state of {plant.id}",
+                        f"trial '{trial.id}' starts at a {name}, which is not a state of "
+                        f"{plant.id}",
                         hint=f"it has: {', '.join((*plant.states, *ranges))}",
                     )
                 initial |= behind

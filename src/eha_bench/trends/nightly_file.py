@@ -34,11 +34,11 @@ def _sendable(text: str) -> str:
         raise ValueError("names neither a webhook nor a command")
     if not is_webhook(text) and not text.startswith("$"):
         if "://" in text.split(maxsplit=1)[0]:
-            raise ValueError("is no webhook: its address begins with http:// or https://")
+            raise ValueError("is not a webhook: its address begins with http:// or https://")
         try:
             shlex.split(text)
         except ValueError as error:
-            raise ValueError(f"is no command ({error})") from error
+            raise ValueError(f"is not a command ({error})") from error
     return text
 
 

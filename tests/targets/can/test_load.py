@@ -43,7 +43,7 @@ def test_keys_of_a_target_take_the_place_of_its_bases(target: Writer) -> None:
         ("fault_code: {message: Heartbeat, signal: Code}", 3, "no signal 'Code'"),
         ("limits:\n  presure_a: {high: 3 Pa}", 4, "pressure_a"),
         ("sync: {message: Sync, counter: Count}", 3, "Counter"),
-        ("counters: {Heartbeat: Alive}", 3, "no message with channels"),
+        ("counters: {Heartbeat: Alive}", 3, "not a message with channels"),
         ("state: {message: DriveStatus2, signal: State, values: {off: 0, enabled: 1}}", 3, "fault"),
         (
             "control_word: {signal: Control, enable: [{word: 1, state: on}], disable: 0, reset: 2}",
@@ -77,6 +77,6 @@ def test_a_target_is_not_its_own_base(tmp_path: Path) -> None:
 
 
 def test_a_dbc_that_is_none_is_an_error(tmp_path: Path, target: Writer) -> None:
-    (tmp_path / "bad.dbc").write_text("this is no DBC {", encoding="utf-8")
+    (tmp_path / "bad.dbc").write_text("this is not a DBC {", encoding="utf-8")
     with pytest.raises(InputError, match="not a DBC"):
         load_drive(target("dbc: bad.dbc\n"))

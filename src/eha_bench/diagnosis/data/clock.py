@@ -135,7 +135,7 @@ def telling(clock: RegularClock, channels: Sequence[FloatArray]) -> Telling:
         good = np.isfinite(third) & np.isfinite(expected) & whole
         if not good.any():
             continue
-        # jumps of a signal are no noise: what is far off has no say
+        # jumps of a signal are not noise: what is far off has no say
         far = 4.0 * float(np.median(np.abs(third[good])))
         if far <= 0.0:
             continue

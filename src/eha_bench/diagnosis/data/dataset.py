@@ -243,7 +243,9 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
     def existing(name: str, *keys: int | str) -> Path:
         target = folder / name
         if not target.exists():
-            raise InputError(f"'{name}' is not there", where=place(*keys))
+            raise InputError(
+                f"'{name}' is not there", where=place(*keys), hint="check the name and its folder"
+            )
         return target
 
     model = model_from(by_name("models", file.model) or existing(file.model, "model"))
@@ -322,7 +324,11 @@ def _logs(folder: Path, name: str, where: Place) -> Iterator[Path]:
         yield folder / name
         return
     if not glob.has_magic(name):
-        raise InputError(f"'{name}' is not there", where=where)
+        raise InputError(
+            f"'{name}' is not there",
+            where=where,
+            hint="check its path; `eha-bench run` makes recordings",
+        )
     # Path.glob takes no absolute pattern
     found = sorted(glob.glob(name, root_dir=folder, recursive=True))  # noqa: PTH207
     if not found:

@@ -406,7 +406,7 @@ def _driven(
         if name not in recording and name in roles.on_top:
             notes.append(
                 Note(
-                    "{run}: no '{channel}' in the log, so none are taken to have acted",
+                    "{run}: no '{channel}' in the log, so it is taken as zero",
                     run=run.name,
                     channel=name,
                 )

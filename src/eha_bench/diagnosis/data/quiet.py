@@ -2,8 +2,8 @@
 
 What was asked for stands still there for an eighth of a second (or 32 samples), and so do all
 readings, but for what a parabola says of a pressure that leaks away. None swings with another one:
-an oscillation about a standing mean is no rest. Every reading is then a constant and its noise,
-whatever the model: none is used, so none of its errors can be taken for noise. Steady motion is no
+an oscillation about a standing mean is not rest. Every reading is then a constant and its noise,
+whatever the model: none is used, so none of its errors can be taken for noise. Steady motion is not
 rest, though all readings stand: its ripple is the machine's, not the sensors'. What a sensor
 remembers from sample to sample depends on the sampling period, so each period has its own colours.
 Logs with too few of such stretches leave the noise as white as it was taken to be.

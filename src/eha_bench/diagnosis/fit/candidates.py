@@ -58,7 +58,7 @@ class Start:
 
     @property
     def mundane(self) -> bool:
-        """Whether it is no effect but a parameter that is only assumed."""
+        """Whether it is not an effect but a parameter that is only assumed."""
         return self.candidate.startswith("parameter:")
 
 

@@ -67,7 +67,7 @@ class Convergence:
         if self.ratio > MOST:
             found.append(
                 f"after calibration the residual is {self.ratio:.3g} times its floor: something "
-                "is missing, or the fit ended in a poor place; no interval is given"
+                "is missing, or the fit ended in a local minimum; no interval is given"
             )
         return found
 

@@ -68,7 +68,7 @@ class Fit:
         cost: sum of soft-L1 losses of the residual.
         steps: accepted steps.
         soft: scale of the soft-L1 loss.
-        beliefs: how many rows are no readings but beliefs.
+        beliefs: how many rows are not readings but beliefs.
     """
 
     vector: FloatArray

@@ -56,8 +56,8 @@ def outlier_runs(problem: Problem, residuals: Sequence[FloatArray]) -> dict[str,
 def notes_of(outliers: Mapping[str, str]) -> tuple[str, ...]:
     """Say which runs are left out, and what to look at."""
     return tuple(
-        f"{run} is left out: nothing of its '{channel}' is explained, while it is in other runs "
-        "of this setup: check its file, channel map, piston and bypass"
+        f"{run} is left out: the model explains nothing of its '{channel}', but does in other "
+        "runs of this setup: check its file, channel map, piston and bypass"
         for run, channel in outliers.items()
     )
 

@@ -46,7 +46,7 @@ SLOPES = 3.4e-4
 _HISTORY = 100
 """Ticks of the inputs before a window: a delayed command looks back."""
 _SMALL, _SMALLEST = 1e-10, 1e-4
-"""Squares of what is no column, relative to the largest one, or to the noise."""
+"""Squares of what is not a column, relative to the largest one, or to the noise."""
 _SOFT = 5.0
 _BAD = 1e9
 

@@ -97,7 +97,7 @@ def profile_interval(
     _, weight = soften(fit.residual, fit.soft)
     moved = (fit.jacobian @ direction) * weight
     wanted = float(moved @ moved) * (half / item.scale) ** 2
-    # a fit ends in a pit of a rough cost: what it rises by next to it is no information
+    # a fit ends in a pit of a rough cost: what it rises by next to it is not information
     beside = [_cost(problem, fit, direction, x * half / item.scale) for x in (-_PIT, _PIT)]
     base = max(_cost(problem, fit, direction, 0.0), 0.5 * sum(beside) - _PIT**2 * wanted)
     ends, alike = [], True

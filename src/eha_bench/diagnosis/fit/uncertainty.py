@@ -13,7 +13,7 @@ of all parameters (Smyth, Stat. Appl. Genet. Mol. Biol. 3 (2004) 3, doi:10.2202/
 Student's t takes as many degrees of freedom as runs of equal say are worth (Carter, Schnepel,
 Steigerwald, Rev. Econ. Stat. 99 (2017) 698, doi:10.1162/REST_a_00639).
 
-Where a stick event jumps, the cost is no parabola, and no Jacobian tells how well it determines a
+Where a stick event jumps, the cost is not a parabola, and no Jacobian says how well it determines a
 parameter. The sizes of effects are therefore checked against their profile (`profile`). What the
 step of integration moves (`finish`) is added as a separate error.
 
@@ -316,7 +316,7 @@ class ParameterDirection:
         else:
             text = f"{', '.join(names[:-1])} and {names[-1]} only in combination"
         if self.deviation > _OPEN:
-            return f"{text} (nothing changes along it)"
+            return f"{text} (the data do not depend on it)"
         return f"{text} (one standard deviation along it is {100.0 * self.deviation:.3g} %)"
 
 

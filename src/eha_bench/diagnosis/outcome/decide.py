@@ -21,7 +21,7 @@ from eha_bench.diagnosis.unknown.places import places_of
 _EXPLAINED = 0.5
 """Share of the excess from which known effects are the verdict, whatever else is missing."""
 _BEATEN = 0.5
-"""Share of what known effects explain below which a learned curve is no rival to them."""
+"""Share of what known effects explain below which a learned curve is not a rival to them."""
 _NOTHING = 0.005
 """Share of the excess that is none."""
 _TOLD = 0.1

@@ -1,7 +1,7 @@
 """What a verdict's own figures say against it (contract, section 7).
 
 No effect stands whose strength is at a bound, which runs left out of the fit do not bear out, whose
-'before' is no minimum, or with which held-out or unseen runs are replayed worse than without it.
+'before' is not a minimum, or with which held-out or unseen runs are replayed worse than without it.
 Refusals are noted, and the others are decided again.
 """
 
@@ -56,11 +56,13 @@ def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
         if bound != start.neutral and abs(strength - bound) <= near:
             return f"its strength is at its bound, {bound:.4g}"
     if found.explained_out <= 0.0 or found.gain_out <= 0.0:
-        return "on runs left out of the fit it explains nothing"
+        return "it explains nothing on runs left out of the fit"
     if found.p_value > _LIKELY:
         return f"its gain may be chance (p {found.p_value:.2g})"
     if search.excess_base.significance <= REST_SIGNIFICANCE and not _is_clear(search, start):
-        return "its size may as well be nothing, and the error without it has no structure in time"
+        return (
+            "its size is not distinct from zero, and the error without it has no structure in time"
+        )
     alone = len(search.effects) == 1
     least = limits.least_share(search.excess_base, 0)
     if alone and min(found.share, found.share_out) < least:

@@ -71,7 +71,7 @@ class Covered:
         noise: channel -> standard deviation, SI. unexplained: channel -> root mean square of what
             is left over the windows of the fit beyond the noise, SI.
         setups: each with the extremes of every channel in it, SI.
-        dataset: the dataset.yaml that names them; "" where it is no file.
+        dataset: the dataset.yaml that names them; "" where it is not a file.
     """
 
     rate: float

@@ -5,7 +5,7 @@
 either from each chamber to the reservoir (p of the chamber), or from one chamber to the other
 (p = |p_a - p_b|). The valve's own motion is fast against the chambers' and is left out. A relief
 valve opens far above what a machine works at, and then lets a pump's whole flow out within some
-bar: a conductance like a leak's, or a setting of a few bar, is no relief valve.
+bar: a conductance like a leak's, or a setting of a few bar, is not a relief valve.
 
 Source: Merritt, Hydraulic Control Systems, Wiley 1967; Yang et al. 2023, Section 2.
 """

@@ -195,7 +195,7 @@ class LaneWriter(Writer):
                 late.append(f"mark = mark | (d{n} != 0.0) & (d{n} * v{n}_ <= 0.0)")
         ends_ = [f"{name}_" for name in names]
         total = " + ".join(ends_)
-        # not finite: its difference to itself is no number
+        # not finite: its difference to itself is not a number
         late += [f"total = {total}", "mark = mark | (total - total != 0.0)"]
         if self.switching:
             met, tests = self._switches()

@@ -117,7 +117,7 @@ def element_kinds() -> Mapping[str, ElementKind]:
     """Return the registered kinds of elements by id.
 
     Raises:
-        PluginError: one of them is no ElementKind.
+        PluginError: one of them is not an ElementKind.
     """
     found = {}
     for name in plugins.names("elements"):

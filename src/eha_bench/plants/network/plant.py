@@ -263,7 +263,7 @@ class NetworkPlant(Plant):
         """Return the state behind what the sensors read first; the rest is at rest.
 
         Raises:
-            InputError: a channel that is no state of this plant.
+            InputError: a channel that is not a state of this plant.
         """
         size = self.system.size
         state = np.zeros(size + len(self._imposable))

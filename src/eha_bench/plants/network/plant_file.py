@@ -54,7 +54,7 @@ class _Parser:
         name = self.content.get("plant")
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise InputError(
-                f"'{name}' is no name for a plant",
+                f"'{name}' is not a name for a plant",
                 where=self.locate("plant"),
                 hint="a name has letters, digits and underscores, and begins with a letter",
             )
@@ -100,7 +100,7 @@ class _Parser:
             for name in value:
                 if not isinstance(name, str) or not _NAME.fullmatch(name):
                     raise InputError(
-                        f"'{name}' is no name",
+                        f"'{name}' is not a name",
                         where=self.locate(key, name),
                         hint="a name has letters, digits and underscores, and begins with a letter",
                     )

@@ -110,7 +110,7 @@ class PlantInput:
 
     Attributes:
         channel: its name. unit: SI. held: whether it keeps its value between samples.
-        signal: place in `S` that it sets, where it is no command.
+        signal: place in `S` that it sets, where it is not a command.
         default: place in `P` of what stands in where it is not given, -1 for 0.
         command: the command that it is, None where it is none. part: its element.
         loop: whether a controller inside the plant sets it where it is not given.

@@ -83,7 +83,7 @@ class Bag1Source(BagFile):
         name = f"the chunk at byte {record.start}"
         if found.stop < size:
             self._damaged = True
-            self._notes.append(f"{name} holds {size - found.stop} bytes that are no records")
+            self._notes.append(f"{name} holds {size - found.stop} bytes that are not records")
         declared = self._counts.get(record.position)
         if declared is None:
             return

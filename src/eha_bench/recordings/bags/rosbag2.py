@@ -123,7 +123,7 @@ class Rosbag2Source(Source):
             # not turned into plain dicts: a file of a few aliases would then fill the memory
             content = load(file)
         except InputError as error:
-            self._notes.append(f"its metadata.yaml was left aside ({error})")
+            self._notes.append(f"its metadata.yaml was ignored ({error})")
             return {}
         inside = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
         return inside if isinstance(inside, dict) else {}
@@ -195,7 +195,7 @@ class Rosbag2Source(Source):
                     sink.write(part)
         except zstandard.ZstdError:
             self._torn = True
-            self._notes.append(f"{file.name}: its compression is torn; what could be had was read")
+            self._notes.append(f"{file.name}: its compression is torn; the part before was read")
         except OSError as error:
             raise RecordingError(
                 f"it cannot be decompressed to {folder.path} ({error.strerror or error})",

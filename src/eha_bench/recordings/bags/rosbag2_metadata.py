@@ -20,7 +20,7 @@ _VERSION = 5
 def write_rosbag2_metadata(folder: str | Path) -> Path:
     """Describe all MCAP files of a folder as one rosbag2, in order of time; return the file.
 
-    Call it when the recordings are closed; files that are no MCAP are left out.
+    Call it when the recordings are closed; files that are not MCAP are left out.
 
     Raises:
         RecordingError: the folder holds no MCAP file, or cannot be written to.

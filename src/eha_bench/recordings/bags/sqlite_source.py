@@ -159,7 +159,7 @@ def _row(topic: Any, stamp: Any, data: Any, number: int) -> tuple[int, int, byte
     """Return a message; SQLite keeps any type in any column.
 
     Raises:
-        ValueError: its time is no whole number, or its data no bytes.
+        ValueError: its time is not a whole number, or its data no bytes.
     """
     if not isinstance(stamp, int) or not isinstance(data, bytes):
         raise ValueError(f"message {number} has no time or no data")

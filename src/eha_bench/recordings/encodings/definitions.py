@@ -101,7 +101,7 @@ def parse_msg(name: str, text: str, *, ros1: bool = False) -> Definitions:
         if number or body.startswith("MSG:"):
             first, _, body = body.partition("\n")
             if not first.startswith("MSG:"):
-                raise DefinitionError(f"'{first[:60]}' where 'MSG: package/Type' should stand")
+                raise DefinitionError(f"'{first[:60]}' where 'MSG: package/Type' is expected")
             title = first[4:]
         definitions[short_name(title)] = _fields(short_name(title), body, ros1)
     if ros1:

@@ -124,7 +124,7 @@ def _check(kind: type[Message], path: FieldPath) -> None:
             message = field.message_type
             continue
         if not many:
-            raise UnreadableTopic(f"'{path}' takes an element of something that is no array")
+            raise UnreadableTopic(f"'{path}' takes an element of something that is not an array")
         many = False
         if message is not None and message.GetOptions().map_entry:
             if isinstance(step, ArrayItem):

@@ -59,7 +59,9 @@ def check_path(definitions: Definitions, name: str, path: FieldPath) -> None:
             case Attribute(attribute), _:
                 raise DefinitionError(f"'.{attribute}' of something that has no fields")
             case _:
-                raise DefinitionError(f"'{path}' takes an element of something that is no array")
+                raise DefinitionError(
+                    f"'{path}' takes an element of something that is not an array"
+                )
     if not isinstance(kind, Primitive):
         raise DefinitionError(f"'{path}' is not a number but {_what(definitions, kind)}")
 

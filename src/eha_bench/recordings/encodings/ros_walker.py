@@ -204,7 +204,7 @@ class Walker:
                 self._elements(element, self._length(), wanted, scope, depth)
 
     def _header(self, element: Type) -> None:
-        """Skip the size that XCDR2 writes before elements that are no numbers."""
+        """Skip the size that XCDR2 writes before elements that are not numbers."""
         if self._widest == 4 and not isinstance(element, Primitive):
             self._length()
 
@@ -275,7 +275,7 @@ class Walker:
                     known = self._fixed[name] = all(self._is_fixed(one) for _, one in inner)
                 return known
             case Array(element):
-                # XCDR2 writes a size before elements that are no numbers
+                # XCDR2 writes a size before elements that are not numbers
                 plain = isinstance(element, Primitive) or self._widest == 8
                 return plain and self._is_fixed(element)
             case _:

@@ -89,7 +89,7 @@ class ChunkReader:
             self.unlike += 1
             self.notes.append(
                 f"the chunk at byte {chunk.offset} holds {buffer.size - found.end} bytes "
-                "that are no records"
+                "that are not records"
             )
         elif chunk.channels is not None and _without_none(chunk.channels) != counts:
             self.unlike += 1

@@ -181,7 +181,7 @@ def _indexed(
     """Return the records by their index, or None unless it names every message there is.
 
     Records must follow each other without a break from `start` to `stop`; where the index leaves
-    something out, only records that are no messages may stand there.
+    something out, only records that are not messages may stand there.
     """
     if not index:
         return None
@@ -227,7 +227,7 @@ def _indexed(
 
 
 def _others(buffer: Bytes, start: int, stop: int) -> list[tuple[int, int, int]] | None:
-    """Return records that are no messages and fill buffer[start:stop] wholly, or None."""
+    """Return records that are not messages and fill buffer[start:stop] wholly, or None."""
     found = []
     while start < stop:
         if start + RECORD_HEAD > stop:

@@ -92,7 +92,7 @@ class McapFile:
         attachment_names, metadata_names: what the summary knows of these.
         conflicts: channels and schemas whose id is declared twice, in other words: id of the
             channel (None for a schema), id of the schema (None for a channel), and a sentence.
-        holes: (start, stop) of bytes between chunks that are no whole records.
+        holes: (start, stop) of bytes between chunks that are not whole records.
         tear: where the readable part ends, or None for a file that was closed in order.
         reason: what is wrong at the tear.
     """
@@ -297,7 +297,7 @@ def _intern(file: McapFile) -> None:
 
 
 def _take(file: McapFile, opcode: int, start: int, length: int) -> None:
-    """Note a record that is no chunk."""
+    """Note a record that is not a chunk."""
     last = file.parts[-1] if file.parts else None
     match opcode:
         case Opcode.MESSAGE:

@@ -41,7 +41,7 @@ def summary_problems(file: McapFile) -> Iterator[str]:
     if file.chunk_index and file.chunk_index != found:
         lost, more = file.chunk_index - found, found - file.chunk_index
         yield (
-            f"its index knows {len(file.chunk_index)} chunks, of which {len(lost)} are not there"
+            f"its index lists {len(file.chunk_index)} chunks, of which {len(lost)} are missing"
             + (f"; {len(more)} others are" if more else "")
         )
     for what, declared, there in (
@@ -82,7 +82,7 @@ def count_problems(
         ("metadata records", declared.metadata_count, len(file.metadata)),
     ):
         if number != there:
-            yield f"its statistics tell of {number} {what}, it holds {there}"
+            yield f"its statistics count {number} {what}, it holds {there}"
     if stretches is None:
         return
     total: Counter[int] = Counter(stretches)
@@ -104,7 +104,7 @@ def count_problems(
         channel = file.channels.get(number)
         name = f"topic {shown([channel.topic])}" if channel else f"channel {number}"
         yield (
-            f"its statistics tell of {by_channel.get(number, 0)} messages of {name}, "
+            f"its statistics count {by_channel.get(number, 0)} messages of {name}, "
             f"it holds {total[number]}"
         )
 

@@ -302,7 +302,7 @@ def damage(file: McapFile) -> tuple[str, ...]:
     size = file.buffer.size
     holes = tuple(
         f"the recording has a hole from byte {start} to {stop} "
-        f"({100 * (stop - start) / size:.2g} % of the file); what stands on both sides was read"
+        f"({100 * (stop - start) / size:.2g} % of the file); what is on both sides was read"
         for start, stop in file.holes
     )
     if file.tear is None:

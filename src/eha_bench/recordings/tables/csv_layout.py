@@ -68,7 +68,7 @@ class CsvLayout:
             raise NoTable(
                 "this is not a table: its first line holds no delimiter (comma, semicolon, tab)",
                 (rows[0][0] if rows else 0) + 1,
-                "give a CSV file with a line of column names",
+                "give a CSV file with a header line",
             )
         table = [(n, _split(line, delimiter)) for n, line in rows]
         start = _first_row(table, cells)
@@ -86,16 +86,16 @@ class CsvLayout:
                 names, left = table[place - 1][1], place - 1
                 notes.append(
                     f"line {table[place][0] + 1} was taken as units "
-                    f"({', '.join(table[place][1])[:100]}); those of channels.yaml count"
+                    f"({', '.join(table[place][1])[:100]}); those of channels.yaml are used"
                 )
         elif len(above[1]) > cells and not any(map(_is_number, above[1])):
             names, left = above[1][:cells], start - 1
             notes.append(
-                f"nothing stands below the last names ({', '.join(above[1][cells:])[:100]})"
+                f"there is nothing below the last names ({', '.join(above[1][cells:])[:100]})"
             )
         elif len(above[1]) > 1:
             raise NoTable(
-                f"its lines hold {cells} cells, its line of names {len(above[1])}",
+                f"its lines hold {cells} cells, its header line {len(above[1])}",
                 above[0] + 1,
                 "give every column a name",
             )
@@ -103,13 +103,13 @@ class CsvLayout:
             names = _names_in_comment(head[:number], delimiter, cells)
         if left:
             notes.append(
-                "one line before the table was left aside"
+                "one line before the table was skipped"
                 if left == 1
-                else f"{left} lines before the table were left aside"
+                else f"{left} lines before the table were skipped"
             )
         if not names:
             names = [str(k) for k in range(cells)]
-            notes.append("it has no line of names: its columns are called 0, 1, 2, ...")
+            notes.append("it has no header line: its columns are called 0, 1, 2, ...")
         decimal = "," if delimiter != "," and re.search(r"\d,\d", text[:100_000]) else "."
         return cls(delimiter, decimal, tuple(names), number, trailing, tuple(notes))
 

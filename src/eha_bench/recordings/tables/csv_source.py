@@ -131,7 +131,7 @@ class CsvSource(TableSource):
                 )  # fmt: skip
         except (pd.errors.ParserWarning, pd.errors.ParserError) as error:
             raise RecordingError(
-                "some of its lines hold more cells than the line of names "
+                "some of its lines hold more cells than the header line "
                 f"({' '.join(str(error).split())[:200]})",
                 where=where,
                 hint="give every column a name, and every line as many cells",
@@ -204,7 +204,7 @@ def _exactly() -> dict[str, Any]:
 
 
 def _without_excel_errors(text: str, delimiter: str) -> str:
-    """Empty the cells that Excel could not compute (`#N/A`, `#DIV/0!`): these are no comments."""
+    """Empty the cells that Excel could not compute (`#N/A`, `#DIV/0!`): these are not comments."""
     between = re.escape(delimiter)
     error = rf'(?<={between})[ ]*"?#[A-Z/0]+[!?]?"?[ ]*(?={between}|$)'
     return re.sub(error, "", text, flags=re.MULTILINE)

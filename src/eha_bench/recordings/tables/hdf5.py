@@ -87,7 +87,7 @@ class Hdf5Source(GroupedTable):
         for number, name in enumerate(group):
             if depth > _DEEPEST or number > _MOST or len(self._series) > _MOST:
                 raise RecordingError(
-                    f"it holds more than {_MOST} datasets, or nests deeper than {_DEEPEST} groups",
+                    f"it holds more than {_MOST} datasets, or groups nested over {_DEEPEST} deep",
                     where=Place(file=self.path),
                 )
             here = f"{path}/{name}" if path else name

@@ -87,13 +87,13 @@ class Records:
 
     def _nested(self, path: str, value: dict[str, Any], depth: int) -> None:
         if depth > _DEEPEST:
-            raise TooMuch(f"it nests deeper than {_DEEPEST} levels")
+            raise TooMuch(f"it is nested deeper than {_DEEPEST} levels")
         for key, inner in value.items():
             self._value(f"{path}.{key}", inner, depth + 1)
 
     def _list(self, path: str, value: list[Any], depth: int) -> None:
         if depth > _DEEPEST:
-            raise TooMuch(f"it nests deeper than {_DEEPEST} levels")
+            raise TooMuch(f"it is nested deeper than {_DEEPEST} levels")
         if value and lists_names(path.rpartition(".")[2]) and all(type(v) is str for v in value):
             known = self.labels.setdefault(path, value)
             if known != value:

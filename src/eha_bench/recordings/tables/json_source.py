@@ -66,7 +66,7 @@ class JsonSource(GroupedTable):
             names = ", ".join(f"'{name[:40]}'" for name in list(self._doubled)[:5])
             self._torn = True
             self._notes.append(
-                f"{self._doubled.total()} keys stand twice in one object ({names}): "
+                f"{self._doubled.total()} keys occur twice in one object ({names}): "
                 "the last of each was read"
             )
         if not any(series.values().dtype.kind == "f" for series in self._series):
@@ -154,7 +154,7 @@ class JsonSource(GroupedTable):
         if position >= len(text) or text[position] != "]":
             self._tear(text, position, "the list is not closed")
         elif _after_blanks(text, position + 1) < len(text):
-            self._tear(text, position + 1, "something stands behind the list")
+            self._tear(text, position + 1, "there is something after the list")
 
     def _take_lines(self, text: str, position: int) -> None:
         """Take one document after the other; a damaged line is left out, the others are whole."""
@@ -166,7 +166,7 @@ class JsonSource(GroupedTable):
                 self._line(document)
                 position = _after_blanks(text, end)
                 continue
-            reason = str(document) if end is None else "it is no object"
+            reason = str(document) if end is None else "it is not an object"
             self._tear(text, position, reason, last=stop < 0 and end is None)
             position = len(text) if stop < 0 else _after_blanks(text, stop)
 
@@ -218,7 +218,7 @@ class JsonSource(GroupedTable):
     def _walk(self, path: str, value: Any, depth: int) -> None:
         """Take the lists that stand anywhere in an object."""
         if depth > _DEEPEST:
-            raise TooMuch(f"it nests deeper than {_DEEPEST} levels")
+            raise TooMuch(f"it is nested deeper than {_DEEPEST} levels")
         for key, inner in value.items():
             here = f"{path}.{key}" if path else key
             match inner:
@@ -239,7 +239,7 @@ class JsonSource(GroupedTable):
             return
         array = _array(values)
         if array is None:
-            self._notes.append(f"'{name[:80]}' was left out: its elements are not alike")
+            self._notes.append(f"'{name[:80]}' was left out: its elements differ in kind")
         elif array.size:
             self._lists.setdefault(group, {})[name] = array
 

@@ -105,7 +105,7 @@ class _ArrayReader:
     def variable(self, kind: int, data: memoryview) -> None:
         """Keep a variable of the file."""
         if kind != _MATRIX:
-            raise DamagedMat(f"data of type {kind} stand where an array should")
+            raise DamagedMat(f"data of type {kind} where an array is expected")
         self._array("", data, 0)
 
     def _array(self, name: str, data: memoryview, depth: int) -> None:
@@ -123,13 +123,13 @@ class _ArrayReader:
         if not name or len(self.found.numbers) + len(self.found.others) > _MOST:
             return  # a function's workspace has no name
         if name in self.found.numbers or name in self.found.others:
-            raise DamagedMat(f"'{name}' stands in it twice")
+            raise DamagedMat(f"'{name}' occurs in it twice")
         if kind == 17:  # an object of a class: it has no shape
             self.found.others[name] = "an object"
             return
         sizes = self._numbers(shape)
         if sizes.dtype.kind not in "iu":
-            raise DamagedMat(f"'{name}' has a shape that is no whole numbers")
+            raise DamagedMat(f"'{name}' has a shape that is not made of whole numbers")
         dimensions = sizes.tolist()
         count = math.prod(dimensions)
         if min(dimensions, default=0) < 0 or count > 8 * len(data):
@@ -165,7 +165,7 @@ class _ArrayReader:
     def _inner(self, name: str, element: tuple[int, memoryview], depth: int) -> None:
         kind, data = element
         if kind != _MATRIX:
-            raise DamagedMat(f"data of type {kind} stand where '{name}' should")
+            raise DamagedMat(f"data of type {kind} where '{name}' is expected")
         self._array(name, data, depth + 1)
 
     def _numeric(
@@ -187,7 +187,7 @@ class _ArrayReader:
     def _numbers(self, element: tuple[int, memoryview]) -> NDArray[Any]:
         kind, data = element
         if kind not in _STORED:
-            raise DamagedMat(f"data of type {kind} stand where numbers should")
+            raise DamagedMat(f"data of type {kind} where numbers are expected")
         return np.frombuffer(data, self._order + _STORED[kind])
 
     @staticmethod

@@ -41,7 +41,7 @@ class ParquetSource(TableSource):
             raise RecordingError(
                 f"the Parquet file is damaged or torn ({' '.join(str(error).split())[:200]})",
                 where=Place(file=self.path),
-                hint="its index stands at the end, so a torn file cannot be read",
+                hint="its index is at the end, so a truncated file cannot be read",
             ) from error
 
         # made anew at every access, and as long as the table is wide

@@ -90,7 +90,7 @@ class _Reader:
     def struct(self, depth: int) -> _Fields:
         """Return the fields of a struct by their numbers."""
         if depth > _DEEPEST:
-            raise NoPage("a header nests too deep")
+            raise NoPage("a header is nested too deeply")
         fields: _Fields = {}
         number = 0
         while head := self._byte():

@@ -13,7 +13,7 @@ _TIME_OF_DAY = r"\d{1,3}:\d{2}:\d{2}(?:\.\d+)?"
 
 
 class NoTime(Exception):
-    """A text is no time; says in which row, from 0."""
+    """A text is not a time; says in which row, from 0."""
 
     def __init__(self, row: int) -> None:
         super().__init__(row)

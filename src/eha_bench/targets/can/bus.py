@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
 _SEND_TIMEOUT = 0.05
 _MOST_MALFORMED = 100
-"""Lines in a row that are no frames after which others get their turn."""
+"""Lines in a row that are not frames after which others get their turn."""
 _LONGEST_LINE = 256
 
 
@@ -121,7 +121,7 @@ class Bus:
         return None
 
     def _is_malformed(self, error: Exception) -> bool:
-        """Whether a line of a serial adapter is no frame; what was read of it is forgotten."""
+        """Whether a line of a serial adapter is not a frame; what was read of it is forgotten."""
         kinds = (ValueError, IndexError, KeyError)
         if self._port is None or not any(isinstance(e, kinds) for e in (error, error.__cause__)):
             return False

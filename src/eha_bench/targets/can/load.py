@@ -222,7 +222,7 @@ def _status(reader: _DriveReader) -> dict[int, StatusMessage]:
     for name in file.counters:
         if name not in names:
             hint = suggest(name, names)
-            raise reader.error(f"'{name}' is no message with channels", ("counters", name), hint)
+            raise reader.error(f"'{name}' is not a message with channels", ("counters", name), hint)
     result = {}
     for name, channels in names.items():
         message = reader.message(name, ("channels",))

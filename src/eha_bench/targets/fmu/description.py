@@ -68,7 +68,7 @@ class Description:
         """Read it.
 
         Raises:
-            InputError: FMPy is not installed, or this is no FMU that can be run here.
+            InputError: FMPy is not installed, or this is not a FMU that can be run here.
         """
         try:
             import fmpy
@@ -164,7 +164,7 @@ class Description:
         if variable.causality != "input":
             inputs = [v.name for v in self._variables.values() if v.causality == "input"]
             raise InputError(
-                f"'{name}' is no input of the FMU but its {variable.causality or 'local'}",
+                f"'{name}' is not an input of the FMU but its {variable.causality or 'local'}",
                 where=places("variable"),
                 hint=f"its inputs: {', '.join(inputs) or 'none'}",
             )
