@@ -209,7 +209,7 @@ MISTAKES = {
     "name of a node and an element": (
         "  pump:  ", "  shaft:  ", 10, "elements.shaft", "names a node and an element",
     ),
-    "name of the plant that is none": ("plant: axis", "plant: an axis", 1, "plant", "no name"),
+    "name of the plant that is none": ("plant: axis", "plant: an axis", 1, "plant", "not a name"),
     "name with a dot": ("  shaft:  ", "  sha.ft:", 3, "nodes.sha.ft", "is not a name"),
     "servo without a motor": (
         "  seals:", SERVO.replace("motor: motor, ", "") + "  seals:", 13, "elements.loop",
