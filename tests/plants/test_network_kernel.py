@@ -16,9 +16,12 @@ import numpy as np
 import pytest
 
 from eha_bench.core.errors import PluginError
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.effects import current_lag
+from eha_bench.plants.file_kind import PLANT
 from eha_bench.plants.network.compiler import kernel_folder
+from eha_bench.plants.network.element import Anatomy, Effort
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.parameter import Parameter, choice
 from eha_bench.plants.plant import Drive, get_plant
@@ -164,6 +167,66 @@ def test_field_that_is_not_there_is_named_with_what_is() -> None:
 def test_hook_that_is_not_there_is_named_with_what_is() -> None:
     with pytest.raises(PluginError, match=r"hook 'delivery' that the role 'friction'.*net"):
         _ = _drive(_effect(_plain, hook="delivery")).compiled
+
+
+def _doubled(value):
+    return 2.0 * value
+
+
+@njit()
+def _halved(value):
+    return 0.5 * value
+
+
+def _helped_by_python(force, size):
+    return force + _doubled(size)
+
+
+def _helped(force, size):
+    return force + _halved(size)
+
+
+def test_a_helper_that_is_not_compiled_is_named_with_the_way_out() -> None:
+    said = r"_helped_by_python \(.*test_network_kernel.py:\d+\) .* calls '_doubled'.*@njit\(\)"
+    plant = _drive(_effect(_helped_by_python))
+    with pytest.raises(PluginError, match=said):
+        plant.check()
+    with pytest.raises(PluginError, match=said):
+        _ = plant.compiled
+    _drive(_effect(_helped)).check()
+
+
+def test_a_role_that_nothing_plays_is_named_with_the_nearest() -> None:
+    stray = replace(_effect(_plain), actions={"frictoin": Action({"net": _plain})})
+    with pytest.raises(PluginError, match=r"role 'frictoin', which there is not; .*'friction'"):
+        _drive(stray)
+
+
+def test_a_port_that_an_element_does_not_have_is_named_with_the_nearest() -> None:
+    network = get_plant("linear_drive").network
+    name, element = next(iter(network.elements.items()))
+    (port, *_) = element.ports
+    stray = Anatomy((), (Effort(f"{port}x", _plain),))
+    kind = replace(element.kind, id="stray", anatomy=lambda declared: stray)
+    changed = {name: replace(element, kind=kind, values={})}
+    with pytest.raises(PluginError, match=f"'stray' acts on a port '{port}x' .*mean '{port}'"):
+        NetworkPlant(replace(network, elements={**network.elements, **changed}), ())
+
+
+def test_a_file_is_valid_only_if_its_plug_ins_are(tmp_path, monkeypatch) -> None:
+    """`validate` says it before anything is compiled or run."""
+    path = tmp_path / "plant.yaml"
+    path.write_text(
+        "plant: puck\nnodes: {puck: {kind: translation, mass: 2 kg}}\n"
+        "elements: {push: {kind: load, on: puck, force: 0 N}}\n"
+        "inputs: {force: push.force}\nchannels: {piston_position: puck.position}\n"
+    )
+    monkeypatch.setattr(
+        "eha_bench.plants.network.file.registered_effects",
+        lambda: (_effect(_with_unknown_quantity),),
+    )
+    with pytest.raises(PluginError, match="'mine' asks for 'pressure'"):
+        PLANT.check(path)
 
 
 def test_effect_without_a_place_is_none_of_the_plant_s() -> None:

@@ -48,7 +48,7 @@ def find(name: str | Path, *folders: str) -> Path:
         found = by_name(folder, str(name))
         if found is not None:
             return found
-    known = [item for folder in folders for item in names(folder)]
+    known = list(dict.fromkeys(item for folder in folders for item in names(folder)))
     raise InputError(
         f"unknown {folders[0][:-1]} '{name}': no such file, and none of that name is shipped",
         hint=suggest(str(name), known),

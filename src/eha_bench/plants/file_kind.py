@@ -8,10 +8,20 @@ from typing import Any
 from eha_bench.core.file_kind import FileKind
 
 
-def _check(path: Path) -> object:
+def _model(path: Path) -> object:
     from eha_bench.plants.model import load_model
 
     return load_model(path)
+
+
+def _check(path: Path) -> object:
+    from eha_bench.plants.model import load_model
+    from eha_bench.plants.network.plant import NetworkPlant
+
+    model = load_model(path)
+    if isinstance(model.plant, NetworkPlant):
+        model.plant.check()
+    return model
 
 
 def _schema() -> dict[str, Any]:
@@ -28,13 +38,13 @@ def _plant_schema() -> dict[str, Any]:
 
 _USE = "eha-bench run SUITE --target FILE, or a line 'model: FILE'"
 
-KIND = FileKind("model", frozenset({"model"}), 1, _check, _schema, model=_check, use=_USE)
+KIND = FileKind("model", frozenset({"model"}), 1, _check, _schema, model=_model, use=_USE)
 PLANT = FileKind(
     "plant",
     frozenset({"nodes", "elements"}),
     9,
     _check,
     _plant_schema,
-    model=_check,
+    model=_model,
     use=_USE,
 )

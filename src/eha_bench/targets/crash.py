@@ -5,17 +5,22 @@ Whoever writes a plug-in reads one sentence: what went wrong, in which file, on 
 
 from __future__ import annotations
 
+import re
 import sysconfig
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from textwrap import shorten
 from typing import Final
 
 from eha_bench.core.errors import EhaBenchError, TargetFault
 
 _OURS: Final = Path(__file__).resolve().parents[1]
 _STANDARD: Final = Path(sysconfig.get_path("stdlib")).resolve()
+_COLOURS: Final = re.compile("\x1b\\[[0-9;]*m")
+_LONGEST: Final = 500
+"""Most characters of what was raised: some libraries raise pages."""
 _INSTALLED: Final = frozenset({"site-packages", "dist-packages"})
 
 
@@ -38,7 +43,8 @@ def crashes_as_faults() -> Iterator[None]:
 
 def error_text(error: BaseException) -> str:
     """Return what was raised and where: `KeyError: 'x', at my_law.py:7 in step`."""
-    what = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+    plain = _COLOURS.sub("", f"{type(error).__name__}: {error}")
+    what = shorten(" ".join(plain.split()).removesuffix(":"), _LONGEST, placeholder=" ...")
     frame = _place(traceback.extract_tb(error.__traceback__))
     return f"{what}, at {frame.filename}:{frame.lineno} in {frame.name}" if frame else what
 

@@ -15,7 +15,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 import numpy as np
 
@@ -37,9 +37,14 @@ def compiled(
         plant: its id, for the file's name and the log. text: the source.
         functions: what it imports: their sources decide as well what it compiles to.
         entry: the compiled function that is called; the log says when it has to be compiled.
+
+    Raises:
+        PluginError: a function calls one that is not compiled.
     """
     numba = load_numba()  # here, because a layout alone needs no compiler
 
+    functions = list(functions)
+    refuse_uncompiled(functions)
     digest = hashlib.sha256(text.encode())
     digest.update(f"{numba.__version__} {np.__version__}".encode())
     for module in sorted({*_modules_of(functions), *_IMPORTED.findall(text)}):
@@ -63,6 +68,23 @@ def compiled(
     if not any(cache.glob(f"{name}.{entry}-*.nbi")):
         _LOG.info("compiling the kernel of %s (once per machine)", plant)
     return kernel
+
+
+def refuse_uncompiled(functions: Iterable[Callable[..., object]]) -> None:
+    """Refuse functions that call a plain one of Python, which compiled code cannot.
+
+    Raises:
+        PluginError: one does.
+    """
+    for function in functions:
+        for name in function.__code__.co_names:
+            if isinstance(function.__globals__.get(name), FunctionType):
+                code = function.__code__
+                raise PluginError(
+                    f"{function.__name__} ({code.co_filename}:{code.co_firstlineno}) is compiled "
+                    f"and calls '{name}', which is not",
+                    hint=f"put @njit() of eha_bench.plants.compiled above {name}",
+                )
 
 
 def kernel_folder() -> Path:

@@ -257,6 +257,13 @@ class Quantity:
 Contribution = Effort | Friction | Inertia | Flow | Oil | Compliance | Stops | Tie
 
 
+def ports_of(item: Contribution) -> tuple[str, ...]:
+    """Return the ports that a contribution names."""
+    if isinstance(item, Flow):
+        return tuple(port for port in (item.source, item.sink) if port)
+    return (item.port, item.leader) if isinstance(item, Tie) else (item.port,)
+
+
 @dataclass(frozen=True)
 class Anatomy:
     """What an element does, with the parameters that it was declared with.

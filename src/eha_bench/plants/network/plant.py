@@ -18,14 +18,14 @@ from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.effect import BoundEffect, Effect, bound
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.network.channels import roles_of_channels
-from eha_bench.plants.network.compiler import compiled
+from eha_bench.plants.network.compiler import compiled, refuse_uncompiled
 from eha_bench.plants.network.element import Friction
 from eha_bench.plants.network.hooks import Hooks
 from eha_bench.plants.network.integration import LANES
 from eha_bench.plants.network.network import Network
 from eha_bench.plants.network.plant_file import Locate
 from eha_bench.plants.network.reach import determined_nodes
-from eha_bench.plants.network.roles import roles_of
+from eha_bench.plants.network.roles import refuse_unknown_roles, roles_of
 from eha_bench.plants.network.source import kernel_source
 from eha_bench.plants.network.system import BoundElement, System
 from eha_bench.plants.plant import Drive, Parametrised, Plant
@@ -71,7 +71,9 @@ class NetworkPlant(Plant):
         self.system = system = System(network, locate)
         self.id = network.name
         synonyms = {key: slot for key, slot in system.slot_of.items() if key != slot}
-        own = bound(tuple(effects), roles_of(system))
+        given = tuple(effects)
+        refuse_unknown_roles(given)
+        own = bound(given, roles_of(system))
         self.layout = Layout(self.id, system.parameters, own, synonyms=synonyms)
         self.outputs = tuple(item.channel for item in system.outputs)
         self.derived_channels = tuple(system.derived)
@@ -166,11 +168,23 @@ class NetworkPlant(Plant):
         """The kernel without effects: bit for bit what the full one computes while all are off."""
         return self._compile(self.system, self.bare)
 
+    def check(self) -> None:
+        """Write the kernel and compile none of it, which shows what plug-ins ask for in vain.
+
+        Raises:
+            PluginError: a law or an effect's function asks for what there is not, or calls a
+                function that is not compiled.
+        """
+        refuse_uncompiled(self._written(self.system, self.layout)[1])
+
     def _compile(self, system: System, layout: Layout) -> ModuleType:
+        return compiled(self.id, *self._written(system, layout))
+
+    def _written(self, system: System, layout: Layout) -> tuple[str, list[Callable[..., object]]]:
+        """Return the kernel's source, and the functions that it imports."""
         hooks = Hooks(layout, self._first_memory)
         text = kernel_source(system, hooks)
-        functions = [*system.laws, *hooks.functions]
-        return compiled(self.id, text, functions)
+        return text, [*system.laws, *hooks.functions]
 
     @cached_property
     def _strengths(self) -> tuple[IndexArray, FloatArray]:

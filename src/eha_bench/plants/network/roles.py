@@ -7,9 +7,11 @@ over the state that is shown to them (`X`), signals (`S`) and parameters (`P`).
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from eha_bench.plants.effect import Equation, Hook, Spot
+from eha_bench.core.errors import PluginError
+from eha_bench.core.near_miss import suggest
+from eha_bench.plants.effect import Effect, Equation, Hook, Spot
 from eha_bench.plants.network.element import Friction, NodeKind
 from eha_bench.plants.network.network import UNITS
 from eha_bench.plants.network.system import BoundElement, Coordinate, PlantInput, System, Volume
@@ -31,6 +33,22 @@ _ELSEWHERE = {
 def roles_of(system: System) -> dict[str, tuple[Spot, ...]]:
     """Return the places of every role in a system."""
     return {name: tuple(find(system)) for name, find in _ROLES.items()}
+
+
+def refuse_unknown_roles(effects: Iterable[Effect]) -> None:
+    """Refuse an effect that acts on a role that nothing plays, in no plant.
+
+    Raises:
+        PluginError: one does.
+    """
+    known = [*_ROLES, *_ELSEWHERE]
+    for effect in effects:
+        for role in effect.actions:
+            if role not in known:
+                raise PluginError(
+                    f"effect '{effect.id}' acts on the role '{role}', which there is not",
+                    hint=suggest(role, known),
+                )
 
 
 def role_summary(role: str) -> str:

@@ -33,6 +33,7 @@ from eha_bench.plants.network.element import (
     Oil,
     Stops,
     Tie,
+    ports_of,
 )
 from eha_bench.plants.network.network import (
     NODE_PARAMETERS,
@@ -180,6 +181,14 @@ class System:
             f"input:{item.port}" for item in self.network.inputs.values() if item.of == element.name
         }
         anatomy = element.kind.anatomy(frozenset(element.values) | used)
+        ports = [port.name for port in element.kind.ports]
+        for port in (port for item in anatomy.contributions for port in ports_of(item)):
+            if port not in ports:
+                raise PluginError(
+                    f"the element kind '{element.kind.id}' acts on a port '{port}' that it does "
+                    "not have",
+                    hint=suggest(port, ports),
+                )
         own = {item.name for item in anatomy.parameters}
         for key in element.values:
             if key not in own:
