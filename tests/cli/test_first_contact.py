@@ -53,6 +53,9 @@ def test_shipped_files_go_by_name_anywhere(cli: Cli, tmp_path: Path) -> None:
     wrong = cli("run", "papr", check=2).stderr
     assert "unknown suite 'papr'" in wrong
     assert "did you mean 'paper'?" in wrong
+    # a folder of that name, as an earlier --out made, is no suite and hides none
+    (tmp_path / "smoke").mkdir()
+    cli("run", "smoke", "--dry-run", check=0)
     # a file of that name comes first
     (tmp_path / "paper").write_text("name: own\ntrials: []\n")
     assert "paper:2, key 'trials'" in cli("run", "paper", check=2).stderr

@@ -241,3 +241,14 @@ def test_a_result_that_became_unreadable_counts_no_more(tmp_path: Path) -> None:
     assert (len(found.nights), len(found.problems)) == (9, 1)
     file.write_text(whole, encoding="utf-8")
     assert len(eb.history(tmp_path).nights) == 10
+
+
+def test_results_within_a_result_are_no_runs_of_their_own(tmp_path: Path) -> None:
+    """An A/B run keeps the result of every trial below that of each side."""
+    folder(tmp_path / "ab" / "a", result([1.0]))
+    folder(tmp_path / "ab" / "a" / "000-step", result([1.0]))
+    folder(tmp_path / "alone", result([1.0]))
+    found = eb.history(tmp_path)
+    assert sorted(night.path for night in found.nights) == [
+        "ab/a/result.json", "alone/result.json",
+    ]  # fmt: skip

@@ -42,12 +42,14 @@ def find(name: str | Path, *folders: str) -> Path:
         InputError: a bare name that nothing shipped has.
     """
     path = Path(name)
-    if not folders or path.exists() or path.suffix or len(path.parts) != 1:
+    if not folders or path.is_file() or path.suffix or len(path.parts) != 1:
         return path
     for folder in folders:
         found = by_name(folder, str(name))
-        if found is not None:
+        if found is not None:  # a folder of that name, of an earlier result, is not meant
             return found
+    if path.exists():
+        return path
     known = list(dict.fromkeys(item for folder in folders for item in names(folder)))
     raise InputError(
         f"unknown {folders[0][:-1]} '{name}': no such file, and none of that name is shipped",

@@ -111,7 +111,8 @@ def read_text(path: Path) -> str:
             hint="check the name, or let 'eha-bench init' write files to start from",
         ) from error
     except (OSError, ValueError) as error:  # a name with a NUL is a ValueError, as is bad UTF-8
-        raise InputError(f"cannot be read ({error})", where=Place(file=str(path))) from error
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read ({why})", where=Place(file=str(path))) from error
 
 
 def load(path: Path) -> Any:

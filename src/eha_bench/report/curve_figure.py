@@ -79,7 +79,7 @@ def curve_view(curve: DrawnCurve, *, key: str, title: str) -> FigureView:
             color=SHADES["blue"], marker="o", markersize=3.0,
         )  # fmt: skip
         axes.set_title(_labelled(curve.amount[0], along))
-        once = " (once round its period)" if curve.periodic else ""
+        once = " (one period)" if curve.periodic else ""
         axes.set_xlabel(_labelled(curve.variable[0], across) + once)
         return FigureView(key, render_svg(figure, key, title=title))
 

@@ -170,12 +170,14 @@ def _plot(kin: Kin, names: Sequence[str], title: str) -> Markup:
         if low <= tick <= high:
             parts.append(
                 f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y(tick):.1f}" y2="{y(tick):.1f}" '
-                f'stroke="var(--grid)"/><text x="{_LEFT - 6}" y="{y(tick) + 4:.1f}" '
+                f'stroke="var(--grid)"/><text class="tick-value" x="{_LEFT - 6}" '
+                f'y="{y(tick) + 4:.1f}" '
                 f'text-anchor="end" fill="var(--muted)">{_tick(tick)}{suffix}</text>'
             )
     for at in np.unique(np.linspace(0, longest - 1, 6).astype(int)):
+        between = ' class="between"' if 0 < at < longest - 1 else ""
         parts.append(
-            f'<text x="{x(int(at)):.1f}" y="{_HEIGHT - 12}" text-anchor="middle" '
+            f'<text{between} x="{x(int(at)):.1f}" y="{_HEIGHT - 12}" text-anchor="middle" '
             f'fill="var(--muted)">{int(at) + 1}</text>'
         )
     for one, course in zip(kin.specimens, courses, strict=True):

@@ -164,7 +164,7 @@ def _append(database: sqlite3.Connection, folder: Path) -> list[str]:
         )
     }
     problems = []
-    for path in sorted(folder.rglob(RESULT_NAME)):
+    for path in _results(folder):
         name = path.relative_to(folder).as_posix()
         about = path.stat()
         stamp = (about.st_size, about.st_mtime_ns)
@@ -180,6 +180,13 @@ def _append(database: sqlite3.Connection, folder: Path) -> list[str]:
             continue
         _add(database, name, stamp, result)
     return problems
+
+
+def _results(folder: Path) -> list[Path]:
+    """Return the results below a folder; those within a result belong to it, as an A/B run's do."""
+    found = sorted(folder.rglob(RESULT_NAME))
+    owners = {path.parent for path in found} - {folder}
+    return [path for path in found if owners.isdisjoint(path.parent.parents)]
 
 
 def _add(database: sqlite3.Connection, name: str, stamp: tuple[int, int], result: Result) -> None:
