@@ -177,8 +177,8 @@ def headline(comparison: Comparison) -> str:
             parts.append(f"{count} {verb}{word}")
     total = comparison.compared
     text = f"Of {total} metric{'' if total == 1 else 's'} {', '.join(parts)}" if parts else ""
-    if total > 1 and found[ComparisonVerdict.SAME] == total:
-        text = f"All {total} metrics are the same"
+    if total > 1 and len(parts) == 1:
+        text = f"All {total} metrics {parts[0].partition(' ')[2]}"
     left = found[ComparisonVerdict.NOT_COMPARED]
     if left:
         also = f"{left} could not be compared"

@@ -130,8 +130,9 @@ def note_of(item: Compared) -> str:
             parts.append(f"about {item.more_repeats} more {word} on each side would decide")
     if item.verdict is ComparisonVerdict.CHANGED:
         parts.append("the metric declares no better direction")
-    if item.better not in ("", Better.LOWER, Better.HIGHER):
-        parts.append(f"{item.better} is better: differences are of the distances")
+    named = item.better not in ("", Better.LOWER, Better.HIGHER)
+    if named and item.verdict is not ComparisonVerdict.NOT_COMPARED:
+        parts.append(f"{item.better} is better: the distances to it are compared")
     return ". ".join(part[:1].upper() + part[1:] for part in parts)
 
 
@@ -153,7 +154,7 @@ def _signed(value: float, places: int) -> str:
 
 def _share(item: Compared, unit: DisplayUnit) -> str:
     share = 100.0 * item.share
-    if not math.isfinite(share) or unit == PERCENT or abs(share) > 1e4:
+    if not math.isfinite(share) or unit == PERCENT or abs(share) > 1e3:
         return ""
     return _signed(share, 1 if abs(share) < 100.0 else 0) + "\N{NO-BREAK SPACE}%"
 
