@@ -16,7 +16,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.wander import LARGEST, NoiseStretch, Wander, cosines, wander_of
 from eha_bench.diagnosis.fit.baseline import Baseline
-from eha_bench.diagnosis.fit.problem import _orthonormal, _orthonormal_of_many
+from eha_bench.diagnosis.fit.prepared import orthonormal, orthonormal_of_many
 from eha_bench.diagnosis.outcome import own_noise
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
@@ -83,7 +83,7 @@ def test_in_a_stretch_much_shorter_than_its_memory_a_zero_stands() -> None:
 
 def test_a_basis_by_products_is_that_by_singular_values() -> None:
     columns = np.random.default_rng(0).standard_normal((300, 15)) * np.geomspace(30.0, 0.1, 15)
-    one, other = _orthonormal(columns), _orthonormal_of_many(columns)
+    one, other = orthonormal(columns), orthonormal_of_many(columns)
     assert np.sort(other[1]) == pytest.approx(np.sort(one[1]))
     for basis, sizes in (one, other):
         assert (basis * sizes**2) @ basis.T == pytest.approx(columns @ columns.T, abs=1e-6)

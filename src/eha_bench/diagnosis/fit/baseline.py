@@ -67,6 +67,10 @@ _ALIKE = 0.1
 """Share by which two such speeds differ that are one."""
 _TELLING = 20.0
 """Fall of the cost that says that friction at rest is another one."""
+_ROUNDS = 4
+"""Times that starts are moved after a fit, and it is made again."""
+_SETTLED = 4.0
+"""Fall of the cost, two standard deviations, from which it is worth another time."""
 
 
 @dataclass
@@ -276,6 +280,7 @@ def _calibrated(
     fit = levenberg_marquardt(
         problem, fit.vector, fit.free, known=fit.columns, refresh=1, watch=best.append
     )
+    fit = _with_moved_starts(problem, fit, best)
     progress("calibrate", 1.0)
     return Baseline(
         dataset,
@@ -288,6 +293,19 @@ def _calibrated(
         arrival.tried,
         arrival.agreed,
     )
+
+
+def _with_moved_starts(problem: Problem, fit: Fit, best: list[FloatArray]) -> Fit:
+    """Return a fit after which windows whose starts were moved ask for no other start."""
+    for _ in range(_ROUNDS):
+        if not problem.has_moved_starts:
+            break
+        problem.prepare(fit.vector)
+        before = cost_of(problem, fit.vector)
+        fit = levenberg_marquardt(problem, fit.vector, fit.free, refresh=1, watch=best.append)
+        if fit.cost > before - _SETTLED:
+            break
+    return fit
 
 
 def _rest_is_seen(measured: Sequence[Measured]) -> bool:

@@ -7,6 +7,10 @@ start state could have made no longer counts. U comes from a few perturbed simul
 is kept until `prepare` is called again (the approach of error-in-start-state multiple shooting; see
 Ljung 1999, section 5.3). Where inputs were measured, U holds what their noise does as well
 (`input_noise`).
+
+In the midst of an oscillation U holds only near the measured state. Where a window stands out, its
+start is moved to the best one, z', and U is taken there: r(z') - U z' is then whitened (an iterated
+Kalman update; Bell, Cathey, IEEE Trans. Autom. Control 38 (1993) 294, doi:10.1109/9.250476).
 """
 
 from __future__ import annotations
@@ -19,7 +23,6 @@ from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
@@ -31,13 +34,14 @@ from eha_bench.diagnosis.data.windows import Window, restarted
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.beliefs import Belief, believed_residual
 from eha_bench.diagnosis.fit.effort import simulated
-from eha_bench.diagnosis.fit.input_noise import Shaken, shaken
-from eha_bench.diagnosis.fit.instants import Instants, instants_of
+from eha_bench.diagnosis.fit.input_noise import shaken
+from eha_bench.diagnosis.fit.instants import instants_of
 from eha_bench.diagnosis.fit.lost_inputs import lost
 from eha_bench.diagnosis.fit.own_parameters import places_of
+from eha_bench.diagnosis.fit.prepared import Prepared, best_start
 from eha_bench.diagnosis.fit.start_state import start_of
 from eha_bench.diagnosis.fit.whitening import whitening
-from eha_bench.plants.plant import Drive, Parametrised, Plant
+from eha_bench.plants.plant import Parametrised, Plant
 
 T = TypeVar("T")
 
@@ -45,35 +49,16 @@ SLOPES = 3.4e-4
 """Integration step of slopes, s: both ends are off by the same."""
 _HISTORY = 100
 """Ticks of the inputs before a window: a delayed command looks back."""
-_SMALL, _SMALLEST = 1e-10, 1e-4
-"""Squares of what is not a column, relative to the largest one, or to the noise."""
 _SOFT = 5.0
 _BAD = 1e9
-
-
-@dataclass
-class _Prepared:
-    """One window ready to be simulated."""
-
-    window: Window
-    drive: Drive
-    columns: IndexArray
-    pick: IndexArray
-    places: IndexArray
-    target: FloatArray
-    scale: FloatArray
-    basis: FloatArray
-    shrink: FloatArray
-    shaken: Shaken | None = None
-    whitening: csr_array | None = None
-    instants: Instants | None = None
-    lost: Shaken | None = None
-
-    @property
-    def length(self) -> float:
-        """Time that a simulation of it covers, s."""
-        time = self.window.measured.time
-        return float(time[self.window.last - 1] - time[self.window.first])
+_LOUD = 10.0
+"""Mean square of a window's residual, in that of most, from which its start is moved."""
+_FEW = 0.2
+"""Largest share of windows that stand out: where more do, the model does not hold."""
+_HORIZONS = (0.06, 0.12, 0.25, 0.5, 1.0, 1.0)
+"""Shares of such a window that say one after the other where its start is."""
+_HELPS = 0.9
+"""Share of a window's cost that is left by a move that helps."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +130,11 @@ class Problem:
             found.append(Piece(number, rows, part.pick // width, part.columns[part.pick % width]))
         return tuple(found)
 
+    @property
+    def has_moved_starts(self) -> bool:
+        """Whether any window begins elsewhere than where it was measured."""
+        return any(part.moved is not None for part in self._parts)
+
     def subset(self, keep: Sequence[int]) -> Problem:
         """Return the problem over some of the windows; start-state bases are shared."""
         other = object.__new__(Problem)
@@ -168,6 +158,11 @@ class Problem:
         rows = self.rows_of(keep) if keep else np.zeros(0, dtype=np.intp)
         other._defect = None if self._defect is None else self._defect[rows]
         return other, rows
+
+    def without_loud(self, residual: FloatArray) -> Problem | None:
+        """Return the problem without the windows that stand out in a residual, or None."""
+        loud = {*self._loud([float(np.sum(residual[rows] ** 2)) for rows in self._rows])}
+        return self.subset([k for k in range(len(self.windows)) if k not in loud]) if loud else None
 
     def apart(self) -> Problem:
         """Return the same problem with its own start-state bases."""
@@ -222,6 +217,7 @@ class Problem:
             ratio = own.scale / part.scale
             part.shaken = own.shaken.reweighted(ratio) if own.shaken is not None else None
             part.lost = own.lost.reweighted(ratio) if own.lost is not None else None
+            part.starts, part.moved = own.starts, own.moved  # `prepare` takes U there
         return other
 
     def scale_to(self, residual: FloatArray) -> None:
@@ -248,57 +244,99 @@ class Problem:
         """Linearise the windows' start states; what is known of their inputs' noise stays."""
         rough = self.at_step(max(self.step, SLOPES))
         self._carry(vector, rough.step)
-
         in_run = self._in_runs(vector)
-
-        def one(part: _Prepared) -> float:
-            at = in_run(part)
-            base = rough._weighted(part, at, {})
-            columns = []
-            for name, spread in part.window.spread.items():
-                if not np.isfinite(spread) or spread <= 0 or name not in self.plant.states:
-                    continue
-                # a fifth of a spread: a compromise between noise of stick events and curvature
-                moved = rough._weighted(part, at, {name: 0.2 * spread})
-                columns.append((moved - base) / 0.2)
-            further = 0.0
-            if noise := part.window.measured.input_noise:
-                if part.shaken is None:
-                    part.shaken = shaken(
-                        part.drive,
-                        noise,
-                        part.window.measured.colours,
-                        vector,
-                        lambda drive: rough._weighted(replace(part, drive=drive), at, {}),
-                    )
-                    further = part.shaken.simulations * part.length
-                columns += [*part.shaken.columns.T]
-            if unsure := part.window.measured.unsure:
-                if part.lost is None:
-                    part.lost = lost(
-                        part.drive,
-                        unsure,
-                        part.window.first - part.drive.first,
-                        part.drive.time[part.drive.first + part.pick // part.columns.size],
-                        vector,
-                        lambda drive: rough._weighted(replace(part, drive=drive), at, {}),
-                    )
-                    further += part.lost.simulations * part.length
-                columns += [*part.lost.columns.T]
-            zeros = self._wandering(part)
-            columns += zeros
-            if columns:
-                orthonormal = _orthonormal_of_many if zeros else _orthonormal
-                part.basis, s = orthonormal(np.column_stack(columns))
-                part.shrink = 1.0 - 1.0 / np.sqrt(1.0 + s * s)
-            else:
-                part.basis = np.zeros((base.size, 0))
-                part.shrink = np.zeros(0)
-            return further
-
         seconds = sum((1 + len(part.window.spread)) * part.length for part in self._parts)
-        if further := sum(self._each(one, seconds)):
+        further = sum(
+            self._each(lambda part: rough._linearise(part, in_run(part), vector), seconds)
+        )
+        loud = {*self._loud([part.cost for part in self._parts])}
+        for k, part in enumerate(self._parts):
+            if k not in loud and part.moved is None:
+                continue
+            further += rough._move_start(part, in_run(part))
+        if further:
             simulated(further)
+
+    def _linearise(self, part: Prepared, at: _At, vector: FloatArray) -> float:
+        """Take a window's U about its start; return what was simulated beyond its states, s."""
+        starts = tuple(
+            name
+            for name, spread in part.window.spread.items()
+            if np.isfinite(spread) and spread > 0 and name in self.plant.states
+        )
+        if starts != part.starts:
+            part.starts, part.moved = starts, None
+        base, columns = self._slopes(part, at)
+        part.offset = columns @ part.moved if part.moved is not None else None
+        further = 0.0
+        if (noise := part.window.measured.input_noise) and part.shaken is None:
+            part.shaken = shaken(
+                part.drive,
+                noise,
+                part.window.measured.colours,
+                vector,
+                lambda drive: self._weighted(replace(part, drive=drive), at, {}),
+            )
+            further = part.shaken.simulations * part.length
+        if (unsure := part.window.measured.unsure) and part.lost is None:
+            part.lost = lost(
+                part.drive,
+                unsure,
+                part.window.first - part.drive.first,
+                part.drive.time[part.drive.first + part.pick // part.columns.size],
+                vector,
+                lambda drive: self._weighted(replace(part, drive=drive), at, {}),
+            )
+            further += part.lost.simulations * part.length
+        self._span(part, columns)
+        part.cost = float(np.sum(part.white(part.from_start(base)) ** 2))
+        return further
+
+    def _span(self, part: Prepared, slopes: FloatArray) -> None:
+        """Give a window its U: what its start, its inputs' noise and wandering zeros do."""
+        zeros = self._wandering(part)
+        part.span(np.column_stack([slopes, *part.of_inputs, *zeros]), of_many=bool(zeros))
+
+    def _slopes(self, part: Prepared, at: _At) -> tuple[FloatArray, FloatArray]:
+        """Return a window's weighted residual, and what each uncertain state does to it, (N, k)."""
+        base = self._weighted(part, at, {})
+        # a fifth of a spread: a compromise between noise of stick events and curvature
+        columns = [
+            (self._weighted(part, at, {name: 0.2 * part.window.spread[name]}) - base) / 0.2
+            for name in part.starts
+        ]
+        return base, np.array(columns).T if columns else np.zeros((base.size, 0))
+
+    def _loud(self, squares: Sequence[float]) -> list[int]:
+        """Return which windows stand out, by the sum of squares of each one's residual."""
+        means = np.array(squares) / [max(part.pick.size, 1) for part in self._parts]
+        loud = np.flatnonzero(means > _LOUD * max(1.0, float(np.median(means))))
+        return [*map(int, loud)] if loud.size <= _FEW * means.size else []
+
+    def _move_start(self, part: Prepared, at: _At) -> float:
+        """Move a window's start to its best, and take U there; return what was simulated, s.
+
+        Its first part tells it first: over many periods of an oscillation there are many minima.
+        """
+        if not part.starts:
+            return 0.0
+        others = np.column_stack([np.zeros((part.pick.size, 0)), *part.of_inputs])
+        moved = np.zeros(len(part.starts)) if part.moved is None else part.moved
+        base, slopes = self._slopes(part, at)
+        for share in _HORIZONS:
+            rows = part.pick // part.columns.size < share * (part.window.last - part.window.first)
+            best, before = best_start(base, slopes, others, moved, rows)
+            trial = replace(part, moved=best)
+            there, its = self._slopes(trial, at)
+            if best_start(there, its, others, best, rows)[1] < before:
+                moved, base, slopes = best, there, its
+        trial = replace(part, moved=moved, offset=slopes @ moved)
+        self._span(trial, slopes)
+        trial.cost = float(np.sum(trial.white(trial.from_start(base)) ** 2))
+        if trial.cost < part.cost * (_HELPS if part.moved is None else 1.0):
+            part.moved, part.offset, part.cost = trial.moved, trial.offset, trial.cost
+            part.basis, part.shrink = trial.basis, trial.shrink
+        return (1 + len(_HORIZONS)) * (1 + len(part.starts)) * part.length
 
     def _carry(self, vector: FloatArray, step: float) -> None:
         """Give windows what no sensor says of their start."""
@@ -334,8 +372,8 @@ class Problem:
         """
         in_run = self._in_runs(vector)
 
-        def one(part: _Prepared) -> FloatArray:
-            return self._white(part, self._weighted(part, in_run(part), {}))
+        def one(part: Prepared) -> FloatArray:
+            return part.white(part.from_start(self._weighted(part, in_run(part), {})))
 
         found = np.concatenate([*self._each(one), believed_residual(self.beliefs, vector)])
         return found if self._defect is None else found + self._defect
@@ -347,13 +385,8 @@ class Problem:
         """
         in_run = self._in_runs(vector)
 
-        def one(part: _Prepared) -> FloatArray:
-            residual = self._weighted(part, in_run(part), {})
-            if part.shrink.size == 0:
-                return residual
-            # 1 - 1 / (1 + s^2), from 1 - 1 / sqrt(1 + s^2)
-            share = 1.0 - (1.0 - part.shrink) ** 2
-            return residual - part.basis @ (share * (part.basis.T @ residual))
+        def one(part: Prepared) -> FloatArray:
+            return part.at_best(part.from_start(self._weighted(part, in_run(part), {})))
 
         return self.in_readings(np.concatenate(self._each(one)))
 
@@ -373,7 +406,7 @@ class Problem:
         in_run = self._in_runs(vector)
         return self._each(lambda part: self._simulated(part, in_run(part), {})[part.drive.first :])
 
-    def _in_runs(self, vector: FloatArray) -> Callable[[_Prepared], _At]:
+    def _in_runs(self, vector: FloatArray) -> Callable[[Prepared], _At]:
         """Return what gives a window the plant with the parameters that its run has."""
         late = self.places.lateness(vector)
         runs = {part.window.measured.run.name: part.window.measured.run for part in self._parts}
@@ -388,7 +421,7 @@ class Problem:
             {**part.window.measured.lateness, **late} if part.instants else late,
         )
 
-    def _each(self, function: Callable[[_Prepared], T], seconds: float | None = None) -> list[T]:
+    def _each(self, function: Callable[[Prepared], T], seconds: float | None = None) -> list[T]:
         """Do something with every window; `seconds` are simulated by it (default: each once)."""
         checkpoint()
         simulated(sum(part.length for part in self._parts) if seconds is None else seconds)
@@ -406,12 +439,7 @@ class Problem:
 
         return [item for items in _pool(threads).map(several, groups) for item in items]
 
-    def _white(self, part: _Prepared, residual: FloatArray) -> FloatArray:
-        if part.shrink.size == 0:
-            return residual
-        return residual - part.basis @ (part.shrink * (part.basis.T @ residual))
-
-    def _wandering(self, part: _Prepared) -> list[FloatArray]:
+    def _wandering(self, part: Prepared) -> list[FloatArray]:
         """Return what zeros that wander do in a window, a column for each of their cosines."""
         measured = part.window.measured
         ticks, channels = np.divmod(part.pick, part.columns.size)
@@ -427,7 +455,7 @@ class Problem:
             found += [*(columns if part.whitening is None else part.whitening @ columns).T]
         return found
 
-    def _ready(self, window: Window) -> _Prepared:
+    def _ready(self, window: Window) -> Prepared:
         measured = window.measured
         use = [
             at
@@ -443,7 +471,7 @@ class Problem:
         ticks, channels = np.divmod(pick, columns.size)
         compared = [measured.outputs[at] for at in use]
         colours = [measured.colours.get(name) for name in compared]
-        return _Prepared(
+        return Prepared(
             window,
             drive,
             columns,
@@ -464,13 +492,16 @@ class Problem:
             ),
         )
 
-    def _simulated(self, part: _Prepared, at: _At, shift: Mapping[str, float]) -> FloatArray:
+    def _simulated(self, part: Prepared, at: _At, shift: Mapping[str, float]) -> FloatArray:
         initial = start_of(at.plant, part.drive, part.window.initial)
+        if part.moved is not None:
+            for name, z in zip(part.starts, part.moved, strict=True):
+                initial[name] = initial.get(name, 0.0) + float(z) * part.window.spread[name]
         for name, change in shift.items():
             initial[name] = initial.get(name, 0.0) + change
         return at.plant.simulate(part.drive, initial, self.step)
 
-    def _weighted(self, part: _Prepared, at: _At, shift: Mapping[str, float]) -> FloatArray:
+    def _weighted(self, part: Prepared, at: _At, shift: Mapping[str, float]) -> FloatArray:
         simulated = self._simulated(part, at, shift)
         out = simulated.ravel()[part.places]
         if part.instants is not None:
@@ -481,20 +512,6 @@ class Problem:
             difference = np.nan_to_num(difference, nan=_BAD, posinf=_BAD, neginf=-_BAD)
             difference = np.clip(difference, -_BAD, _BAD)
         return difference if part.whitening is None else part.whitening @ difference
-
-
-def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return an orthonormal basis of columns, and how large they are along each of it."""
-    basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return basis, sizes
-
-
-def _orthonormal_of_many(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the same by the columns' products, at a fifth of the cost."""
-    values, vectors = np.linalg.eigh(columns.T @ columns)
-    keep = values > max(_SMALL * float(values[-1]), _SMALLEST)
-    sizes = np.sqrt(values[keep])
-    return columns @ (vectors[:, keep] / sizes), sizes
 
 
 @cache

@@ -6,7 +6,9 @@ compared there is the error of the equations, nearly linear in the parameters, w
 the start states weighed (`problem`). So where a fit from the declared values leaves much, another
 one begins over the shortest windows and goes on to longer ones (multiple shooting with growing
 intervals; Bock 1987, doi:10.1007/978-3-642-93360-6; Ribeiro et al., Automatica 121 (2020) 109158,
-doi:10.1016/j.automatica.2020.109158). Where that leaves much as well, starts are spread about the
+doi:10.1016/j.automatica.2020.109158). A stretch that oscillates has a minimum for every period that
+a simulation is ahead by: where a few windows hold most of what is left, a fit begins without them.
+Where that leaves much as well, starts are spread about the
 declared values: within what is believed of them, else by factors.
 """
 
@@ -71,9 +73,14 @@ def arrived(problem: Problem, vector: FloatArray, free: Sequence[Free], watch: W
         problem: over long windows, prepared at the vector. vector: declared. free: what may move.
         watch: given every vector that is better than all before.
     """
+    vector = _undeclared_first(problem, vector, free)
     first = levenberg_marquardt(problem, vector, free, iterations=6, refresh=1, watch=watch)
     if not free or _mean_square(problem, first) < _WELL:
         return Arrival(first)
+    first = _without_loud(problem, first, free)
+    if _mean_square(problem, first) < _WELL:
+        watch(first.vector)
+        return Arrival(first, tried=2)
     ends = [first]
     grown, short = _grown(problem, vector, free)
     ends.append(_over_long(problem, grown, free))
@@ -85,6 +92,39 @@ def arrived(problem: Problem, vector: FloatArray, free: Sequence[Free], watch: W
     watch(best.vector)
     agreed = sum(fit.cost < (1.0 + _SAME) * best.cost for fit in ends)
     return Arrival(best, len(ends), agreed)
+
+
+def _undeclared_first(problem: Problem, vector: FloatArray, free: Sequence[Free]) -> FloatArray:
+    """Return a vector in which what nobody declared fits beside what was declared.
+
+    A load that is set to nothing is off by kilonewtons, a mass of a data sheet by some percent: a
+    fit of both at once bends the mass until it imitates the load.
+    """
+    own = [item for item in free if item.run and not item.of_log]
+    if not own:
+        return vector
+    fit = levenberg_marquardt(problem, vector, own, iterations=6, refresh=1, tries=_PATIENCE)
+    _weigh(problem, fit.vector)
+    return fit.vector
+
+
+def _without_loud(problem: Problem, first: Fit, free: Sequence[Free]) -> Fit:
+    """Return a fit that begins without the windows that stand out, or the first where it is better.
+
+    The problem is prepared at the one that is returned.
+    """
+    calm = problem.without_loud(first.residual)
+    if calm is None:
+        return first
+    near = levenberg_marquardt(calm, first.vector, free, iterations=10, refresh=1)
+    problem.prepare(near.vector)
+    fit = _over_long(problem, near, free)
+    problem.prepare(fit.vector)
+    fit = _over_long(problem, fit, free)
+    if fit.cost < cost_of(problem, first.vector):
+        return fit
+    problem.prepare(first.vector)
+    return _over_long(problem, first, free)
 
 
 def _mean_square(problem: Problem, fit: Fit) -> float:
