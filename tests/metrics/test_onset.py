@@ -8,7 +8,7 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.metrics.noise import Noise
-from eha_bench.metrics.onset import sudden_crossing
+from eha_bench.metrics.onset import SetsOff, Stops, corner
 from eha_bench.metrics.outliers import spikes
 
 PERIOD = 1e-3
@@ -51,7 +51,7 @@ def test_a_smooth_start_is_left_to_the_local_cubic():
     smooth = 0.5 * (time / time[-1]) ** 2
     noisy = smooth + 1e-3 * np.random.default_rng(2).normal(size=time.size)
     noise = Noise(np.array([1e-6]), 100.0)
-    assert sudden_crossing(time, noisy, 0.05, noise, 0.03) is None
+    assert corner(time, noisy, noise, 0.03, SetsOff()) is None
 
 
 def test_a_kink_has_its_crossing():
@@ -59,9 +59,72 @@ def test_a_kink_has_its_crossing():
     noise = Noise(np.array([1e-8]), 100.0)
     drawn = 1e-4 * np.random.default_rng(3).normal(size=time.size)
     values = lagging(time, 0.0203, 0.055) + drawn
-    found = sudden_crossing(time, values, 0.05, noise, 0.03)
+    begun = corner(time, values, noise, 0.03, SetsOff())
+    assert begun is not None
+    found = begun.crossing(0.05)
     assert found is not None
     assert found.time == pytest.approx(0.0203 + 0.055 * math.log(1.0 / 0.95), abs=2e-5)
+
+
+def stopping(time, length, lag):
+    """As fast as it may for a time, then a stop; a lag rounds both ends."""
+
+    def moved(since):
+        after = np.maximum(since, 0.0)
+        return after + lag * np.expm1(-after / lag)
+
+    return (moved(time) - moved(time - length)) / length
+
+
+@pytest.mark.parametrize("share", [0.95, 0.98])
+def test_a_stop_has_its_crossing_seen_backwards(share):
+    # x after the corner, 1 - r = lag / length exp(-x / lag), as long as the start is over
+    length, lag = 0.04, 0.003
+    time = np.arange(-70, -20)[::-1] * -PERIOD
+    noise = Noise(np.array([1e-8]), 100.0)
+    values = stopping(time, length, lag) + 1e-4 * np.random.default_rng(6).normal(size=time.size)
+    stop = corner(-time[::-1], 1.0 - values[::-1], noise, -0.035, Stops())
+    assert stop is not None
+    found = stop.crossing(1.0 - share)
+    assert found is not None
+    true = length + lag * math.log(lag / length / (1.0 - share))
+    assert -found.time == pytest.approx(true, abs=4.0 * math.sqrt(found.variance) / found.slope)
+    assert -found.time == pytest.approx(true, abs=1e-4)
+
+
+def test_a_lag_alone_is_no_stop():
+    time = np.arange(0, 60) * PERIOD
+    noise = Noise(np.array([1e-6]), 100.0)
+    values = lagging(time, -0.01, 0.015) + 1e-3 * np.random.default_rng(7).normal(size=time.size)
+    stop = corner(-time[::-1], 1.0 - values[::-1], noise, -0.03, Stops())
+    assert stop is None or stop.crossing(0.05) is None
+
+
+def test_times_of_a_sudden_stop_are_held_in_noise(kit):
+    rng = np.random.default_rng(8)
+    held = []
+    for _ in range(40):
+        length, lag = rng.uniform(0.02, 0.06), rng.uniform(0.001, 0.003)
+        ticks = np.arange(-150, 600) * PERIOD
+        recording, asked = made(kit, rng, 0.0, 1.0, 0.0)
+        values = stopping(ticks, length, lag) + rng.uniform(0.001, 0.01) * rng.normal(size=750)
+        moved = replace(recording, values={**recording.values, "pressure_difference": values})
+        fine = np.arange(0, 100_000) * 1e-6
+        for name, share in (("response_time", 0.95), ("settling_time", 0.98)):
+            true = float(fine[int(np.argmax(stopping(fine, length, lag) >= share))])
+            found = kit.measure(name, moved, asked)
+            held.append(found.low <= true <= found.high)
+    assert np.mean(held) >= 0.88  # of 95 %; 81 % by polynomials through the stop
+
+
+def test_dead_time_of_few_samples_may_end_at_a_corner_that_they_do_not_show(kit):
+    rng = np.random.default_rng(9)
+    held = []
+    for _ in range(60):
+        lag, delay = rng.uniform(0.0014, 0.0036), rng.uniform(0.002, 0.006)  # 3 to 8 a rise
+        found = kit.measure("dead_time", *made(kit, rng, delay, lag, rng.uniform(0.005, 0.02)))
+        held.append(found.low <= delay + lag * math.log(1.0 / 0.95) <= found.high)
+    assert np.mean(held) >= 0.9
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7, 0.9])

@@ -52,7 +52,12 @@ class Budget:
     def scaled(self, factor: float) -> Budget:
         """Return the budget of the value times a factor."""
         size = abs(factor)
-        return Budget(tuple(replace(part, standard=size * part.standard) for part in self.parts))
+        return Budget(
+            tuple(
+                Contribution(p.source, p.evaluation, size * p.standard, p.freedom, p.rectangular)
+                for p in self.parts
+            )
+        )
 
     @property
     def variance(self) -> float:

@@ -127,14 +127,17 @@ def between_samples(
     for part in (slice(start, start + 3), slice(start + 1, start + 4)):
         other = _crossed(time[part], values[part], level, line)
         apart.append(abs((line if other is None else other).time - cubic.time))
+    variance = noise.variance(_lagrange(time[here], cubic.time))
     if float(values[start]) < _STILL and index + 3 < time.size:
         # there may be a kink just before: what comes after it knows nothing of what was before
-        apart.append(_KINKED * _kinked(time, values, level, index, line, cubic.time))
-    weights = _lagrange(time[here], cubic.time)
+        away, later = _kinked(time, values, level, index, line, cubic.time)
+        apart.append(_KINKED * away)
+        after = slice(index, index + 3)
+        variance = max(variance, noise.variance(_lagrange(time[after], later)))
     return Crossing(
         cubic.time,
         cubic.slope,
-        noise.variance(weights),
+        variance,
         between=max(_APART * max(apart), _BENT / samples_a_rise**2 * abs(cubic.time - line.time)),
         span=line.span,
     )
@@ -142,11 +145,11 @@ def between_samples(
 
 def _kinked(
     time: FloatArray, values: FloatArray, level: float, index: int, line: Crossing, place: float
-) -> float:
-    """Return how much later a response crosses, in s, that has a kink just before sample `index`.
+) -> tuple[float, float]:
+    """Return how far away a response crosses that has a kink just before sample `index`, and when.
 
-    By the parabola and the cubic through the samples that come after, and as much later again as
-    these are apart, up to the sample itself.
+    Both in s. By the parabola and the cubic through the samples that come after, and as much later
+    again as these are apart, up to the sample itself.
     """
     found = []
     for count in (3, 4):
@@ -156,9 +159,9 @@ def _kinked(
             if later is not None and later.time <= float(time[index]):
                 found.append(later.time)
     if not found:
-        return 0.0
+        return 0.0, place
     latest = min(max(found) + (max(found) - min(found)), float(time[index]))
-    return max(latest - place, place - min(found))
+    return max(latest - place, place - min(found)), min(found)
 
 
 def _crossed(time: FloatArray, values: FloatArray, level: float, line: Crossing) -> Crossing | None:

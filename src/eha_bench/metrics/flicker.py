@@ -57,15 +57,15 @@ def flicker(residuals: Sequence[FloatArray], coefficients: FloatArray) -> Flicke
         return None
     turns = np.exp(-2j * math.pi * np.outer(frequency, np.arange(coefficients.size + 1)))
     gains = np.abs(turns @ np.concatenate([[1.0], -coefficients])) ** 2
-    other = _likelihood(power, 1.0 / gains) - _PENALTY * coefficients.size
+    other = float(_likelihood(power, 1.0 / gains)) - _PENALTY * coefficients.size
     corners = np.geomspace(float(frequency.min()), 50.0, _CORNERS)
-    found = [_likelihood(power, 1.0 + corner / frequency) for corner in corners]
+    found = _likelihood(power, 1.0 + corners[:, None] / frequency)
     best = int(np.argmax(found))
     corner = float(corners[best])
     low = frequency < _LOW
     rises = _likelihood(power[low], 1.0 + corner / frequency[low])
     flat = _likelihood(power[low], np.ones(np.count_nonzero(low)))
-    if found[best] <= other or rises <= flat:
+    if float(found[best]) <= other or float(rises) <= float(flat):
         return None
     level = float(np.mean(power / (1.0 + corner / frequency)))
     longest = max(residual.size for residual in residuals)
@@ -84,6 +84,7 @@ def _periodogram(residual: FloatArray) -> tuple[FloatArray, FloatArray]:
     return orders / residual.size, power / (1.0 - 3.0 / (math.pi * orders) ** 2)
 
 
-def _likelihood(power: FloatArray, shape: FloatArray) -> float:
-    """Return the logarithm of the likelihood of a spectrum's shape, its level the best."""
-    return -power.size * math.log(float(np.mean(power / shape))) - float(np.sum(np.log(shape)))
+def _likelihood(power: FloatArray, shapes: FloatArray) -> FloatArray:
+    """Return the logarithms of the likelihoods of a spectrum's shapes (..., n), levels the best."""
+    levels = np.log(np.mean(power / shapes, axis=-1))
+    return np.asarray(-power.size * levels - np.sum(np.log(shapes), axis=-1))

@@ -49,10 +49,10 @@ class LinearCovariance:
 
     def variances(self, weights: FloatArray) -> FloatArray:
         """Return the variance of every row's sum, (m, k) -> (m,)."""
-        total, white = (
-            np.einsum("mi,ij,mj->m", weights, matrix, weights)
-            for matrix in (self.total, self.white)
-        )
+        white = np.sum(weights @ self.white * weights, axis=1)
+        if self.total is self.white:
+            return np.asarray(white)
+        total = np.sum(weights @ self.total * weights, axis=1)
         # the cut-off autocovariance is not positive definite for every weight vector
         found: FloatArray = np.maximum(total, 1e-3 * white)
         return found
@@ -69,6 +69,7 @@ class Noise:
             which a record holds less than of all of it.
         low: power at low frequency over what the autocovariance says of it.
         band: up to which frequency `low` was seen, cycles a sample.
+        flickers: whether it is noise of 1 / f.
     """
 
     autocovariance: FloatArray
@@ -76,6 +77,7 @@ class Noise:
     slow: float = math.nan
     low: float = 1.0
     band: float = 0.0
+    flickers: bool = False
 
     def __post_init__(self) -> None:
         """Take the slow part for as well known as the whole by default."""
@@ -94,6 +96,8 @@ class Noise:
 
     def variance(self, weights: FloatArray) -> float:
         """Return the variance of sum(weights * data) over consecutive samples."""
+        if self.autocovariance.size == 1:
+            return float(weights @ weights) * float(self.autocovariance[0])
         return self.spread(weights[None, :]).variance(np.ones(1))
 
     def spread(self, operator: FloatArray) -> LinearCovariance:
@@ -184,7 +188,12 @@ def estimate(segments: Sequence[FloatArray]) -> Noise:
     rising = flicker(residuals, coefficients)
     if rising is None:
         return found
-    other = Noise(rising.autocovariance, max(freedom / 2.0, 2.0), min(freedom, rising.freedom))
+    other = Noise(
+        rising.autocovariance,
+        max(freedom / 2.0, 2.0),
+        min(freedom, rising.freedom),
+        flickers=True,
+    )
     # what still rings is not noise of 1 / f: that adds to a mean's variance, and takes nothing off
     window = round(length)
     slower = other.variance_of_mean(window) > found.variance_of_mean(window)

@@ -22,6 +22,8 @@ from eha_bench.metrics.step_times import RESPONDED
 BAND = 0.02
 """Half-width of the band around the final level, as a share of the step."""
 
+_SURELY_OUT = 3.0  # standard deviations beyond the band that are no noise
+
 HOLD_SHARE = 0.1
 """Share of the hold for which the response must have stayed in the band."""
 
@@ -42,6 +44,9 @@ class SettlingTime(StepMetric):
 
     def _found(self, step: StepResponse) -> Measure:
         track = _track(step)
+        stopped = self._by_corner(step, track)
+        if stopped is not None:
+            return stopped
         spread = math.hypot(track.sd, step.final_budget.standard)
         noise = type_a("noise", track.sd**2, step.noise.freedom)
         if math.hypot(track.sd, _noise_of(step.final_budget)) > BAND / 5.0:
@@ -75,6 +80,22 @@ class SettlingTime(StepMetric):
         return since_edge(
             step, Measure(place.time, low, high, with_state(step, convention), budget)
         )
+
+    @staticmethod
+    def _by_corner(step: StepResponse, track: Smooth) -> Measure | None:
+        """Return where a response that stops all at once comes to the band; None if it goes on."""
+        place = step.stopping(1.0 - BAND)
+        if place is None:
+            return None
+        index = int(np.searchsorted(step.time, place.time)) + track.half + 1
+        after = np.abs(track.values[index:] - 1.0)
+        if after.size == 0 or float(after.max()) > BAND + _SURELY_OUT * track.sd:
+            return None
+        level = step.final_budget + step.rounding(place)
+        low, high = place.interval(level, step.noise)
+        reason = with_state(step, f"2 % of the step for good, where it stops at once, {LEVELS}")
+        budget = place.budget(level, step.noise)
+        return since_edge(step, Measure(place.time, low, high, reason, budget))
 
     @staticmethod
     def _by_model(step: StepResponse, spread: float) -> Measure:

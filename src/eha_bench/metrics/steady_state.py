@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
@@ -12,6 +16,7 @@ from eha_bench.core.trial import Trial
 from eha_bench.metrics.coverage import reach, type_b
 from eha_bench.metrics.levels import level
 from eha_bench.metrics.metric import Metric, NotScored, spec_of
+from eha_bench.metrics.noise import detrended
 from eha_bench.metrics.resolution import dithering
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.step_response import (
@@ -19,11 +24,14 @@ from eha_bench.metrics.step_response import (
     final_window,
     has_steps,
     held_noise,
+    initial_window,
     magnitude,
     require_finite,
 )
 from eha_bench.metrics.window import Timeline, commanded_edges, timeline
 
+_FEWEST = 20  # samples before the edge that tell of noise
+_RATIO = 4.0  # of variances, up to which levels scatter alike
 _WINDOW = f"mean of the last {100 * FINAL_SHARE:.0f} % of the hold"
 
 
@@ -43,7 +51,9 @@ class SteadyStateError(Metric):
         line = timeline(recording, trial)
         data = samples(recording, trial, channel)
         edges = commanded_edges(line, trial)
-        return _largest([_mean(line, data, edge, edge.after) for edge in edges])
+        return _largest(
+            [_mean(line, data, edges, place, edges[place].after) for place in range(len(edges))]
+        )
 
 
 class HoldingCurrent(Metric):
@@ -66,11 +76,14 @@ class HoldingCurrent(Metric):
         line = timeline(recording, trial)
         data = samples(recording, trial, channel)
         edges = commanded_edges(line, trial)
-        return _largest([_mean(line, data, edge, None) for edge in edges])
+        return _largest([_mean(line, data, edges, place, None) for place in range(len(edges))])
 
 
-def _mean(line: Timeline, data: Samples, edge: Edge, target: float | None) -> Measure:
-    """Return the mean of the final window, or what is missing from it to `target`."""
+def _mean(
+    line: Timeline, data: Samples, edges: Sequence[Edge], place: int, target: float | None
+) -> Measure:
+    """Return the mean of an edge's final window, or what is missing from it to `target`."""
+    edge = edges[place]
     window = final_window(line, edge)
     values = data.values
     if window.stop <= window.start:
@@ -79,7 +92,9 @@ def _mean(line: Timeline, data: Samples, edge: Edge, target: float | None) -> Me
     scale = magnitude(values[window]) or 1.0
     last = values[window] / scale
     held = values[line.between(edge.time, edge.until)] / scale
-    noise = held_noise(held, [last], [])
+    start = edges[place - 1].time if place else float(line.time[0])
+    before = values[initial_window(line, edge, start)] / scale
+    noise = held_noise(held, [last], [], [before] if _alike(before, last) else [])
     found = level(last, noise)
     budget = found.budget(
         data.resolution / scale, dithering((last,), data.resolution / scale)
@@ -92,6 +107,14 @@ def _mean(line: Timeline, data: Samples, edge: Edge, target: float | None) -> Me
         notes.append(f"not stationary: drifts by {found.drift * scale:.3g} along it")
     notes += data.notes(line, window)
     return Measure(value, value - own, value + own, "; ".join(notes), budget.merged())
+
+
+def _alike(before: FloatArray, last: FloatArray) -> bool:
+    """Return whether both levels scatter alike, so that either tells of the other's noise."""
+    if before.size < _FEWEST or last.size < _FEWEST or not np.all(np.isfinite(before)):
+        return False
+    ratio = np.var(detrended(before)) / max(float(np.var(detrended(last))), 1e-300)
+    return bool(1.0 / _RATIO <= ratio <= _RATIO)
 
 
 def _largest(found: list[Measure]) -> Measure:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,8 +20,8 @@ from eha_bench.metrics.levels import Level, histogram_levels, level
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
-from eha_bench.metrics.noise import Noise, estimate, white_noise
-from eha_bench.metrics.onset import STOPS, sudden_crossing
+from eha_bench.metrics.noise import Noise, detrended, estimate, white_noise
+from eha_bench.metrics.onset import Corner, SetsOff, Stops, corner
 from eha_bench.metrics.resolution import dithering, rounding_sd
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.tail import asymptote
@@ -49,7 +51,10 @@ _MISSED = 0.004  # of the step: what a cubic misses over as long as 25 to 75 % t
 _NARROWEST = 2.0  # samples on either side of a place that a cubic is put through
 _STOPPED = 6  # samples after a corner, at least
 _NOISY = 0.1  # samples that noise may move a crossing by that is read between two
-_WIDEST_IN_FEW = 6  # samples on either side
+_OF_A_RISE = 0.75  # of the samples from 10 to 90 %, on either side: where a polynomial averages ...
+_WIDEST_IN_FEW = 6  # ... and samples at most
+_BEGUN = 0.05  # of the step: a response has hardly set off
+_CORNERS = 10.0  # samples from 10 to 90 % below which a corner may go unseen
 _FEW_A_RISE = 5.0  # below which a note is given
 
 
@@ -95,6 +100,7 @@ class StepResponse:
     samples_a_rise: float
     slack: float
     notes: tuple[str, ...]
+    _crossings: dict[float, Crossing] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def final(self) -> float:
@@ -152,6 +158,11 @@ class StepResponse:
         A crossing counts once the smoothed response has gone beyond it by two of its standard
         deviations, so that noise around a level that it stays at does not.
         """
+        if share not in self._crossings:  # several metrics ask for the same
+            self._crossings[share] = self._crossing(share)
+        return self._crossings[share]
+
+    def _crossing(self, share: float) -> Crossing:
         key = f"{100 * share:g} %"
         values = self.smooth.values[self.origin :]
         beyond = np.flatnonzero(values >= share + 2.0 * self.smooth.sd)
@@ -168,14 +179,11 @@ class StepResponse:
             return self.between_samples(share, index)
         if not self.resolved:
             return self._in_few(share, index)
-        if share <= SOON:
-            sudden = self._sudden(share, index)
-            if sudden is not None:
-                return sudden
-        if share >= 1.0 - SOON:
-            sudden = self._stopping(share, index)
-            if sudden is not None:
-                return sudden
+        sudden = self._sudden(share)
+        if sudden is not None:
+            return sudden
+        if share <= _BEGUN and self.samples_a_rise < _CORNERS:
+            return self._as_read(share, index)  # there may be a corner that is not seen
         after = slice(self.origin, None)  # the edge may leave a kink, no polynomial follows one
         found = refined(
             self.time[after],
@@ -198,16 +206,45 @@ class StepResponse:
         if at_once == 0:
             raise NotScored(f"the response is beyond {key} of the step at the edge already")
         index = self.origin + at_once
-        sudden = self._sudden(share, index) if self.noise.known and not self.exact else None
+        sudden = self._sudden(share) if self.noise.known and not self.exact else None
         return self.between_samples(share, index, self.rise) if sudden is None else sudden
 
-    def _sudden(self, share: float, index: int) -> Crossing | None:
-        """Return the crossing of a low share after a corner before sample `index`, or None."""
-        half = self.smooth.values[self.origin :] >= 0.5
-        stop = self.origin + int(np.argmax(half)) + 1
+    def _sudden(self, share: float) -> Crossing | None:
+        """Return the crossing of a share of the step that lies close to a corner, or None."""
+        if share <= SOON:
+            return None if self._start is None else self._start.crossing(share)
+        return self.stopping(share) if share >= 1.0 - SOON else None
+
+    def stopping(self, share: float) -> Crossing | None:
+        """Return where a response that stops all at once comes to a share of the step, or None."""
+        if self.exact or not self.noise.known or not self.resolved or self._stop is None:
+            return None
+        found = self._stop.crossing(1.0 - share)
+        return None if found is None else replace(found, time=-found.time)
+
+    @cached_property
+    def _start(self) -> Corner | None:
+        """The corner that the response sets off with."""
+        after = self.smooth.values[self.origin :]
+        stop = self.origin + int(np.argmax(after >= 0.5)) + 1
+        begun = self.origin + int(np.argmax(after >= SOON))
         here = slice(self.origin, stop)
-        latest = float(self.time[min(index + self.smooth.half + 1, stop - 1)])
-        return sudden_crossing(self.time[here], self.rise[here], share, self.noise, latest)
+        latest = float(self.time[min(begun + self.smooth.half + 1, stop - 1)])
+        return corner(self.time[here], self.rise[here], self.noise, latest, SetsOff())
+
+    @cached_property
+    def _stop(self) -> Corner | None:
+        """The corner that it stops with, in time that runs backwards."""
+        after = self.smooth.values[self.origin :]
+        index = self.origin + int(np.argmax(after >= 1.0 - 0.5 * SOON))
+        half = np.flatnonzero(self.smooth.values[self.origin : index] < 0.5)
+        if half.size == 0:
+            return None
+        start = self.origin + int(half[-1])
+        here = slice(start, min(index + max(index - start, _STOPPED), self.time.size))
+        time, missing = -self.time[here][::-1], 1.0 - self.rise[here][::-1]
+        earliest = -float(self.time[max(index - self.smooth.half - 2, start)])
+        return corner(time, missing, self.noise, earliest, Stops())
 
     def _in_few(self, share: float, index: int) -> Crossing:
         """Return the crossing of a response of few samples: between two, where noise lets it be.
@@ -219,7 +256,8 @@ class StepResponse:
         if self.noise.sd < _NOISY * abs(read.slope) * period:
             return read
         after = slice(self.origin, None)
-        found = refined(self.time[after], self.rise[after], share, read, self.noise, _WIDEST_IN_FEW)
+        widest = min(max(round(_OF_A_RISE * self.samples_a_rise), 2), _WIDEST_IN_FEW)
+        found = refined(self.time[after], self.rise[after], share, read, self.noise, widest)
         return read if found is None else found
 
     def _as_read(self, share: float, index: int) -> Crossing:
@@ -228,28 +266,6 @@ class StepResponse:
         crossed = near[(self.rise[near - 1] < share) & (self.rise[near] >= share)]
         nearest = int(crossed[np.argmin(np.abs(crossed - index))]) if crossed.size else index
         return self.between_samples(share, nearest, self.rise)
-
-    def _stopping(self, share: float, index: int) -> Crossing | None:
-        """Return the crossing of a high share before a corner, seen backwards in time, or None.
-
-        A machine that moves as fast as it may stops all at once.
-        """
-        half = np.flatnonzero(self.smooth.values[self.origin : index] < 0.5)
-        if half.size == 0:
-            return None
-        start = self.origin + int(half[-1])
-        stop = min(index + max(index - start, _STOPPED), self.time.size)
-        here = slice(start, stop)
-        earliest = -float(self.time[max(index - self.smooth.half - 2, start)])
-        found = sudden_crossing(
-            -self.time[here][::-1],
-            1.0 - self.rise[here][::-1],
-            1.0 - share,
-            self.noise,
-            earliest,
-            STOPS,
-        )
-        return None if found is None else replace(found, time=-found.time)
 
     def between_samples(self, share: float, index: int, read: FloatArray | None = None) -> Crossing:
         """Return the crossing of a share of the step between samples index - 1 and index.
@@ -487,18 +503,34 @@ def _noise(
     return noise
 
 
-def held_noise(held: FloatArray, last: list[FloatArray], others: list[FloatArray]) -> Noise:
+def held_noise(
+    held: FloatArray,
+    last: list[FloatArray],
+    others: list[FloatArray],
+    beside: Sequence[FloatArray] = (),
+) -> Noise:
     """Return the noise of settled windows; where it is slow, of the whole second half of the hold.
 
     `held` is everything from the edge on, `last` the end of it. A few of its own times of
-    correlation tell little of a slow noise.
+    correlation tell little of a slow noise, and a short window does not show noise of 1 / f; what
+    is read `beside` them is asked for that alone.
     """
     noise = estimate([*others, *last])
-    if noise.known and noise.slow < _FEW_SLOW:
-        longer = estimate([*others, held[held.size // 2 :]])
-        if longer.sd**2 <= _ALIKE * noise.sd**2:
-            return longer
-    return noise
+    if not noise.known or noise.flickers:
+        return noise
+    latter = held[held.size // 2 :]
+    longer = estimate([*others, latter])
+    shown = estimate([*others, *beside, latter]) if beside else longer
+    most = _ALIKE * noise.sd**2
+    if shown.flickers and shown.sd**2 <= most and _steady(latter):
+        return shown
+    return longer if noise.slow < _FEW_SLOW and longer.sd**2 <= most else noise
+
+
+def _steady(values: FloatArray) -> bool:
+    """Return whether both halves of (n,) samples scatter alike: what still settles does not."""
+    first, second = (detrended(half) for half in np.array_split(values, 2))
+    return bool(first @ first <= _ALIKE * (second @ second))
 
 
 def _transit(rise: FloatArray, noise: Noise) -> int:

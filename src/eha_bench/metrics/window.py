@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class Timeline:
     recorded: bool
     how: str
 
-    @property
+    @cached_property
     def irregular(self) -> bool:
         """Whether samples come at uneven times, and not only with some of them lost."""
         return bool(np.median(np.abs(np.diff(self.time) / self.period - 1.0)) > _UNEVEN)
