@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eha_bench.core.sensor import Sensor
+from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.outliers import spikes
 from eha_bench.metrics.resolution import dithering, resolution_of, rounding_sd
 from eha_bench.metrics.samples import samples
@@ -175,6 +176,15 @@ def test_clipping_is_said(kit, noisy_step):
     reason = kit.measure("overshoot", clipped, trial).reason
     assert "clipped: " in reason
     assert "at exactly 2.03e+07 Pa" in reason
+    # what was cut off is not known: no interval, and no time of a peak
+    for name in ("overshoot", "peak"):
+        found = kit.measure(name, clipped, trial)
+        assert "at least this" in found.reason
+        assert math.isnan(found.low)
+        assert math.isnan(found.high)
+    with pytest.raises(NotScored, match="the peak is clipped"):
+        kit.measure("peak_time", clipped, trial)
+    assert math.isfinite(kit.measure("undershoot", clipped, trial).high)
     assert "clipped" not in kit.measure("overshoot", recording, trial).reason
 
 

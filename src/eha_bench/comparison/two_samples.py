@@ -32,7 +32,9 @@ def widest_ratio(first: int, second: int) -> float:
     """
     if min(first, second) == 1:
         return 15.0
-    return 12.0 if first == second else 20.0
+    if first == second:
+        return 12.0
+    return 100.0 if min(first, second) == 2 else 20.0
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,7 @@ class Overshoot(StepMetric):
         # r - 1 with r = (y - initial) / (final - initial)
         levels = step.final_budget.scaled(1.0 + value) + step.initial_budget.scaled(value)
         convention = f"beyond the final level as a fraction of the step, {LEVELS}"
-        return _fraction(step, value, found, levels, convention)
+        return _fraction(step, value, found, levels, convention, step.clipped >= 1.0)
 
 
 class Undershoot(StepMetric):
@@ -136,7 +136,7 @@ class Undershoot(StepMetric):
         value = max(found.peak.value, 0.0)
         levels = step.initial_budget.scaled(1.0 + value) + step.final_budget.scaled(value)
         convention = f"before the initial level as a fraction of the step, {LEVELS}"
-        return _fraction(step, value, found, levels, convention)
+        return _fraction(step, value, found, levels, convention, step.clipped <= 0.0)
 
 
 def _own_budget(step: StepResponse, found: Peak) -> Budget:
@@ -149,8 +149,15 @@ def _own_budget(step: StepResponse, found: Peak) -> Budget:
 
 
 def _fraction(
-    step: StepResponse, value: float, found: Extreme, levels: Budget, convention: str
+    step: StepResponse,
+    value: float,
+    found: Extreme,
+    levels: Budget,
+    convention: str,
+    clipped: bool,
 ) -> Measure:
+    if clipped:
+        return _at_least(step, value, convention)
     measure = around(step, value, _own_budget(step, found.peak) + levels, convention)
     # the highest of several places that may be as high is too high, the more so the more they are
     chosen = (_largest(found.rivals, 0.975) - NORMAL) * math.sqrt(found.peak.variance)
@@ -158,6 +165,11 @@ def _fraction(
     if math.isnan(measure.low):
         low = math.nan
     return replace(measure, low=low)
+
+
+def _at_least(step: StepResponse, value: float, convention: str) -> Measure:
+    """Return a value without an interval: the sensor's end cut off what was beyond."""
+    return Measure(value, reason=f"at least this, no interval; {with_state(step, convention)}")
 
 
 class PeakValue(StepMetric):
@@ -177,6 +189,8 @@ class PeakValue(StepMetric):
         found = highest(step)
         budget = _own_budget(step, found.peak).scaled(step.step)
         value = step.initial + step.step * found.peak.value
+        if step.clipped >= 1.0:
+            return _at_least(step, value, "extreme after the edge")
         absolute, relative = step.calibration
         sensor = type_b("sensor", math.hypot(absolute, relative * value))
         own = reach(budget + sensor)
@@ -244,6 +258,8 @@ class PeakTime(StepMetric):
         found = highest(step)
         if found.peak.value - 1.0 <= max(found.threshold, _LEAST):
             raise NotScored("no peak: the response does not overshoot beyond its noise")
+        if step.clipped >= 1.0:
+            raise NotScored("the peak is clipped: the sensor's end cut it off")
         low, high = _also_as_high(step, found.peak)
         budget = between("interpolation", found.peak.between_times)
         own = reach(budget)

@@ -38,6 +38,21 @@ _POSSIBLE = {
 """What a sensor of a rig can read at all, by unit; differences of pressures may be negative."""
 
 
+@dataclass(frozen=True)
+class Clipping:
+    """Readings that stay at the end of their sensor's range.
+
+    Attributes:
+        level: SI.
+        count: samples.
+        first: index of the first of them in its window.
+    """
+
+    level: float
+    count: int
+    first: int
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """One channel on the clock of its recording.
@@ -76,10 +91,11 @@ class Samples:
         ]
         return tuple(note for note in found if note)
 
-    def _clipped(self, line: Timeline, window: slice) -> str:
+    def clipping(self, window: slice) -> Clipping | None:
+        """Return where the sensor's end cuts the samples of a window off, or None."""
         values = self.values[window]
         if values.size < 2 * _CLIPPED:
-            return ""
+            return None
         same = np.diff(values) == 0.0
         for extreme in (float(values.max()), float(values.min())):
             at = values == extreme
@@ -91,13 +107,19 @@ class Samples:
                 continue
             alone = float(np.mean(same[elsewhere])) <= _ELSEWHERE
             if alone or any(self._cut_off(values, *run) for run in reached):
-                first = float(line.time[window][reached[0][0]]) + line.offset
                 count = sum(stop - start for start, stop in reached)
-                return (
-                    f"clipped: {count} samples at exactly {extreme:.4g} {self.unit}, "
-                    f"the first at {first:.6g} s"
-                )
-        return ""
+                return Clipping(extreme, count, reached[0][0])
+        return None
+
+    def _clipped(self, line: Timeline, window: slice) -> str:
+        found = self.clipping(window)
+        if found is None:
+            return ""
+        first = float(line.time[window][found.first]) + line.offset
+        return (
+            f"clipped: {found.count} samples at exactly {found.level:.4g} {self.unit}, "
+            f"the first at {first:.6g} s"
+        )
 
     def _cut_off(self, values: FloatArray, start: int, stop: int) -> bool:
         """Whether (n,) readings stay at an extreme that they came to, and left, too steeply.

@@ -79,6 +79,7 @@ class StepResponse:
         smooth: `rise` smoothed, for finding places.
         transit: samples from about 25 to 75 %.
         samples_a_rise: sample periods from 10 to 90 %, by straight lines.
+        clipped: level that readings were cut off at, normalised; NaN where none were.
         slack: s by which the edge may really have been earlier (0 when its time is known).
         notes: what a reader of the score should know, one clause each.
     """
@@ -98,6 +99,7 @@ class StepResponse:
     smooth: Smooth
     transit: int
     samples_a_rise: float
+    clipped: float
     slack: float
     notes: tuple[str, ...]
     _crossings: dict[float, Crossing] = field(default_factory=dict, init=False, repr=False)
@@ -432,6 +434,7 @@ def _respond(
         budgets[1] = replace(high, drift=0.0).budget(resolution, sd)
         budgets[1] += between("settling drift", _PREDICTED * ahead)
     few = _samples_a_rise(rise[origin:])
+    cut = channel.clipping(whole)
     return StepResponse(
         edge=edge,
         time=line.time[whole] - edge.time,
@@ -448,6 +451,7 @@ def _respond(
         smooth=smooth(rise, unit, _SMOOTHED, transit // 2),
         transit=transit,
         samples_a_rise=few,
+        clipped=math.nan if cut is None else (cut.level / scale - low.value) / step,
         slack=_slack(line, edge, asked),
         notes=(*_notes(line, rise, low, unit, ahead, few), *channel.notes(line, whole)),
     )
