@@ -152,7 +152,7 @@ class Staircase(Triangle):
 @pytest.mark.parametrize(
     ("pair", "channel", "reason"),
     [
-        (leak(), None, "no position"),
+        (leak(), None, "not a position"),
         (stroke(lambda x, s: s, Triangle(periods=0.6)), None, "does not go back and forth"),
         (stroke(lambda x, s: s, Staircase()), None, "halts"),
         (stroke(lambda x, s: s, Triangle(amplitude=0.0)), None, "does not move"),
@@ -185,8 +185,8 @@ def test_a_driven_position_that_leads_is_said():
     ("pair", "channel", "reason"),
     [
         (stroke(lambda x, s: s), None, "the motion itself"),
-        (stroke(lambda x, s: s), "pressure_difference", "no position"),
-        (joint(lambda x, s: x), "reference", "no position"),
+        (stroke(lambda x, s: s), "pressure_difference", "not a position"),
+        (joint(lambda x, s: x), "reference", "not a position"),
     ],
 )
 def test_a_backlash_that_cannot_be_had_says_why(pair, channel, reason):
