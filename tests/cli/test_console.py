@@ -115,3 +115,15 @@ def test_one_reason_stands_once_whatever_its_numbers() -> None:
         "the step, of 2nd order",
         "tiny: failed, 0 of 2 limits kept",
     ]
+
+
+def test_a_list_fits_the_terminal_and_is_a_line_each_in_a_pipe(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = cli("list", "signals", check=0).stdout
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = re.sub(r"\x1b\[\d+m", "", cli("list", "signals", check=0).stdout)
+    assert max(map(len, plain.splitlines())) > 80
+    assert max(map(len, shown.splitlines())) <= 80
+    assert sorted(shown.split()) == sorted(plain.split())

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+import shutil
+import sys
 from collections.abc import Callable, Iterator
 from typing import Annotated, Final
 
 import typer
 
 from eha_bench.cli.console import say
-from eha_bench.cli.terminal import Paint, coloured, columns, paint
+from eha_bench.cli.terminal import Paint, coloured, columns, fitted, paint
 
 Row = tuple[str, str, str]
 """Name, a word about it (unit, kind), one sentence."""
@@ -140,8 +142,10 @@ def show(
         typer.echo(encoder.dumps({"schema_version": 1, kind: found}, indent=1, ensure_ascii=False))
         return
     on = coloured()
-    heading = (*_HEADINGS.get(kind, (kind, "about")), "")
-    for number, cells in enumerate(columns([heading, *rows])):
+    table = [(*_HEADINGS.get(kind, (kind, "about")), ""), *rows]
+    wraps = coloured(sys.stdout)  # in a pipe each has one line, to be searched
+    width = shutil.get_terminal_size().columns
+    for number, cells in enumerate(fitted(table, width) if wraps else columns(table)):
         line = "  ".join(cells).rstrip()
         typer.echo(paint(line, Paint.QUIET, on=on) if not number else line)
     if kind == "suites":

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
+import textwrap
 from collections.abc import Sequence
 from enum import Enum
 from typing import TextIO
+
+_NARROWEST = 20
+"""Characters of a column below which wrapping its cells helps nobody."""
 
 
 class Paint(Enum):
@@ -49,6 +53,23 @@ def columns(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> list
         ]
         for row in rows
     ]  # fmt: skip
+
+
+def fitted(rows: Sequence[Sequence[str]], width: int) -> list[list[str]]:
+    """Return rows of three cells as lines that fit a width: long cells go on in their column."""
+    natural = [max(len(row[place]) for row in rows) for place in range(3)]
+    rest = width - natural[0] - 4
+    second = min(natural[1], max(2 * rest // 5, rest - natural[2]))
+    third = rest - second
+    if second + third < 2 * _NARROWEST:
+        return columns(rows)
+    lines = []
+    for name, about, text in rows:
+        parts = [textwrap.wrap(about, second) or [""], textwrap.wrap(text, third) or [""]]
+        for place in range(max(map(len, parts))):
+            cells = [part[place] if place < len(part) else "" for part in parts]
+            lines.append(["" if place else name, *cells])
+    return columns(lines)
 
 
 def more(count: int) -> str:

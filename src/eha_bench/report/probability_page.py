@@ -66,7 +66,7 @@ def write_probability_page(
         "target": target,
         "look": _look(whole),
         "word": f"P(pass) {whole.value:.3f}",
-        "headline": f"Of {whole.draws} draws {whole.kept} keep all limits; 95 % interval "
+        "headline": f"{whole.kept} of {whole.draws} draws keep all limits; 95 % interval "
         f"{whole.low:.3f} … {whole.high:.3f}.",
         "limits": [_row(found, place) for place in range(len(found.limits))],
         "unknowns": [

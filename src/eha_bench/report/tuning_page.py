@@ -83,7 +83,7 @@ def _headline(found: Tuned) -> str:
     if found.after is not None:
         whole = found.after.suite
         text = (
-            f"Of {whole.draws} draws {whole.kept} keep all limits (95 % interval {whole.low:.3f} "
+            f"{whole.kept} of {whole.draws} draws keep all limits (95 % interval {whole.low:.3f} "
             f"… {whole.high:.3f}). {text}"
         )
     if found.declared is not None:
