@@ -189,7 +189,7 @@ def _season(task: tuple[float, int, float, int]) -> Line:
         hits.append(judge(values, family=1, margin=0.05).state.drifted)
     what = f"season of 90 nights of {amplitude:g} sigma, {count} nights"
     if drift:
-        return rate(f"{what}, a drift of {drift:g} sigma a night beside it", hits, least=0.9)
+        return rate(f"{what}, a drift of {drift:g} sigma a night on it", hits, least=0.9)
     return rate(f"{what}, alarms", hits, most=0.05)
 
 

@@ -32,7 +32,7 @@ def tables(results: Mapping[str, Any]) -> str:
         lines.append(f"| error of predictions, {row}, noise floors | {' | '.join(cells)} |")
     cells = (_number(entrants[name]["seconds"]["median"]) for name in names)
     lines.append(f"| seconds a case, median | {' | '.join(cells)} |")
-    lines += ["", "| entrant | what was hidden | what was said | times |", "|---|---|---|---|"]
+    lines += ["", "| entrant | hidden effect | claimed | times |", "|---|---|---|---|"]
     for name in names:
         for item in entrants[name]["confusions"][:SHOWN]:
             lines.append(f"| {name} | {item['truth']} | {item['said']} | {item['count']} |")

@@ -382,7 +382,7 @@ def _for_scores(folder: Path) -> Path:
     try:
         ran = file.is_file() and Result.read(file).target != RECORDINGS
     except EhaBenchError:
-        ran = False  # nothing that anybody could read is lost
+        ran = False  # nothing that could be read is lost
     if ran:
         raise InputError(
             "holds the result of a run, which the scores would replace",

@@ -119,7 +119,7 @@ class Ahead(Target):
 def _hurried(stopping: Stopping) -> Iterator[None]:
     """Interrupt a wait that goes on although a stop was asked for: the worker may be gone.
 
-    It is the second Ctrl-C, which somebody at the terminal would send.
+    It is the second Ctrl-C, which a person at the terminal would send.
     """
     over = threading.Event()
 

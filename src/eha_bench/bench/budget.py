@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class StopCondition:
-    """Says that a run is to stop: somebody asked for it, or its time is up.
+    """Says that a run is to stop: it was interrupted, or its time is up.
 
     Attributes:
-        interrupted: whether somebody asked for it.
+        interrupted: whether it was asked for.
         limit: total time from now, s.
     """
 

@@ -73,7 +73,7 @@ class Shelf:
 
 
 def _made(parent: Path, stamp: str) -> Path:
-    """Make a folder that nobody else has made, though two runs start in the same second."""
+    """Make a folder that no other process has made, though two runs start in the same second."""
     number = 1
     while True:
         folder = parent / (stamp if number == 1 else f"{stamp}-{number}")

@@ -1,7 +1,7 @@
 """Every cause over the nights, oil temperature taken out, and what explains a change.
 
 A night's evidence is (A, g), steps of the causes about the healthy machine (`evidence`). Two things
-move a healthy machine from night to night: its oil, which is logged or not, and what nobody knows.
+move a healthy machine from night to night: its oil, which is logged or not, and what is unknown.
 Both act on the parameters that are calibrated: their estimates on healthy nights give the line over
 the oil's temperature (with a normal prior of 3 % of a parameter a kelvin, so that few nights do not
 invent one) and the covariance of what is left. So, for one cause c with all else as it varies,
@@ -116,7 +116,7 @@ class _Varying:
             variance = 1.0 / (weight / np.maximum(level, 1e-300) + 1.0 / np.maximum(prior, 1e-300))
             line = variance * (centred @ own) / np.maximum(level, 1e-300)
             line_covariance = np.diag(variance)
-        # by differences: a wear that has begun unseen does not pass for how nights vary
+        # by differences: a wear that has started unseen does not pass for how nights vary
         rest = np.diff(own - np.outer(away, line), axis=0) / math.sqrt(2.0)
         # an outlier among the healthy nights does not widen all that follows
         spread = 1.4826 * np.median(np.abs(rest), axis=0)

@@ -163,7 +163,7 @@ class LimitItem(pytest.Item):
     def repr_failure(
         self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None
     ) -> str | Any:
-        """Return what was missed, without a traceback: it is not an error of anybody's code."""
+        """Return what was missed, without a traceback: no code is at fault."""
         if isinstance(excinfo.value, (LimitMissed, RunStopped)):
             return f"{excinfo.value}\nreport: {self.parent.folder / 'report.html'}"
         return super().repr_failure(excinfo, style)

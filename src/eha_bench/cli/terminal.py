@@ -10,7 +10,7 @@ from enum import Enum
 from typing import TextIO
 
 _NARROWEST = 20
-"""Characters of a column below which wrapping its cells helps nobody."""
+"""Characters of a column below which its cells are not wrapped."""
 
 
 class Paint(Enum):

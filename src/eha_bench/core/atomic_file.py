@@ -40,7 +40,7 @@ def replacing(target: Path, *, durable: bool = False) -> Iterator[Path]:
         unnamed = error.filename is None and error.errno in _WHILE_WRITING
         if str(error.filename) != str(part) and not unnamed:
             raise
-        # nobody knows the temporary file by its name, and a write knows no name
+        # the temporary file's name means nothing to a user, and a write knows no name
         raise OSError(error.errno, error.strerror, str(target)) from error
     finally:
         part.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Plug-ins by entry point: the built-in ones register the same way as anybody else's.
+"""Plug-ins by entry point: the built-in ones register the same way as others.
 
 A Python class named as `module:Class` is loaded only where a file given on the command line names
 it; nothing that a recording holds is ever loaded.

@@ -24,7 +24,7 @@ _plot = later("eha_bench.report.plot", "plot_recording")
 
 
 def _is_frozen(array: Any) -> bool:
-    """Whether nobody can write to an array, nor to the arrays that it is a view of."""
+    """Whether no code can write to an array, nor to the arrays that it is a view of."""
     while isinstance(array, np.ndarray):
         if array.flags.writeable:
             return False

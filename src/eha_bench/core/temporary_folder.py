@@ -1,7 +1,7 @@
 """Temporary folders that go with the process that made them, however it ends.
 
 A process that is killed tidies nothing up. So each folder is locked by its owner, and one that
-nobody locks any more is removed by the next process that makes one of its kind.
+no process locks any more is removed by the next process that makes one of its kind.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class TemporaryFolder:
 
 def remove_if_left(folder: Path) -> None:
     """Remove a temporary folder of this user whose owner has ended; leave any other."""
-    with suppress(OSError):  # it is held, of somebody else, or gone
+    with suppress(OSError):  # it is locked, owned by another user, or gone
         held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -56,7 +56,7 @@ def _made(kind: str) -> tuple[Path, int]:
         with suppress(FileNotFoundError):
             held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
             fcntl.flock(held, fcntl.LOCK_SH)
-            if os.fstat(held).st_nlink:  # nobody took it for left before it was locked
+            if os.fstat(held).st_nlink:  # no other process removed it before it was locked
                 return Path(folder), held
             os.close(held)
 

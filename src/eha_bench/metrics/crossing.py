@@ -28,7 +28,7 @@ _KINKED = 1.3  # as 95 % of what lies anywhere between two bounds do not reach t
 _FOLLOWED = 1.5  # of the window in which a line is straight: a cubic follows further
 _APART = 1.0  # what a cubic may be off by, against how far parabolas are from it ...
 _BENT = 1.5  # ... and, times the square of the samples a rise, against how far a straight line is
-_NARROWER = (0.6, 0.35)  # of a window: what a cubic in it is held against
+_NARROWER = (0.6, 0.35)  # of a window: what a cubic in it is compared with
 _SAME = 3.0  # standard deviations that both may be apart, else the narrower counts
 _FEWEST_A_RISE = 2.0  # samples from 10 to 90 %, below which no polynomial tells where it crossed
 

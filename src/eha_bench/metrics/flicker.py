@@ -48,7 +48,7 @@ def flicker(residuals: Sequence[FloatArray], coefficients: FloatArray) -> Flicke
 
     Args:
         residuals: (n,) each.
-        coefficients: (p,) of the autoregression that it is held against.
+        coefficients: (p,) of the autoregression that it is compared with.
     """
     parts = [_periodogram(residual) for residual in residuals]
     frequency = np.concatenate([part[0] for part in parts])

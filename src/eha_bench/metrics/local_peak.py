@@ -13,7 +13,7 @@ from eha_bench.metrics.noise import LinearCovariance, Noise
 
 _NARROWEST = 4
 _WIDEST = 1.5  # transits
-_NARROWER = 0.6  # of a window: what a cubic in it is held against
+_NARROWER = 0.6  # of a window: what a cubic in it is compared with
 _SAME = 3.0  # standard deviations that both may be apart, else the narrower counts
 
 

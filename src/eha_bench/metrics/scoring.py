@@ -25,7 +25,7 @@ _BEYOND = "the value is beyond the largest number"
 
 @cache
 def metric(name: str) -> Metric:
-    """Return the metric of an id; the built-in ones are registered like anybody else's.
+    """Return the metric of an id; the built-in ones are registered as plug-ins are.
 
     Raises:
         PluginError: no such metric, it cannot be loaded, or it is not a Metric.

@@ -1,6 +1,6 @@
-"""What a plant's channels are: rates, positions, pressures, commands; so that nobody goes by names.
+"""What the channels of a plant are: rates, positions, pressures, commands; no code goes by names.
 
-A log of any plant is read, cut and begun by these: a rate is nothing at rest, a position's slope is
+A log of any plant is read, cut and started by these: a rate is 0 at rest, a position's slope is
 its rate, a command is held between samples and exact, a measured state is neither.
 """
 

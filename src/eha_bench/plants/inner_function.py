@@ -3,7 +3,7 @@
 For every function Numba runs all of LLVM's optimisation and emits machine code with a way in from
 Python, and then links the function into its callers, where both are done again. A kernel is some
 two hundred small functions below two or three that Python calls, so most of what compiling took was
-machine code that nobody ran. Functions compiled here are handed on to their callers as they are,
+machine code that is never run. Functions compiled here are handed on to their callers as they are,
 each with the list of what it calls, so that what Python calls links every one of them once.
 
 Numba lets a function bring its own compiler (`pipeline_class`), and this is one; how libraries are

@@ -32,7 +32,7 @@ class OutOfTime(OverBudget):
 
 @dataclass(frozen=True)
 class ReadingLimits:
-    """What somebody allows a file, whatever its size; None for the default.
+    """What a user allows a file, whatever its size; None for the default.
 
     Attributes:
         memory: bytes.

@@ -52,7 +52,7 @@ class RigOptions:
 
 
 class Rig:
-    """A rig that is plugged in; `serve` runs it until somebody wants it to stop."""
+    """A rig that is plugged in; `serve` runs it until it is asked to stop."""
 
     def __init__(self, target: Path, options: RigOptions) -> None:
         """Read the target, compile the model, open the transport.

@@ -1,4 +1,4 @@
-"""Runs that are on: folders into whose recordings somebody has just written."""
+"""Runs in progress: folders whose recordings have just grown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The application on a socket, until somebody ends it."""
+"""The application on a socket, until it is stopped."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class ClosedLoop:
     command: str = "current_command"
 
     def run(self, plant: Simulated, stopping: Stopping) -> Outcome:
-        """Run to the end, or until a fault, a safety limit, or somebody asks to stop."""
+        """Run to the end, or until a fault, a safety limit, or a request to stop."""
         trial, channels = self.trial, self.channels
         clock = trial.clock()
         reference = trial.reference(clock)

@@ -15,11 +15,11 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
 
 Stopping = Callable[[], bool]
-"""Tells whether somebody asked the run to stop."""
+"""Tells whether the run was asked to stop."""
 
 
 def never() -> bool:
-    """Nobody asks the run to stop."""
+    """The run is never asked to stop."""
     return False
 
 

@@ -47,7 +47,7 @@ class GainSearch:
 
     Attributes:
         trying: runs candidates. machines: that they are tried on. aim: what is made large.
-        stop: whether somebody asked to stop. tell: called with each generation.
+        stop: whether it was asked to stop. tell: called with each generation.
     """
 
     trying: Trying

@@ -1,7 +1,7 @@
 """A run's own parameters (`per_run`), estimated from its first part only.
 
-A held-out run may not be fitted, or its error would say nothing. But nobody can predict a run
-whose load nobody knows. So a run's own parameters are estimated over its first part, everything
+A held-out run may not be fitted, or its error would say nothing. But a run cannot be predicted
+whose load is unknown. So a run's own parameters are estimated over its first part, everything
 else held at what was found before, and the rest of the run shows whether it is right.
 """
 

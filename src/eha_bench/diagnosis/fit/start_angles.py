@@ -2,7 +2,7 @@
 
 A run's angle moves the residuals of that run only, so all runs are moved at once and each is read
 by itself: the angle is scanned over one period, and then refined by Gauss-Newton steps. Its spread
-is that of an angle nobody knows, and what it could explain is taken out of the residual as for
+is that of an unknown angle, and what it could explain is taken out of the residual as for
 every start state (`problem`), so the intervals of everything else hold whatever it is.
 
 Runs that begin alike are the rule to be refuted: different angles are freedom, one number a run.

@@ -1,6 +1,6 @@
 """Whole runs replayed freely by several models: what `predict` gives, with what was measured.
 
-The errors of a diagnosis are those of these replays, so that anybody can compute them again from
+The errors of a diagnosis are those of these replays, so that anyone can compute them again from
 `predict` with recalibrated.yaml and revised.yaml. But one noisy sample is all that a replay starts
 from, and where a small change of the start lasts or grows, its error says more about that sample
 than about the model. So each run is replayed once more from a start one standard deviation of the

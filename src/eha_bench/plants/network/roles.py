@@ -740,7 +740,7 @@ def _anything(system: System) -> Iterator[Spot]:
     """Every place where something unknown may act.
 
     What it may follow is what that part of a machine can know: mechanics and oil do not know the
-    time, but a rod's load and a leak may change with it; nobody but a drive knows its command.
+    time, but a rod's load and a leak may change with it; only a drive knows its command.
     """
     known = variables_of(system)
     names = {"u": "variable(@learned.variable, X, P, S)"}

@@ -79,7 +79,7 @@ def number(value: Any) -> float:
 
 
 def _called(value: Any) -> str:
-    """Return what somebody who wrote a log would call a value."""
+    """Return what the author of a log would call a value."""
     match value:
         case str():
             return f"the text {shown([value[:40]])!r}"

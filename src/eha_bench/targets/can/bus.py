@@ -134,7 +134,7 @@ class Bus:
         """Lock a serial port while this bus has it open.
 
         Raises:
-            BusLost: somebody has it already.
+            BusLost: another process has it already.
         """
         descriptor = port.fileno()
         if not os.isatty(descriptor):

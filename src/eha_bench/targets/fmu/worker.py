@@ -22,7 +22,7 @@ from eha_bench.targets.fmu.instance import Library
 from eha_bench.targets.fmu.process import LEAVE
 
 _GLANCE = 1.0
-"""How often it is looked whether anybody is still there, s."""
+"""How often the parent process is looked for, s."""
 
 
 def serve(connection: Connection[Any, Any]) -> bool:
