@@ -100,10 +100,13 @@ def test_what_the_target_counted_comes_first(kit):
     assert "not a count" in kit.measure("loop_overruns", odd, trial, "").reason
 
 
-def test_resampled_time_stamps_hide_late_ticks(kit):
+def test_times_that_a_rate_made_hide_late_ticks(kit):
     recording, trial = kit.sine(2.0)
-    resampled = replace(recording, notes=("resampled onto the clock of /drive/state",))
-    assert math.isnan(kit.measure("loop_overruns", resampled, trial, "").value)
+    made = replace(recording, metadata={**recording.metadata, "resampled": '["time"]'})
+    assert math.isnan(kit.measure("loop_overruns", made, trial, "").value)
+    # other channels' clocks do not hide the ticks of this one
+    carried = replace(recording, metadata={**recording.metadata, "resampled": '["pressure_a"]'})
+    assert kit.measure("loop_overruns", carried, trial, "").value == 0.0
 
 
 def test_a_log_of_another_rate_has_no_overruns(kit):

@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -173,6 +174,18 @@ def test_backlash_is_the_width_of_the_loop_whichever_way_the_linkage_turns():
         pair = joint(lambda x, s, t=turn: t * (0.04 * np.sin(x) + 0.01 * x**2 + 2.5e-4 * s))
         found = scored("backlash", pair)
         assert found.value == pytest.approx(5e-4, rel=1e-5)
+
+
+def test_a_position_that_was_carried_from_another_clock_is_in_the_budget():
+    """Its samples may lie half a period off: what it moves in one, on both sides."""
+    recording, trial = joint(lambda x, s: 0.04 * x + 2.5e-4 * s)
+    own = scored("backlash", (recording, trial))
+    for name, more in (("piston_position", True), ("joint_angle", True), ("current", False)):
+        metadata = {**recording.metadata, "resampled": f'["{name}"]'}
+        found = scored("backlash", (replace(recording, metadata=metadata), trial))
+        assert found.value == own.value
+        assert ("time stamps" in {part.source for part in found.budget.parts}) is more
+        assert (found.high - found.low > own.high - own.low) is more
 
 
 def test_a_driven_position_that_leads_is_said():

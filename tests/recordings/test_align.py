@@ -41,6 +41,7 @@ def test_equal_stamps_are_never_interpolated(float_log: Any) -> None:
     assert back["current"].tolist() == right.tolist()
     assert back.time[0] == 0.0
     assert not any("interpolated" in note for note in back.notes)
+    assert back.resampled == frozenset()
 
 
 def test_a_slow_measurement_is_interpolated_and_a_command_held(float_log: Any) -> None:
@@ -58,6 +59,7 @@ def test_a_slow_measurement_is_interpolated_and_a_command_held(float_log: Any) -
         path, channels=mapping("pressure_a", "oil_temperature", "current_command")
     )
     assert back.time[-1] == pytest.approx(0.990)
+    assert back.resampled == {"oil_temperature", "current_command"}
     assert np.allclose(back["oil_temperature"], 3.0 * back["pressure_a"], rtol=1e-12)
     command = back["current_command"]
     assert set(command) == {1.0, 2.0, 3.0}

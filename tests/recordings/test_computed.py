@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eha_bench.core.errors import InputError
+from eha_bench.core.errors import InputError, Place
+from eha_bench.core.recording import Recording
 from eha_bench.recordings import load_channel_map, read
+from eha_bench.recordings.computed import ComputedChannel, with_computed
 
 MAP = """\
 time: {column: t, unit: s}
@@ -32,6 +34,17 @@ def test_values_are_computed_in_si_in_any_order(folder):
     assert found["twice"][:2] == pytest.approx([12.0, -6.0])
     assert np.isnan(found["voltage"][2])
     assert found.unit("voltage") == "V"
+
+
+def test_what_is_computed_from_what_was_resampled_is_so_too():
+    metadata = {"resampled": '["duty"]'}
+    log = Recording(np.arange(3.0), {"duty": np.ones(3), "supply": np.ones(3)}, metadata=metadata)
+    channels = {
+        "voltage": ComputedChannel(expression="duty * supply", unit="V"),
+        "twice": ComputedChannel(expression="2 * voltage", unit="V"),
+        "half": ComputedChannel(expression="supply / 2", unit="V"),
+    }
+    assert with_computed(log, channels, Place()).resampled == {"duty", "voltage", "twice"}
 
 
 @pytest.mark.parametrize(

@@ -96,6 +96,7 @@ def test_a_sample_rate_instead_of_a_time(tmp_path: Path, frame: pd.DataFrame) ->
         tmp_path / "a.csv", channels={"sample_rate": "3 kHz", "channels": CHANNELS}
     )
     assert np.allclose(back.time, np.arange(COUNT) / 3000, atol=1e-9)
+    assert back.resampled == {"time"}
     with pytest.raises(RecordingError, match=r"needs a clock.*sample_rate"):
         recordings.read(tmp_path / "a.csv", channels={"channels": CHANNELS})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+
+RESAMPLED = "resampled"
+"""Key of the metadata that lists what was resampled, as JSON."""
 
 _plot = later("eha_bench.report.plot", "plot_recording")
 
@@ -135,6 +139,17 @@ class Recording:
     def unit(self, name: str) -> str:
         """SI unit of a channel."""
         return self.units.get(name, unit_of(name))
+
+    @property
+    def resampled(self) -> frozenset[str]:
+        """Channels measured at other times than `time` says; `time` itself where a rate made it.
+
+        Those that were carried from a clock of their own; of a log that does not say: none.
+        """
+        try:
+            return frozenset(json.loads(self.metadata.get(RESAMPLED, "[]")))
+        except (ValueError, TypeError):
+            return frozenset()
 
     @property
     def sample_period(self) -> float:

@@ -39,7 +39,7 @@ class Backlash(Metric):
         found = loop(recording, trial, channel)
         value = 2.0 * math.copysign(found.half, found.half * found.slope)
         budget = found.budget.scaled(2.0)
-        if any("resampled" in note for note in recording.notes):
+        if recording.resampled & {channel, trial.channel}:
             # each channel's own samples may lie up to half a period from the common clock's
             drive = found.speed * abs(found.slope)
             budget += between("time stamps", drive * recording.sample_period)

@@ -19,7 +19,7 @@ class LoopOverruns(Metric):
     """Number of ticks that came more than half a sample period late.
 
     What the target counted itself (metadata `loop_overruns`) comes first; else the time stamps
-    tell, unless they have been resampled.
+    tell, unless they were counted from a sample rate.
     """
 
     spec = spec_of("loop_overruns")
@@ -39,8 +39,8 @@ class LoopOverruns(Metric):
             if not number >= 0.0:
                 raise NotScored(f"metadata 'loop_overruns' is '{counted}', not a count")
             return Measure(number, number, number, "counted by the target")
-        if any("resampled" in note for note in recording.notes):
-            raise NotScored("the time stamps were resampled: late ticks cannot be seen any more")
+        if "time" in recording.resampled:
+            raise NotScored("the times were counted from a sample rate: no late tick can be seen")
         if len(recording) < 2:
             raise NotScored(f"the recording has {len(recording)} sample(s)")
         if recording.sample_period > LATE / trial.sample_rate:

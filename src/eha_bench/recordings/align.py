@@ -35,11 +35,13 @@ class Aligned:
         stamps: (n,) nanoseconds.
         columns: channel -> (n,) raw values; NaN where its topic had no samples.
         notes: how it was done.
+        resampled: channels that were carried from a clock of their own.
     """
 
     stamps: Stamps
     columns: dict[str, Column]
     notes: list[str]
+    resampled: frozenset[str] = frozenset()
 
 
 def align(
@@ -72,6 +74,7 @@ def align(
     epoch = int(stamps[0])
     notes += gap_note("time" if base == path else f"topic '{base}'", stamps, epoch)
     columns: dict[str, Column] = {}
+    resampled: set[str] = set()
     for topic, track in clean.items():
         names = [name for name, (owner, _) in keys.items() if owner == topic]
         rows = _same_ticks(track.stamps, stamps)
@@ -79,6 +82,7 @@ def align(
             for name in names:
                 columns[name] = track.columns[keys[name][1]][rows]
             continue
+        resampled.update(names)
         notes += _method_notes(mapping, topic, track, names, base, stamps)
         if any(mapping.method(name) is Method.LINEAR for name in names):
             notes += gap_note(f"topic '{topic}'", track.stamps, epoch)
@@ -86,7 +90,7 @@ def align(
             column = track.columns[keys[name][1]]
             resample = _hold if mapping.method(name) is Method.HOLD else _linear
             columns[name] = resample(track.stamps, column, stamps, mapping.repair.gaps)
-    return Aligned(stamps, {name: columns[name] for name in keys}, notes)
+    return Aligned(stamps, {name: columns[name] for name in keys}, notes, frozenset(resampled))
 
 
 def _base(

@@ -5,6 +5,7 @@ An expression works on values in SI, and gives one in SI.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated
@@ -16,7 +17,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.expression import Expression
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.recording import Recording
+from eha_bench.core.recording import RESAMPLED, Recording
 from eha_bench.core.units import base_unit, factor_and_offset
 from eha_bench.core.yaml_file import StrictModel, WrongAt
 
@@ -94,6 +95,7 @@ def with_computed(
     values = {name: recording[name] for name in recording}
     units = dict(recording.units)
     notes: list[str] = []
+    resampled = set(recording.resampled)
     for name in in_order(channels, where):
         entry = channels[name]
         expression = Expression.parse(entry.expression)
@@ -107,6 +109,7 @@ def with_computed(
         found = np.broadcast_to(expression.value(values), recording.time.shape)
         values[name] = np.array(found)
         units[name] = _unit(name, entry)
+        resampled |= {name} if resampled & {*expression.names} else set()
         lost = ~np.isfinite(found)
         for needed in expression.names:
             lost &= np.isfinite(values[needed])
@@ -116,7 +119,11 @@ def with_computed(
             )
     derived = {"pressure_difference"} - recording.values.keys() - channels.keys()
     kept = {name: value for name, value in values.items() if name not in derived}
-    return replace(recording, values=kept, units=units, notes=(*recording.notes, *notes))
+    metadata = dict(recording.metadata)
+    if resampled:
+        metadata[RESAMPLED] = json.dumps(sorted(resampled), ensure_ascii=False)
+    notes = [*recording.notes, *notes]
+    return replace(recording, values=kept, units=units, metadata=metadata, notes=tuple(notes))
 
 
 def in_order(channels: Mapping[str, ComputedChannel], where: Place) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import Place, RecordingError
-from eha_bench.core.recording import Recording
+from eha_bench.core.recording import RESAMPLED, Recording
 from eha_bench.core.sensor import Sensor
 from eha_bench.recordings import sample
 from eha_bench.recordings.align import Aligned, align
@@ -165,12 +166,18 @@ def _recording(
         values,
         {name: read.mapping.si_unit(name) for name in values},
         epoch_ns=epoch,
-        metadata=_metadata(source) | _of_sensors(read.sensors),
+        metadata=_metadata(source) | _of_sensors(read.sensors) | _of_clock(read, aligned),
         attachments=source.attachments(),
         notes=tuple(notes),
         source=source.path,
         damaged=source.damaged_attachments(),
     )
+
+
+def _of_clock(read: _SourceRead, aligned: Aligned) -> dict[str, str]:
+    """Return which channels were resampled, as metadata; `time` where a rate made the clock."""
+    found = {*aligned.resampled, *(["time"] if read.mapping.sample_rate is not None else [])}
+    return {RESAMPLED: json.dumps(sorted(found), ensure_ascii=False)} if found else {}
 
 
 def _within(recording: Recording, span: TimeSpan, path: str) -> Recording:
