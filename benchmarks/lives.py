@@ -317,9 +317,12 @@ def lived(life: Life, nights: int, folder: Path, watch: CauseSettings, suite: Su
         if len(recorded) < 9 or (life.kind is not None and night < life.start):
             continue
         index = update(site / "index.sqlite", folder / "nights")
-        history = History(str(folder), index.nights, history_of(index, str(folder)).trends)
+        history = History(str(folder), index.nights, ())
         began = time.perf_counter()
         causes = causes_behind(history, folder / "nights", site, watch)
+        if causes.wear:  # only where something wears do limits need the metrics
+            history = replace(history, trends=history_of(index, str(folder)).trends)
+            causes = causes_behind(history, folder / "nights", site, watch)
         spent = time.perf_counter() - began
         said.looks += 1
         if not causes.alarms:

@@ -2,7 +2,8 @@
 
     python -m benchmarks.served [--nights 1000] [--metrics 100] [--json FILE]
 
-Wanted: the first page of 1,000 nights of 100 metrics within 0.3 s, once its index is there.
+Wanted: the first page of 1,000 nights of 100 metrics within 0.3 s, once its index is there, and
+index, trends and pages from nothing within 10 s of a processor that nobody else uses.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from eha_bench.server.guard import Rules
 from eha_bench.server.watch import SITE, Watch
 
 WANTED = 0.3
+FROM_NOTHING = 10.0
+WORK = "of it, seconds of processor"
 ROUNDS = 20
 PAGES = ("/", "/?from=900", f"/files/{SITE}/index.html", "/status.json")
 
@@ -71,7 +74,7 @@ def main() -> int:
             listening.bind(("127.0.0.1", 0))
             listening.listen()
             watch = Watch(folder)
-            begun = time.perf_counter()
+            begun, worked = time.perf_counter(), time.process_time()
             config = uvicorn.Config(application(folder, Rules(), watch), log_level="warning")
             server = uvicorn.Server(config)
             thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
@@ -81,20 +84,21 @@ def main() -> int:
             while watch.state.history is None and not watch.state.problem:
                 time.sleep(0.1)
             found["index, trends and pages from nothing"] = time.perf_counter() - begun
+            found[WORK] = time.process_time() - worked
             for page in PAGES:
                 found[page] = sorted(asked(address + page) for _ in range(ROUNDS))[ROUNDS // 2]
             server.should_exit = True
             thread.join()
     finally:
         shutil.rmtree(folder)
+    wanted = {"/": WANTED, WORK: FROM_NOTHING}
     rows = [
-        Row(name, seconds, "s", "<", WANTED if name == "/" else math.nan)
-        for name, seconds in found.items()
+        Row(name, seconds, "s", "<", wanted.get(name, math.nan)) for name, seconds in found.items()
     ]
     for row in rows:
         print(row)
     write_rows(options.json, rows)
-    return int(found["/"] > WANTED)
+    return int(any(row.verdict == "missed" for row in rows))
 
 
 if __name__ == "__main__":

@@ -1,13 +1,14 @@
 """Causes over nights whose parabolas are made by hand: the right one, its size, its interval."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from eha_bench.causes.cause import Cause
 from eha_bench.causes.estimates import Estimates, estimates
-from eha_bench.causes.evidence import NightEvidence
+from eha_bench.causes.evidence import NightEvidence, RunEvidence
 from eha_bench.causes.wearing import CauseCourse, attribution_of, course_of, healthy_nights
 
 NAMES = ("friction", "leakage", "stiffness", "delay", "air")
@@ -50,8 +51,12 @@ def life(
             true[NAMES.index(name)] += rate * max(0, night - 11)
         slope = normal @ true + root @ rng.normal(size=len(NAMES))
         oil = float(warm[night]) if logged else math.nan
-        found.append(NightEvidence(NAMES, slope, normal, {}, 1000.0, 1000, oil))
+        found.append(one_run(slope, normal, oil))
     return found
+
+
+def one_run(slope: np.ndarray, normal: np.ndarray, oil: float = math.nan) -> NightEvidence:
+    return NightEvidence(NAMES, (RunEvidence("step-0", slope, normal),), {}, 1000.0, 1000, oil)
 
 
 def seen(nights: list[NightEvidence]) -> tuple[Estimates, list[CauseCourse]]:
@@ -106,10 +111,7 @@ def test_a_night_blind_to_a_cause_says_nothing_of_it() -> None:
     nights = life(np.random.default_rng(1), {})
     normal = nights[0].curvature.copy()
     normal[:, 4] = normal[4, :] = 0.0
-    blind = [
-        NightEvidence(NAMES, np.where(np.arange(5) == 4, 0.0, night.slope), normal, {}, 1.0, 1)
-        for night in nights
-    ]
+    blind = [one_run(np.where(np.arange(5) == 4, 0.0, night.slope), normal) for night in nights]
     found, courses = seen(blind)
     assert np.isnan(found.changes[:, 4]).all()
     assert courses[4].at.size == 0
@@ -144,3 +146,44 @@ def test_evidence_comes_back_from_json() -> None:
     failed = NightEvidence.from_dict(NightEvidence.none(NAMES, "no recording").to_dict())
     assert failed.failed == "no recording"
     assert math.isnan(failed.cost)
+
+
+def two_runs(rng: np.random.Generator, nights: int) -> list[NightEvidence]:
+    """Nights of two runs; the model's own error of the second one pulls at every cause."""
+    normal, own = curvature(), np.array([300.0, -200.0, 500.0, 100.0, 50.0])
+    root = np.linalg.cholesky(normal)
+    found = []
+    for _ in range(nights):
+        true = np.zeros(len(NAMES))
+        true[:CALIBRATED] = 0.1 * rng.normal(size=CALIBRATED)
+        parts = tuple(
+            RunEvidence(name, normal @ true + root @ rng.normal(size=len(NAMES)) + pull, normal)
+            for name, pull in (("step-0", 0.0 * own), ("swing-0", own))
+        )
+        found.append(NightEvidence(NAMES, parts, {}, 1000.0, 1000))
+    return found
+
+
+def test_a_night_on_which_a_run_failed_is_compared_with_the_same_runs() -> None:
+    nights = two_runs(np.random.default_rng(4), 20)
+    nights[15] = nights[15].of({"step-0"})
+    found, _ = seen(nights)
+    apart = np.abs(found.changes[15]) / found.deviations[15]
+    assert np.all(apart < 5.0)
+    strange = two_runs(np.random.default_rng(5), 20)
+    strange[15] = NightEvidence(
+        NAMES, (*strange[15].of({"step-0"}).parts,
+                RunEvidence("new-0", np.ones(5), curvature())), {}, 1.0, 1,
+    )  # fmt: skip
+    found, _ = seen(strange)  # a run that no healthy night had: the night says nothing
+    assert np.isnan(found.changes[15]).all()
+
+
+def test_a_worse_fit_takes_from_what_an_imitator_explains() -> None:
+    nights = life(np.random.default_rng(7), {"delay": 2.0})
+    plain, _ = seen(nights)
+    worse = [replace(night, fitted={"delay": 900.0, "air": 1000.0}) for night in nights]
+    told, _ = seen(worse)
+    best = told.gains[-1].max()
+    assert told.gains[-1, NAMES.index("air")] <= best - 100.0
+    assert told.gains[-1, NAMES.index("delay")] == plain.gains[-1, NAMES.index("delay")]

@@ -49,6 +49,11 @@ class Cause:
         """What people call it: `entrained_air at chamber_a`."""
         return f"{self.id} at {self.at}" if self.at else self.id
 
+    @property
+    def is_effect(self) -> bool:
+        """Whether it is the strength of an effect, and no parameter of the plant."""
+        return self.key != self.id
+
     def applied(self, vector: FloatArray, value: float) -> FloatArray:
         """Return a vector with this number at a value, SI, within its bounds."""
         out = vector.copy()

@@ -8,22 +8,24 @@ have changed,
 
 with r the whitened residual and J minus its derivative by the causes, both under the loss of the
 fits (`diagnosis.fit`). What a run alone has (an unmeasured load, a log's lateness) is profiled out.
-Put back to the machine as it was watched first, A and g are all that later questions need: a cause
-alone, several together, nights added up (an extended information filter: Bar-Shalom, Li,
-Kirubarajan, Estimation with Applications to Tracking and Navigation, Wiley 2001, section 7.2).
+Put back to the machine as it was watched first, A and g of every run are all that later questions
+need: a cause alone, several together, runs and nights added up (an extended information filter:
+Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, Wiley 2001,
+section 7.2).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
 from eha_bench.causes.cause import Cause
-from eha_bench.core.arrays import FloatArray
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.finite import finite_or_none
 from eha_bench.diagnosis.data.dataset import Dataset, Run
@@ -33,6 +35,9 @@ from eha_bench.diagnosis.fit.problem import Problem, cost_of, soften
 
 _SHOWS: Final = 30.0
 """Least change of the residual by a cause's difference, in standard deviations of the noise."""
+_SHOWN: Final = 100.0
+"""The same from which a difference is made smaller: a delay of half a tick is not half of two."""
+_SMALLEST: Final = 1e-3
 _LARGEST: Final = 10.0
 """Most that a difference is widened by until it shows."""
 _BLIND: Final = 1.0
@@ -43,7 +48,9 @@ _ROUNDS: Final = 4
 _MOVED: Final = 1.3
 """Cost over the reference's from which the machine is not where it was the night before."""
 _TRIED: Final = 4
-"""Causes whose minimum alone is tried then."""
+"""Causes that are fitted at most where much has changed."""
+_NEARLY: Final = 0.5
+"""Part of the best effect's gain from which another is fitted as well: slopes cannot tell them."""
 _SHARES: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """Of the way that a cause's slope asks for: far off, slopes are good for the direction only."""
 _SPOILT: Final = 10.0
@@ -51,46 +58,84 @@ _SPOILT: Final = 10.0
 
 
 @dataclass(frozen=True)
+class RunEvidence:
+    """What one run of a night says.
+
+    Attributes:
+        run: its name, the same every night. slope: (p,) g at the reference.
+        curvature: (p, p) A; both in steps of the causes, zero where the run is blind to one.
+    """
+
+    run: str
+    slope: FloatArray
+    curvature: FloatArray
+
+
+@dataclass(frozen=True)
 class NightEvidence:
     """What a night says.
 
     Attributes:
-        names: of the causes. slope: (p,) g at the reference. curvature: (p, p) A; both in steps of
-            the causes, zero where the night is blind to one.
+        names: of the causes. parts: of every run that could be compared.
         point: key -> value where the parabola touches, SI: where the next night begins.
         cost: there. size: number of residuals.
         oil_temperature: K, NaN where it was not logged.
         failed: why there is none, "" where there is.
+        fitted: name of each effect that was fitted with the parameters -> cost that it left; the
+            parabola is about the least.
     """
 
     names: tuple[str, ...]
-    slope: FloatArray
-    curvature: FloatArray
+    parts: tuple[RunEvidence, ...]
     point: Mapping[str, float]
     cost: float
     size: int
     oil_temperature: float = math.nan
     failed: str = ""
+    fitted: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def slope(self) -> FloatArray:
+        """Return (p,) g of all runs."""
+        return sum((part.slope for part in self.parts), np.zeros(len(self.names)))
+
+    @cached_property
+    def curvature(self) -> FloatArray:
+        """Return (p, p) A of all runs."""
+        count = len(self.names)
+        return sum((part.curvature for part in self.parts), np.zeros((count, count)))
+
+    @property
+    def runs(self) -> frozenset[str]:
+        """Names of its runs."""
+        return frozenset(part.run for part in self.parts)
+
+    def of(self, runs: Collection[str]) -> NightEvidence:
+        """Return what some of its runs say."""
+        parts = tuple(part for part in self.parts if part.run in runs)
+        return self if len(parts) == len(self.parts) else replace(self, parts=parts)
 
     @staticmethod
     def none(names: Sequence[str], why: str, oil: float = math.nan) -> NightEvidence:
         """Return the evidence of a night that has none, and why."""
-        count = len(names)
-        empty = np.zeros(count), np.zeros((count, count))
-        return NightEvidence(tuple(names), *empty, {}, math.nan, 0, oil, why)
+        return NightEvidence(tuple(names), (), {}, math.nan, 0, oil, why)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""
         return {
             "causes": list(self.names),
-            "slope": self.slope.tolist(),
-            "curvature": self.curvature.tolist(),
+            "runs": [
+                {"run": part.run, "slope": part.slope.tolist(),
+                 "curvature": part.curvature.tolist()}
+                for part in self.parts
+            ],
             "point": dict(self.point),
             "cost": finite_or_none(self.cost),
             "size": self.size,
             "oil_temperature": finite_or_none(self.oil_temperature),
             "failed": self.failed,
-        }
+            "fitted": dict(self.fitted),
+        }  # fmt: skip
 
     @staticmethod
     def from_dict(data: Mapping[str, Any]) -> NightEvidence:
@@ -99,13 +144,20 @@ class NightEvidence:
         oil, cost = data["oil_temperature"], data["cost"]
         return NightEvidence(
             tuple(map(str, data["causes"])),
-            np.array(data["slope"], dtype=np.float64).reshape(count),
-            np.array(data["curvature"], dtype=np.float64).reshape(count, count),
+            tuple(
+                RunEvidence(
+                    str(part["run"]),
+                    np.array(part["slope"], dtype=np.float64).reshape(count),
+                    np.array(part["curvature"], dtype=np.float64).reshape(count, count),
+                )
+                for part in data["runs"]
+            ),
             {str(key): float(value) for key, value in data["point"].items()},
             math.nan if cost is None else float(cost),
             int(data["size"]),
             math.nan if oil is None else float(oil),
             str(data["failed"]),
+            {str(key): float(value) for key, value in data["fitted"].items()},
         )
 
 
@@ -117,12 +169,14 @@ class Reference:
         vector: (layout.size,) SI, calibrated on the first nights.
         noise: channel -> standard deviation, SI. soft: scale of the loss.
         level: cost over number of residuals.
+        differences: cause -> difference that shows it, in its steps; 1 where unsaid.
     """
 
     vector: FloatArray
     noise: Mapping[str, float]
     soft: float
     level: float
+    differences: Mapping[str, float] = field(default_factory=dict)
 
 
 def evidence_of(
@@ -158,6 +212,13 @@ def evidence_of(
     return NightEvidence.none(names, why, oil)
 
 
+def differences_of(
+    problem: Problem, reference: Reference, causes: Sequence[Cause]
+) -> dict[str, float]:
+    """Return by how many of its steps each cause has to change until it shows."""
+    return _Night(problem, reference, causes, {}).differences()
+
+
 def _oil_temperature(runs: Sequence[Run]) -> float:
     """Return the mean logged oil temperature of runs, K; NaN where it was not logged."""
     found = []
@@ -187,7 +248,9 @@ class _Night:
         self._own_keys = [item.key for item in problem.places.behind]
         self._parameters = [k for k, cause in enumerate(causes) if cause.is_calibrated]
         self._level = max(1.0, reference.level)
+        self._differences = dict(reference.differences)
         self._extra: int | None = None
+        self._fitted: dict[str, float] = {}
         vector = self._reference.copy()
         for k in self._parameters:
             cause = self._causes[k]
@@ -207,17 +270,15 @@ class _Night:
         self._calibrate(self._begun())
         for k, cause in enumerate(self._causes):
             columns[k] = self._slope(cause)
-        further = self._outstanding(columns) if self._extra is None else None
+        further = self._best(self._outstanding(columns)) if self._extra is None else None
         if further is not None:
-            self._calibrate(self._causes[further])
             place = self._causes[further].place
             for k, other in enumerate(self._causes):
                 if other.place != place or k == further:
                     columns[k] = self._slope(other)
         extra = self._extra
         matrix = np.column_stack([self._profiled(column) for column in columns])
-        curvature = matrix.T @ matrix
-        slope = -matrix.T @ self._profiled(self._soft)
+        rest = self._profiled(self._soft)
         moved = np.array([
             (self._vector[cause.place] - self._reference[cause.place]) / cause.step
             if cause.is_calibrated or k == extra
@@ -228,10 +289,29 @@ class _Night:
         point = {key: float(self._vector[self._index[key]]) for key in keys}
         if extra is not None:
             point[self._causes[extra].name] = float(self._vector[self._causes[extra].place])
+        parts = []
+        for run, rows in self._rows_by_run().items():
+            own = matrix[rows]
+            curvature = own.T @ own
+            parts.append(RunEvidence(run, curvature @ moved - own.T @ rest[rows], curvature))
         return NightEvidence(
-            tuple(cause.name for cause in self._causes), slope + curvature @ moved, curvature,
-            point, self._cost, self._residual.size, oil,
+            tuple(cause.name for cause in self._causes), tuple(parts), point, self._cost,
+            self._residual.size, oil, fitted=self._fitted,
         )  # fmt: skip
+
+    def differences(self) -> dict[str, float]:
+        """Return by how many of its steps each cause has to change until it shows."""
+        self._begin_at(self._vector)
+        for cause in self._causes:
+            self._slope(cause)
+        return self._differences
+
+    def _rows_by_run(self) -> dict[str, IndexArray]:
+        rows: dict[str, list[IndexArray]] = {}
+        for piece in self._problem.pieces:
+            run = self._problem.windows[piece.window].measured.run.name
+            rows.setdefault(run, []).append(np.arange(piece.rows.start, piece.rows.stop))
+        return {run: np.concatenate(found) for run, found in rows.items()}
 
     def _begun(self) -> Cause | None:
         """Move to where the cause that explains most alone has its minimum, if much moved.
@@ -306,15 +386,36 @@ class _Night:
             return column
         return np.asarray(column - self._own @ (self._own.T @ column))
 
-    def _outstanding(self, columns: Sequence[FloatArray]) -> int | None:
-        """Return the effect that explains most of what the parameters leave, if that is much."""
+    def _best(self, effects: Mapping[int, float]) -> int | None:
+        """Fit each of some effects with the parameters, from a value; return and keep the best."""
+        kept: tuple[float, int] | None = None
+        start, state = self._vector, None
+        for k, value in effects.items():
+            self._vector, self._begin = start.copy(), value
+            self._calibrate(self._causes[k])
+            self._fitted[self._causes[k].name] = self._cost
+            if kept is None or self._cost < kept[0]:
+                kept = self._cost, k
+                state = self._vector, self._residual, self._soft, self._weight, self._own
+        if kept is None or state is None:
+            return None
+        self._cost, self._extra = kept
+        self._vector, self._residual, self._soft, self._weight, self._own = state
+        self._problem.prepare(self._vector)
+        return self._extra
+
+    def _outstanding(self, columns: Sequence[FloatArray]) -> dict[int, float]:
+        """Return the effects that explain most of what the parameters leave, with their values.
+
+        None where that is not much.
+        """
         base = np.column_stack([*(columns[k] for k in self._parameters), np.zeros_like(self._soft)])
         if self._own is not None:
             base = np.column_stack([base, self._own])
         left, sizes, _ = np.linalg.svd(base, full_matrices=False)
         left = left[:, sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)]
         rest = self._soft - left @ (left.T @ self._soft)
-        best, which = _STANDS_OUT, None
+        found: dict[int, tuple[float, float]] = {}
         for k, cause in enumerate(self._causes):
             if cause.is_calibrated:
                 continue
@@ -325,25 +426,29 @@ class _Night:
             move = -float(column @ rest) / square
             value = float(self._reference[cause.place]) + move * cause.step
             gain = move * move * square
-            if gain > best and cause.low <= value <= cause.high:
-                best, which = gain, k
-                self._begin = value
-        return which
+            if gain > _STANDS_OUT and cause.low <= value <= cause.high:
+                found[k] = gain, value
+        order = sorted(found, key=lambda k: -found[k][0])[:_TRIED]
+        return {k: found[k][1] for k in order if found[k][0] >= _NEARLY * found[order[0]][0]}
 
     def _slope(self, cause: Cause) -> FloatArray:
         """Return the softened residual's derivative by steps of a cause, zero where it is blind."""
-        share = 1.0
+        share = self._differences.get(cause.name, 1.0)
         here = float(self._vector[cause.place])
+        enough, plenty = _SHOWS * self._problem.soft, _SHOWN * self._problem.soft
         while True:
             if here + share * cause.step > cause.high:
                 share = -share
             value = here + share * cause.step
             moved = self._problem.residual(cause.applied(self._vector, value)) - self._residual
             size = float(np.linalg.norm(moved))
-            enough = _SHOWS * self._problem.soft
+            if cause.name not in self._differences and size > plenty and share > _SMALLEST:
+                share = max(_SMALLEST, share * max(0.1, 0.7 * plenty / size))
+                continue
             if size >= enough or abs(share) >= _LARGEST:
                 break
             share *= min(_LARGEST / abs(share), max(2.0, enough / max(size, 1e-12)))
+        self._differences.setdefault(cause.name, abs(share))
         if size < _BLIND or not math.isfinite(size):
             return np.zeros_like(moved)
         return moved * self._weight / share

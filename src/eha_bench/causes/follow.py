@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -12,7 +13,12 @@ import numpy as np
 
 from eha_bench.causes.cause import Cause
 from eha_bench.causes.estimates import Estimates, estimates
-from eha_bench.causes.evidence import NightEvidence, Reference, evidence_of
+from eha_bench.causes.evidence import (
+    NightEvidence,
+    Reference,
+    differences_of,
+    evidence_of,
+)
 from eha_bench.causes.forecast import ahead_of, pace_of
 from eha_bench.causes.keeping import Kept
 from eha_bench.causes.limits import CauseLimits, Metered
@@ -29,7 +35,7 @@ from eha_bench.causes.wearing import (
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.diagnosis.data.dataset import Run
-from eha_bench.diagnosis.fit.baseline import calibrated
+from eha_bench.diagnosis.fit.baseline import COARSE, calibrated
 from eha_bench.diagnosis.fit.side_by_side import one_thread_of_algebra
 from eha_bench.sweeps.evaluation import score_key
 from eha_bench.trends.changes import FEWEST
@@ -46,7 +52,6 @@ EXPLAINS: Final = 0.5
 """Part of what changed that a cause has to explain to be named."""
 _DAY: Final = 86_400.0
 _NORMAL: Final = 1.959963984540054
-_OF_MEDIAN: Final = 1.2533
 
 
 def silent(_stage: str, _share: float) -> None:
@@ -86,7 +91,7 @@ def causes_behind(
             else:
                 told.append((item.night, found))
                 before = found.point
-        return _Followed(history, settings, reference, told).causes(group, tuple(untold))
+        return _Followed(history, settings, reference, kept, told).causes(group, tuple(untold))
 
 
 def _reference(
@@ -110,6 +115,8 @@ def _reference(
     level = base.fit.cost / max(1, base.problem.size)
     noise = {name: float(value) for name, value in base.problem.noise.items()}
     found = Reference(base.fit.vector[:size], noise, float(base.problem.soft), float(level))
+    problem = base.problem.at_step(COARSE)
+    found = replace(found, differences=differences_of(problem, found, settings.causes))
     kept.keep_reference(made_of, found)
     return found
 
@@ -141,9 +148,11 @@ class _Followed:
         history: History,
         settings: CauseSettings,
         reference: Reference,
+        kept: Kept,
         told: Sequence[tuple[Night, NightEvidence]],
     ) -> None:
         self._history, self._settings, self._reference = history, settings, reference
+        self._kept = kept
         self._nights = tuple(night for night, _ in told)
         self._evidence = [evidence for _, evidence in told]
         self._causes = settings.causes
@@ -239,8 +248,11 @@ class _Followed:
         limits = self._limits(healthy)
         if limits is not None:
             self._missed = limits.missed
-        towards = math.copysign(max(cause.step, abs(moved.value)), moved.value)
-        crossing = limits.first(cause, towards) if limits is not None and limits.some else None
+        crossing = None
+        if limits is not None and limits.some:
+            everywhere = np.full(len(self._nights), np.nan)
+            everywhere[own.at] = trend.values
+            crossing = limits.first(cause, everywhere, moved.value)
         ahead = None
         if crossing is not None and pace is not None and pace.goes_on:
             ahead = ahead_of(pace, crossing) if pace.slope * moved.value > 0.0 else None
@@ -267,14 +279,17 @@ class _Followed:
         case = self._settings.case
         if case is None:
             return None
-        keys = (*self._settings.model.calibrate,)
-        first = {night.id for night in self._nights[:healthy]}
-        metered = {
-            key: _metered(trend, first)
-            for trend in self._history.trends
-            if (key := self._key(trend)) and any(night.id in first for night in trend.nights)
-        }
-        return CauseLimits(case, self._settings.model, self._reference.vector, keys, metered)
+        places = {night.id: place for place, night in enumerate(self._nights)}
+        metered = {}
+        for trend in self._history.trends:
+            key = self._key(trend)
+            values = np.full(len(self._nights), np.nan)
+            for night, value in zip(trend.nights, trend.values, strict=True):
+                if night.id in places:
+                    values[places[night.id]] = value
+            if key and np.isfinite(values[:healthy]).any():
+                metered[key] = Metered(values, healthy)
+        return CauseLimits(case, self._settings.model, self._reference.vector, metered, self._kept)
 
     def _key(self, trend: Trend) -> str:
         case = self._settings.case
@@ -295,8 +310,11 @@ class _Followed:
             )
         else:
             notes.append(
-                "oil temperature was not logged: what depends on it (viscous friction, leakage) "
-                "counts as scatter from night to night"
+                "oil temperature was not logged: what moves viscous friction and leakage "
+                "together, as the oil's viscosity does, is taken out"
+                if found.thinning
+                else "oil temperature was not logged, and nothing that is calibrated follows its "
+                "viscosity: what it moves counts as varying from night to night"
             )
         blind = [trend.name for trend in trends if not trend.values.size]
         if blind:
@@ -306,24 +324,12 @@ class _Followed:
         if self._unnamed:
             notes.append(
                 "the machine changed, and none of the followed causes explains it alone (at best "
-                f"{self._unnamed}): two causes at once, one that is not followed, or an oil "
-                "temperature that was not logged"
+                f"{self._unnamed}): two causes at once, or one that is not followed"
             )
         if self._missed:
             limits = "; ".join(self._missed)
             notes.append(f"missed or not scored on the healthy machine, so not forecast: {limits}")
         return tuple(notes)
-
-
-def _metered(trend: Trend, nights: set[int]) -> Metered:
-    values = np.array([
-        value
-        for night, value in zip(trend.nights, trend.values, strict=True)
-        if night.id in nights
-    ])  # fmt: skip
-    middle = float(np.median(values))
-    spread = 1.4826 * float(np.median(np.abs(values - middle)))
-    return Metered(middle, _OF_MEDIAN * spread / math.sqrt(values.size))
 
 
 def _moved_in(found: Estimates, k: int) -> float:

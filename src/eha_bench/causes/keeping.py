@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -12,6 +13,7 @@ import numpy as np
 
 from eha_bench.causes.evidence import NightEvidence, Reference
 from eha_bench.core.atomic_file import write_text
+from eha_bench.core.finite import finite_or_none
 
 FOLDER: Final = "causes"
 _T = TypeVar("_T")
@@ -43,9 +45,18 @@ class Kept:
             made_of,
             {
                 "vector": found.vector.tolist(), "noise": dict(found.noise),
-                "soft": found.soft, "level": found.level,
+                "soft": found.soft, "level": found.level, "differences": dict(found.differences),
             },
         )  # fmt: skip
+
+    def metrics(self, made_of: str) -> Mapping[str, float] | None:
+        """Return the metrics of a simulated suite, if they are kept and can be read."""
+        return self._read("suite", made_of, _metrics)
+
+    def keep_metrics(self, made_of: str, values: Mapping[str, float]) -> None:
+        """Keep the metrics of a simulated suite."""
+        known = {name: finite_or_none(value) for name, value in values.items()}
+        self._write("suite", made_of, known)
 
     def _path(self, kind: str, made_of: str) -> Path:
         digest = hashlib.sha256(f"{self._digest}\0{made_of}".encode()).hexdigest()
@@ -64,10 +75,15 @@ class Kept:
         write_text(self._path(kind, made_of), text + "\n")
 
 
+def _metrics(data: Mapping[str, Any]) -> dict[str, float]:
+    return {str(key): math.nan if value is None else float(value) for key, value in data.items()}
+
+
 def _reference(data: Mapping[str, Any]) -> Reference:
     return Reference(
         np.array(data["vector"], dtype=np.float64),
         {str(key): float(value) for key, value in data["noise"].items()},
         float(data["soft"]),
         float(data["level"]),
+        {str(key): float(value) for key, value in data["differences"].items()},
     )

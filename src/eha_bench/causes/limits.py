@@ -1,20 +1,24 @@
 """Where a cause takes a suite's metrics to their acceptance limits.
 
-The suite is simulated along the cause, all else as on the healthy machine. What the measured
-metrics were off the simulated ones on healthy nights is added: the way to a limit is that of the
-measured metric. Steps along the cause double until a limit is missed; that limit's place is then
-found between the last two (regula falsi, Illinois variant: Dowell, Jarratt, BIT 11 (1971) 168,
-doi:10.1007/BF01934364).
+The suite is simulated along the cause, all else as on the healthy machine, at places that lie a
+factor of the root of two apart, until a limit is missed; in between, metrics follow straight lines.
+What the measured metrics are off the simulated ones, night by night at the cause's value of the
+night, is added: the way to a limit is that of the measured metric. A season does not average out,
+and where the model is off at the healthy machine it may be off by other than that at the limit:
+both stand in the place's uncertainty.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from eha_bench.causes.cause import Cause
+from eha_bench.causes.keeping import Kept
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.limit import AcceptanceLimit
@@ -24,36 +28,49 @@ from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.evaluation import evaluated, score_key
 from eha_bench.trends.wear import LimitCrossing
 
-_DOUBLINGS: Final = 12
-_ROUNDS: Final = 7
-_NEAR: Final = 0.01
+_FIRST: Final = 0.125
+"""Of a cause's step: the first place that is simulated."""
+_APART: Final = math.sqrt(2.0)
+_MOST: Final = 40
+_DISCREPANCY: Final = 1.0 / 3.0
+"""Of what the model is off by on the healthy machine: standard deviation of what more it may be."""
+_TO_SIGMA: Final = 1.4826
 
 
 @dataclass(frozen=True)
 class Metered:
-    """A metric on healthy nights: its median, SI, and the standard deviation of that."""
+    """A measured metric over the nights.
 
-    value: float
-    deviation: float
+    Attributes:
+        values: (nights,) SI, NaN where it was not scored. healthy: how many of them, from the
+            first on, are of the healthy machine.
+    """
+
+    values: FloatArray
+    healthy: int
+
+    @property
+    def level(self) -> float:
+        """On the healthy machine: the median; NaN where it was never scored."""
+        known = self.values[: self.healthy]
+        known = known[np.isfinite(known)]
+        return float(np.median(known)) if known.size else math.nan
 
 
 @dataclass(frozen=True)
 class _Limited:
-    """A limit, its metric's column, and what the measured metric is off the simulated."""
+    """A limit, its metric's column, and the metric as measured."""
 
     trial: str
     limit: AcceptanceLimit
     key: str
-    beside: float
-    deviation: float
+    metered: Metered
 
-    def left(self, values: Mapping[str, float]) -> float:
+    def inside(self, value: float) -> float:
         """Return how far a metric is inside of the limit, SI; negative outside, also unscored."""
-        value = values.get(self.key, math.nan) + self.beside
         if not math.isfinite(value):
             return -math.inf
-        bounds = self.limit.bounds
-        return min(value - bounds.low, bounds.high - value)
+        return min(value - self.limit.bounds.low, self.limit.bounds.high - value)
 
 
 class CauseLimits:
@@ -61,8 +78,9 @@ class CauseLimits:
 
     Args:
         case: suite and simulator. model: declared. healthy: (layout.size,) vector of the machine.
-        calibrated: keys in which it differs from the declared one.
-        metered: `trial.metric` as `score_key` writes it -> measured on healthy nights.
+        metered: `trial.metric` as `score_key` writes it -> measured; those that are not are taken
+            as simulated.
+        kept: where simulated metrics are kept from night to night.
     """
 
     def __init__(
@@ -70,21 +88,21 @@ class CauseLimits:
         case: Case,
         model: Model,
         healthy: FloatArray,
-        calibrated: tuple[str, ...],
         metered: Mapping[str, Metered],
+        kept: Kept,
     ) -> None:
-        self._case, self._model, self._healthy = case, model, healthy
-        self._calibrated = calibrated
+        self._case, self._model, self._healthy, self._kept = case, model, healthy, kept
         known = self._simulated(healthy, "")
         missed = []
         self._limits = []
         for trial in case.suite.trials:
             for limit in trial.limits:
                 key = score_key(trial, limit.metric, limit.channel)
-                seen = metered.get(key, Metered(known.get(key, math.nan), 0.0))
-                beside = seen.value - known.get(key, math.nan)
-                item = _Limited(trial.id, limit, key, beside, seen.deviation)
-                if math.isfinite(beside) and item.left(known) >= 0.0:
+                simulated = known.get(key, math.nan)
+                item = _Limited(
+                    trial.id, limit, key, metered.get(key, Metered(np.array([simulated]), 1))
+                )
+                if math.isfinite(simulated) and item.inside(item.metered.level) >= 0.0:
                     self._limits.append(item)
                 else:
                     missed.append(f"{key} {limit.text}")
@@ -95,79 +113,107 @@ class CauseLimits:
         """Whether there is any limit that can be simulated."""
         return bool(self._limits)
 
-    def first(self, cause: Cause, towards: float) -> LimitCrossing | None:
+    def first(self, cause: Cause, values: FloatArray, side: float) -> LimitCrossing | None:
         """Return where a cause meets its first limit; None where it meets none within its bounds.
 
         Args:
-            cause: what moves. towards: its sign is the direction, its size a first step, SI.
+            cause: what moves. values: (nights,) of it, SI; NaN where a night is blind to it.
+            side: positive for growing, negative for falling.
         """
-        start = float(self._healthy[cause.place])
-        end = cause.high if towards > 0.0 else cause.low
-        inside, at_inside = start, self._left(cause, start)
-        step = towards
-        for _ in range(_DOUBLINGS):
-            value = min(max(start + step, cause.low), cause.high)
-            left = self._left(cause, value)
-            if min(left) < 0.0:
-                return self._between(cause, (inside, at_inside), (value, left))
-            if value == end:
-                return None
-            inside, at_inside = value, left
-            step *= 2.0
+        places, curves = [float(self._healthy[cause.place])], [self._at(cause, None)]
+        for place in self._places(cause, math.copysign(1.0, side)):
+            places.append(place)
+            curves.append(self._at(cause, place))
+            found = [
+                crossing
+                for item in self._limits
+                if (crossing := _crossing(item, places, curves, values)) is not None
+            ]
+            if found:
+                return min(found, key=lambda crossing: abs(crossing.value - places[0]))
         return None
 
-    def _between(
-        self,
-        cause: Cause,
-        inside: tuple[float, list[float]],
-        outside: tuple[float, list[float]],
-    ) -> LimitCrossing:
-        (a, left_a), (b, left_b) = inside, outside
-        for _ in range(_ROUNDS):
-            places = [_zero(a, p, b, q) for p, q in zip(left_a, left_b, strict=True) if q < 0.0]
-            guess = min(places, key=lambda place: abs(place - a))
-            # a guess at an end halves nothing
-            share = min(max((guess - a) / (b - a), 0.05), 0.95)
-            value = a + share * (b - a)
-            left = self._left(cause, value)
-            if min(left) < 0.0:
-                b, left_b = value, left
-            else:
-                a, left_a = value, left
-            if abs(b - a) < _NEAR * abs(b - self._healthy[cause.place]):
-                break
-        found = [
-            (_zero(a, p, b, q), item, (q - p) / (b - a))
-            for p, q, item in zip(left_a, left_b, self._limits, strict=True)
-            if q < 0.0
-        ]
-        place, item, slope = min(found, key=lambda entry: abs(entry[0] - a))
-        known = item.deviation / abs(slope) if math.isfinite(slope) and slope else 0.0
-        deviation = math.hypot(known, 0.25 * abs(b - a))
-        return LimitCrossing(place, deviation, item.trial, item.limit.metric, item.limit.text)
+    def _places(self, cause: Cause, side: float) -> Iterator[float]:
+        """Yield values of a cause, ever further from the healthy machine, to its bound."""
+        start = float(self._healthy[cause.place])
+        end = cause.high if side > 0.0 else cause.low
+        size = _FIRST * cause.step
+        for _ in range(_MOST):
+            value = start + side * size
+            if side * (value - end) >= 0.0:
+                if end != start:
+                    yield end
+                return
+            yield value
+            size *= _APART
 
-    def _left(self, cause: Cause, value: float) -> list[float]:
-        at = cause.applied(self._healthy, value)
-        values = self._simulated(at, cause.id if cause.settings else "")
-        return [item.left(values) for item in self._limits]
+    def _at(self, cause: Cause, value: float | None) -> Mapping[str, float]:
+        if value is None:
+            return self._simulated(self._healthy, "")
+        declared = {item.id for item in self._model.effects}
+        added = cause.id if cause.is_effect and cause.id not in declared else ""
+        return self._simulated(cause.applied(self._healthy, value), added)
 
     def _simulated(self, vector: FloatArray, effect: str) -> Mapping[str, float]:
+        made_of = f"{self._case.suite.sha256}\0{effect}\0{vector.tolist()}"
+        known = self._kept.metrics(made_of)
+        if known is not None:
+            return known
         effects = (effect,) if effect else ()
+        own = self._model.vector()
         changed = tuple(
             key
             for key, place in self._model.plant.layout.index.items()
-            if vector[place] != self._healthy[place] or key in self._calibrated
+            if vector[place] != own[place]
         )
         model = revised(self._model, vector, changed, effects)
         try:
             simulator = self._case.simulator.varied(model=model)
-            return evaluated(Case(self._case.suite, simulator)).values
+            values = dict(evaluated(Case(self._case.suite, simulator)).values)
         except EhaBenchError:
-            return {}
+            values = {}
+        self._kept.keep_metrics(made_of, values)
+        return values
 
 
-def _zero(a: float, left_a: float, b: float, left_b: float) -> float:
-    """Return where a straight line through two points is 0; the middle where one is unscored."""
-    if not math.isfinite(left_b) or left_a == left_b:
-        return 0.5 * (a + b)
-    return a + (b - a) * left_a / (left_a - left_b)
+def _crossing(
+    item: _Limited,
+    places: list[float],
+    curves: list[Mapping[str, float]],
+    values: FloatArray,
+) -> LimitCrossing | None:
+    """Return where a metric meets its limit between the last two places; None where it does not."""
+    along = [curve.get(item.key, math.nan) for curve in curves]
+    offset, deviation = _offset(item, places, along, values)
+    near, far = item.inside(along[-2] + offset), item.inside(along[-1] + offset)
+    if far >= 0.0:
+        return None
+    gap = places[-1] - places[-2]
+    if not math.isfinite(far):
+        place, known = places[-2] + 0.5 * gap, 0.25 * abs(gap)
+    else:
+        # where it is beyond already by its offset, the line is followed back
+        share = max(near / (near - far), -1.0) if near != far else 0.5
+        place, known = places[-2] + share * gap, deviation * abs(gap / (far - near))
+    trial, limit = item.trial, item.limit
+    return LimitCrossing(place, known, trial, limit.metric, limit.text)
+
+
+def _offset(
+    item: _Limited, places: list[float], along: list[float], values: FloatArray
+) -> tuple[float, float]:
+    """Return how far the measured metric is off the simulated one, and its standard deviation."""
+    healthy = item.metered.level - along[0]
+    told = np.isfinite(along)
+    order = np.argsort(np.array(places)[told])
+    x, y = np.array(places)[told][order], np.array(along)[told][order]
+    measured = item.metered.values
+    if measured.size != values.size:
+        return healthy, 0.0
+    nights = measured - np.interp(values, x, y)
+    nights = nights[np.isfinite(nights)]
+    if not nights.size:
+        return healthy, 0.0
+    offset = float(np.median(nights))
+    spread = _TO_SIGMA * float(np.median(np.abs(nights - offset)))
+    return offset, math.hypot(spread, _DISCREPANCY * offset)

@@ -21,7 +21,7 @@ from eha_bench.sweeps.case import Case, case_of
 from eha_bench.targets.resolve import open_target
 from eha_bench.trends.nightly_file import Diagnose, load_nightly
 
-_VERSION = 1
+_VERSION = 2
 """Of what is kept of a night: another one is estimated again."""
 
 
