@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import scipy.io
 import scipy.signal
@@ -112,3 +113,21 @@ def test_pulses_that_were_withheld_are_found(repository, shared_data, tmp_path) 
         told |= (time >= start) & (time <= stop)
     # 24 knots a period of 1 s: an edge is known to some 20 ms, of which a second has two
     assert np.mean(told == (pulses["pulses_N"] > 0.0)) > 0.95
+
+
+@pytest.mark.slow(5)
+def test_named_effects_predict_the_open_loop_to_millimetres(
+    repository, shared_data, tmp_path
+) -> None:
+    """From the voltage alone, 20 samples skipped, as https://www.nonlinearbenchmark.org asks."""
+    path = _example(repository, shared_data, tmp_path, "dataset_open_loop.yaml")
+    log = _measured(shared_data, "DATA_EMPS_PULSES.mat")
+    errors = {}
+    for name in ("model.yaml", "model_with_friction.yaml"):
+        out = tmp_path / Path(name).stem
+        predict(path, load_model(path.parent / name), out)
+        table = pd.read_parquet(out / "DATA_EMPS_PULSES.parquet")
+        error = table["piston_position"].to_numpy() - log["qm"]
+        errors[name] = 1e3 * float(np.sqrt(np.mean(error[20:] ** 2)))
+    assert errors["model_with_friction.yaml"] < 8.0
+    assert errors["model.yaml"] > 10.0 * errors["model_with_friction.yaml"]
