@@ -79,6 +79,12 @@ def test_validate_of_a_dataset_needs_no_reader(tmp_path: Path) -> None:
         assert imported(COMMAND, "validate", str(tmp_path / name)) & HEAVY == set()
 
 
+def test_a_diagnosis_begins_without_what_it_may_never_need() -> None:
+    """SciPy's statistics and Arrow took half of the start, which every worker makes anew."""
+    code = "import eha_bench.diagnosis.run, sys\nassert 'scipy.stats' not in sys.modules"
+    assert "pyarrow" not in imported(code)
+
+
 def test_the_plants_are_described_without_the_compiler() -> None:
     code = "from eha_bench.plants.plant import get_plant\nassert get_plant('eha_knee').layout.size"
     assert imported(code) & HEAVY == set()

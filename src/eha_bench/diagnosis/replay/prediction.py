@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.atomic_file import replacing, write_text
@@ -91,6 +89,9 @@ class Prediction:
 
         A column's metadata hold its `unit`, the table's the `epoch_ns` that `time` counts from.
         """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
         columns = {"time": self.time, **self.values}
         units = {"time": "s", **{name: self.unit(name) for name in self.values}}
         schema = pa.schema(
