@@ -9,7 +9,6 @@ from pathlib import Path
 
 from eha_bench.api import Given, target_for, tell_step_summary, write_reports
 from eha_bench.bench.interleaved import Interleaved, InterleavedPlan, run_interleaved
-from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.store import Shelf
 from eha_bench.causes.follow import Progress as StageProgress
@@ -24,6 +23,7 @@ from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError
 from eha_bench.core.output_folder import writable
+from eha_bench.core.progress import Progress, silent
 from eha_bench.core.result import Result, Status
 from eha_bench.core.workers import workers_from
 from eha_bench.report.comparison_markdown import comparison_markdown

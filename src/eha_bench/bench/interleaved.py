@@ -15,12 +15,12 @@ import numpy as np
 
 from eha_bench.bench.ahead import Job, ahead
 from eha_bench.bench.folder import ResultFolder
-from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.run import run_suite
 from eha_bench.bench.store import held, set_aside
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, TargetFault
 from eha_bench.core.interruption import Interruption
+from eha_bench.core.progress import Progress, silent
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import HERE, Workers

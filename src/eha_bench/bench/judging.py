@@ -8,10 +8,10 @@ from pathlib import Path
 
 from eha_bench.bench.circumstances import Circumstances
 from eha_bench.bench.loop_health import loop_note
-from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.limit import AcceptanceLimit
+from eha_bench.core.progress import Progress, silent
 from eha_bench.core.recording import Recording
 from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.result import Result, Status, TrialResult

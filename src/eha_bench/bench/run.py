@@ -18,7 +18,6 @@ from eha_bench.bench.circumstances import Circumstances
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.judging import judge, judge_together, summed_up
 from eha_bench.bench.loop_health import loop_note
-from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
 from eha_bench.bench.store import Shelf
 from eha_bench.core.errors import (
@@ -30,6 +29,7 @@ from eha_bench.core.errors import (
     TargetFault,
 )
 from eha_bench.core.interruption import Interruption
+from eha_bench.core.progress import Progress, silent
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.signal import FromRecording

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,6 @@ from eha_bench.core.near_miss import suggest
 from eha_bench.core.own_metric import OwnMetric
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode, Setup, Trial, mode_named
-from eha_bench.core.uncollected import uncollected
 from eha_bench.core.units import base_unit, parse, unit_in
 from eha_bench.core.yaml_file import file_of, read_text, validate
 from eha_bench.core.yaml_file import parse as parse_yaml
@@ -64,7 +65,7 @@ def parse_suite(text: str, path: Path) -> Suite:
     Raises:
         InputError: as `load_suite`.
     """
-    with uncollected():
+    with _uncollected():
         return _parsed(text, path)
 
 
@@ -316,3 +317,15 @@ def _highest_frequency(signal: Signal) -> float:
     lines = [lines.harmonics[-1] / lines.period for lines in signal.lines if lines.harmonics]
     sweeps = [max(sweep.f_start, sweep.f_stop) for sweep in signal.sweeps]
     return max([0.0, *tones, *lines, *sweeps])
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Pause the collection of cycles: many objects are made, and little of them goes."""
+    on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if on:
+            gc.enable()

@@ -17,12 +17,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from eha_bench.bench.progress import Progress, silent
 from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption
+from eha_bench.core.progress import Progress, silent
 from eha_bench.core.result import Status
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.posterior.posterior import Draw, Posterior

@@ -13,7 +13,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from eha_bench.bench.progress import Progress, silent
 from eha_bench.bench.store import Shelf, held, set_aside
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.atomic_file import replacing, write_text
@@ -21,6 +20,7 @@ from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.output_folder import writable
+from eha_bench.core.progress import Progress, silent
 from eha_bench.core.result import Status
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.sweeps.case import Case

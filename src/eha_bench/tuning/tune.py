@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eha_bench.bench.progress import Progress, silent
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption
+from eha_bench.core.progress import Progress, silent
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.core.yaml_file import line_of, parse
 from eha_bench.posterior.posterior import Draw, Posterior
