@@ -264,7 +264,8 @@ def _change_cells(row: Row) -> tuple[str, str, str, str]:
     change = f"{row.baseline} -> {row.candidate} {row.unit}".rstrip()
     if row.baseline == row.candidate == number(math.nan):
         change = ""
-    share_text = f"({row.share})" if row.share and change else ""
+    by = row.share or (row.difference if row.unit == "%" else "")
+    share_text = f"({by})" if by and change and by != number(math.nan) else ""
     return row.trial, f"{row.metric} {row.verdict}", change, f"{share_text} {row.note}".strip()
 
 
