@@ -129,9 +129,10 @@ def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
     for side in "ab":
         content = json.loads((tmp_path / "ab" / side / "result.json").read_text(encoding="utf-8"))
         assert content["status"] == "incomplete"
-        # the run that was interrupted is there, and not scored
+        # a run that was interrupted is there, and not scored
         ended.append(sum(trial["status"] == "passed" for trial in content["trials"]))
-    assert ended == [2, 2]
+    # the signal is noticed within the first run of the third pair, or just before: then that ends
+    assert ended in ([2, 2], [2, 3])
     found = json.loads((tmp_path / "ab" / "comparison.json").read_text(encoding="utf-8"))
     assert max(item["baseline"]["runs"] for item in found["metrics"]) == 2
     first = sorted((tmp_path / "ab").glob("?/000-hold/recordings/*.mcap"))
