@@ -8,7 +8,7 @@ import pytest
 
 from eha_bench.core.recording import Recording
 from eha_bench.metrics.noise import Noise
-from eha_bench.metrics.onset import SetsOff, Stops, corner
+from eha_bench.metrics.onset import ComesToRest, SetsOff, corner
 from eha_bench.metrics.outliers import spikes
 
 PERIOD = 1e-3
@@ -83,7 +83,7 @@ def test_a_stop_has_its_crossing_seen_backwards(share):
     time = np.arange(-70, -20)[::-1] * -PERIOD
     noise = Noise(np.array([1e-8]), 100.0)
     values = stopping(time, length, lag) + 1e-4 * np.random.default_rng(6).normal(size=time.size)
-    stop = corner(-time[::-1], 1.0 - values[::-1], noise, -0.035, Stops())
+    stop = corner(-time[::-1], 1.0 - values[::-1], noise, -0.035, ComesToRest())
     assert stop is not None
     found = stop.crossing(1.0 - share)
     assert found is not None
@@ -96,7 +96,7 @@ def test_a_lag_alone_is_no_stop():
     time = np.arange(0, 60) * PERIOD
     noise = Noise(np.array([1e-6]), 100.0)
     values = lagging(time, -0.01, 0.015) + 1e-3 * np.random.default_rng(7).normal(size=time.size)
-    stop = corner(-time[::-1], 1.0 - values[::-1], noise, -0.03, Stops())
+    stop = corner(-time[::-1], 1.0 - values[::-1], noise, -0.03, ComesToRest())
     assert stop is None or stop.crossing(0.05) is None
 
 

@@ -207,7 +207,7 @@ def test_wrong_signal_names_the_key(tmp_path: Path, signal: str, key: str, what:
         ("trials: [3]\n", 1, "trials.0", "expected keys and values"),
         ("tirals: []\n", 1, "tirals", "did you mean 'trials'"),
         (STEP + "modle: x\n", 7, "modle", "did you mean 'model'"),
-        (STEP + "name: a/b\n", 7, "name", "match pattern"),
+        (STEP + "name: a/b\n", 7, "name", "character that a name cannot have"),
         (STEP + "name: nul\n", 7, "name", "Windows"),
         (STEP + "defaults: 3\n", 7, "defaults", "expected keys and values"),
         (STEP + "defaults: {id: x}\n", 7, "defaults.id", "unknown key 'id'"),

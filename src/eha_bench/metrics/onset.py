@@ -100,7 +100,7 @@ class SetsOff(Shape):
         return after - slow * slope, slope
 
 
-class Stops(Shape):
+class ComesToRest(Shape):
     """A response that ends with a corner, seen backwards; a lag alone ends ever more slowly."""
 
     sharpest = 0.35

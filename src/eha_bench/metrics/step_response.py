@@ -21,7 +21,7 @@ from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.noise import Noise, detrended, estimate, white_noise
-from eha_bench.metrics.onset import Corner, SetsOff, Stops, corner
+from eha_bench.metrics.onset import ComesToRest, Corner, SetsOff, corner
 from eha_bench.metrics.resolution import dithering, rounding_sd
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.tail import asymptote
@@ -246,7 +246,7 @@ class StepResponse:
         here = slice(start, min(index + max(index - start, _STOPPED), self.time.size))
         time, missing = -self.time[here][::-1], 1.0 - self.rise[here][::-1]
         earliest = -float(self.time[max(index - self.smooth.half - 2, start)])
-        return corner(time, missing, self.noise, earliest, Stops())
+        return corner(time, missing, self.noise, earliest, ComesToRest())
 
     def _in_few(self, share: float, index: int) -> Crossing:
         """Return the crossing of a response of few samples: between two, where noise lets it be.
