@@ -1,10 +1,14 @@
 """Typical mistakes: each is told with file, line, key and the way out, before anything is run."""
 
 import re
+import shutil
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from typer.testing import CliRunner
+
+from eha_bench.cli.app import app
 
 from .conftest import Cli
 
@@ -415,14 +419,21 @@ MISTAKES = [
 ]
 
 
-@pytest.fixture
-def project(cli: Cli, tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def new_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A new project, with files where its recordings will be."""
-    cli("init", check=0)
-    for name in re.findall(r"log: (\S+?),", (tmp_path / "dataset.yaml").read_text()):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(LOG)
-    return tmp_path
+    folder = tmp_path_factory.mktemp("project")
+    assert CliRunner().invoke(app, ["init", str(folder)]).exit_code == 0
+    for name in re.findall(r"log: (\S+?),", (folder / "dataset.yaml").read_text()):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(LOG)
+    return folder
+
+
+@pytest.fixture
+def project(new_project: Path, tmp_path: Path) -> Path:
+    """The new project, to make a mistake in."""
+    return Path(shutil.copytree(new_project, tmp_path, dirs_exist_ok=True))
 
 
 @pytest.mark.parametrize(
