@@ -77,10 +77,12 @@ def arrived(problem: Problem, vector: FloatArray, free: Sequence[Free], watch: W
     first = levenberg_marquardt(problem, vector, free, iterations=6, refresh=1, watch=watch)
     if not free or _mean_square(problem, first) < _WELL:
         return Arrival(first)
-    first = _without_loud(problem, first, free)
-    if _mean_square(problem, first) < _WELL:
-        watch(first.vector)
-        return Arrival(first, tried=2)
+    calm = _without_loud(problem, first, free)
+    if _mean_square(problem, calm) < _WELL:
+        watch(calm.vector)
+        return Arrival(calm, tried=2)
+    if calm is not first:
+        problem.prepare(vector)  # starts that were moved for a fit that failed suit no other
     ends = [first]
     grown, short = _grown(problem, vector, free)
     ends.append(_over_long(problem, grown, free))
@@ -95,7 +97,7 @@ def arrived(problem: Problem, vector: FloatArray, free: Sequence[Free], watch: W
 
 
 def _undeclared_first(problem: Problem, vector: FloatArray, free: Sequence[Free]) -> FloatArray:
-    """Return a vector in which what nobody declared fits beside what was declared.
+    """Return a vector in which what was not declared fits with what was.
 
     A load that is set to nothing is off by kilonewtons, a mass of a data sheet by some percent: a
     fit of both at once bends the mass until it imitates the load.
