@@ -119,3 +119,19 @@ def test_a_single_sample_is_filled_by_a_cubic(place):
 def test_two_in_a_row_are_filled_by_a_straight_line():
     values = np.array([0.0, 1.0, np.nan, np.nan, 4.0, 5.0, 6.0])
     assert filled(values, np.isnan(values)) == pytest.approx(np.arange(7.0))
+
+
+def plateau(height):
+    """Up to 1 + height within 20 ms, there until 0.12 s, at 1 from 0.15 s on."""
+    levels = [0.0, 1.0 + height, 1.0 + height, 1.0]
+    return lambda time: np.interp(time, [0.0, 0.02, 0.12, 0.15], levels)
+
+
+@pytest.mark.parametrize("level", [0.001, 0.01])
+@pytest.mark.parametrize("height", [0.1, 0.2])
+def test_a_plateau_may_have_its_peak_anywhere(kit, level, height):
+    rng = np.random.default_rng(11)
+    response = plateau(height)
+    found = measured(kit, "peak_time", response, lambda n: level * rng.normal(size=n))
+    assert found.low <= 0.035
+    assert 0.105 <= found.high <= 0.15

@@ -16,6 +16,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 from scipy.special import ndtri
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
@@ -40,6 +41,7 @@ _FEWEST_PLACES = 8.0  # that a maximum is chosen from, where it is one of noise
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 
 _AS_HIGH = 2.0 * math.sqrt(2.0)  # standard deviations by which two places are alike
+_FLAT = 0.5  # share of as long as the peak's window, beside it, that is as high: a plateau
 _LEAST = 5e-4  # of the step: below this a final level that is still creeping looks like a peak
 
 
@@ -210,14 +212,38 @@ def _also_as_high(step: StepResponse, found: Peak) -> tuple[float, float]:
     """Return the interval of a peak's time, other places that may be as high taken in."""
     track = tracked(step)
     half = track.half
-    if half == 0:  # next to no noise: the polynomial knows
-        return found.earliest, found.latest
     values = track.values[step.landed :]
     times = step.time[step.landed :]
+    first, last = _plateau(times, values, track, found)
+    if half == 0:  # next to no noise: the polynomial knows
+        return min(found.earliest, first), max(found.latest, last)
     reach = _AS_HIGH * track.sd
     rivals = (values >= maximum_filter1d(values, 2 * half + 1)) & (values >= values.max() - reach)
     places = times[rivals]
-    return min(found.earliest, *places), max(found.latest, *places)
+    return min(found.earliest, first, *places), max(found.latest, last, *places)
+
+
+def _plateau(
+    times: FloatArray, values: FloatArray, track: Smooth, found: Peak
+) -> tuple[float, float]:
+    """Return first and last time of a plateau that goes on beyond a peak's window, else its time.
+
+    On a plateau the highest place is one of noise: any of it may be the peak.
+    """
+    start, stop = found.window
+    ends = [found.time, found.time]
+    if not stop > start:
+        return ends[0], ends[1]
+    count = values.size / (2 * track.half + 1)
+    reach = (_AS_HIGH + _largest(max(count, 1.0), 0.5)) * track.sd
+    near = values >= values.max() - reach
+    length = stop - start
+    for side, beside in enumerate(
+        ((times >= start - length) & (times < start), (times > stop) & (times <= stop + length))
+    ):
+        if beside.any() and float(np.mean(near[beside])) >= _FLAT:
+            ends[side] = float(times[near][0 if side == 0 else -1])
+    return ends[0], ends[1]
 
 
 def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: str) -> Measure:

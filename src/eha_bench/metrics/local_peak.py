@@ -27,6 +27,7 @@ class Peak:
         variance: of the value.
         earliest, latest: 95 % interval of the time.
         between, between_times: how far interpolation may be off, of the value and, in s, of time.
+        window: s, first and last time that it was found with; NaN where single samples tell.
     """
 
     value: float
@@ -36,6 +37,7 @@ class Peak:
     latest: float
     between: float = 0.0
     between_times: float = 0.0
+    window: tuple[float, float] = (math.nan, math.nan)
 
 
 def peak(
@@ -74,7 +76,8 @@ def peak(
         value -= excess
         variance += 2.0 * excess**2  # the square of a normal slope varies as much
     earliest, latest = _flat(local, place, spread, noise.quantile())
-    return Peak(value, place, variance, earliest, latest, missed)
+    window = local.origin - local.scale, local.origin + local.scale
+    return Peak(value, place, variance, earliest, latest, missed, window=window)
 
 
 def _around(time: FloatArray, values: FloatArray, index: int, half: int) -> tuple[LocalFit, float]:

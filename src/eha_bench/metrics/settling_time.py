@@ -22,6 +22,8 @@ from eha_bench.metrics.step_times import RESPONDED
 BAND = 0.02
 """Half-width of the band around the final level, as a share of the step."""
 
+_REST = 2  # transits after a stop in which a response ...
+_AT_REST = 2.0  # ... is no more standard deviations from its end than this, on average
 _SURELY_OUT = 3.0  # standard deviations beyond the band that are no noise
 
 HOLD_SHARE = 0.1
@@ -90,6 +92,11 @@ class SettlingTime(StepMetric):
         index = int(np.searchsorted(step.time, place.time)) + track.half + 1
         after = np.abs(track.values[index:] - 1.0)
         if after.size == 0 or float(after.max()) > BAND + _SURELY_OUT * track.sd:
+            return None
+        # what goes on beyond its end, or comes to it slowly, has not stopped
+        rest = step.rise[index : index + _REST * step.transit]
+        sd = math.sqrt(step.noise.variance_of_mean(rest.size) + step.final_budget.variance)
+        if abs(float(rest.mean()) - 1.0) > _AT_REST * sd:
             return None
         level = step.final_budget + step.rounding(place)
         low, high = place.interval(level, step.noise)
