@@ -194,3 +194,25 @@ def test_a_history_of_nothing_leaves_nothing_behind(cli: Cli) -> None:
     done = cli("history", "empty", check=2)
     assert "holds no result" in done.stderr
     assert list(Path("empty").iterdir()) == []
+
+
+def test_one_run_a_side_decides_nothing_wherever_it_is_printed(
+    cli: Cli, ran: Path, tmp_path: Path
+) -> None:
+    content = json.loads((ran / "result.json").read_text(encoding="utf-8"))
+    content["trials"] = [trial for trial in content["trials"] if trial["id"] == "sine"]
+    for name, factor in (("one", 1.0), ("other", 3.0)):
+        for score in content["trials"][0]["scores"]:
+            for key in ("value", "low", "high"):
+                score[key] = score[key] and factor * score[key]
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "result.json").write_text(json.dumps(content), encoding="utf-8")
+    done = cli("compare", "one", "other", "--markdown", check=0)
+    assert "undecided: One run a side. " in done.stderr
+    assert "One run a side" in done.stdout
+    assert "One run a side" in Path("reports/comparison/comparison.html").read_text("utf-8")
+    content = json.loads(cli("compare", "one", "other", "--json", check=0).stdout)
+    verdicts = {item["verdict"] for item in content["metrics"] if item["difference"]}
+    assert verdicts == {"undecided"}
+    reasons = [item["reason"] for item in content["metrics"] if item["verdict"] == "undecided"]
+    assert all("one run a side" in reason for reason in reasons)

@@ -18,6 +18,7 @@ _STEEP = (
     1.5  # times the largest step between two neighbours: what moves as fast as it spikes may be
 )
 _LEAST = 0.01  # of the span: what is less is as well the shape of a response that is free of noise
+_HIDDEN = 0.5  # of the span: where less is left without spikes, more are looked for
 _NEAR = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
 _BESIDE = ((2, 1), (3, 4))  # neighbours on either side, the near and the far one
 _MOST = 0.03  # share of samples that may be spikes; more are not exceptions
@@ -41,17 +42,34 @@ def spikes(time: FloatArray, values: FloatArray, resolution: float) -> IndexArra
 
     A sample next to a gap in the (n,) times is never one: its neighbours are too far away to tell.
     """
+    found, clean = _spikes(time, values, resolution)
+    # beside one that is out by far, others look small
+    while found.size and np.ptp(clean) < _HIDDEN * np.ptp(values):
+        values = clean
+        more, clean = _spikes(time, values, resolution)
+        found = np.union1d(found, more)
+    return found
+
+
+def _spikes(
+    time: FloatArray, values: FloatArray, resolution: float
+) -> tuple[IndexArray, FloatArray]:
+    """Return the places of spikes that stand out from the span of (n,) values, and these without.
+
+    One that is found is replaced by what its neighbours say.
+    """
+    none = np.zeros(0, dtype=np.intp), values
     if values.size < 32:
-        return np.zeros(0, dtype=np.intp)
+        return none
     noise = max(white_noise(values), resolution)
     least = max(_BEYOND * noise, _LEAST * float(np.ptp(values)))
     if not least > 0.0:
-        return np.zeros(0, dtype=np.intp)
+        return none
     # against the mean of both neighbours: a spike is off by its size, a neighbour of it by half
     bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
     candidates = np.flatnonzero(bend > 0.7 * least) + 1
     if candidates.size == 0 or candidates.size > 3 * _MOST * values.size:
-        return np.zeros(0, dtype=np.intp)
+        return none
     steps = np.diff(time)
     period = float(np.median(steps))
     largest_first = [0, values.size - 1, *candidates[np.argsort(-bend[candidates - 1])].tolist()]
@@ -65,8 +83,8 @@ def spikes(time: FloatArray, values: FloatArray, resolution: float) -> IndexArra
             found.append(index)
             clean[index] = instead
     if len(found) > _MOST * values.size:
-        return np.zeros(0, dtype=np.intp)
-    return np.array(sorted(found), dtype=np.intp)
+        return none
+    return np.array(sorted(found), dtype=np.intp), clean
 
 
 def _instead(values: FloatArray, index: int, least: float) -> float | None:

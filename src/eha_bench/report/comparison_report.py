@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from eha_bench.comparison.comparison import Compared, Comparison
+from eha_bench.comparison.evidence import ONE_RUN
 from eha_bench.comparison.side import Side, SideRun
 from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.atomic_file import write_text
@@ -145,7 +146,9 @@ def needed(comparison: Comparison) -> str:
         return ""
     counts = sorted(item.more_repeats for item in undecided if item.more_repeats is not None)
     if not counts:
-        return "Six repeats or more on each side decide most differences that matter."
+        alone = all(ONE_RUN in item.reason for item in undecided)
+        why = f"{ONE_RUN.capitalize()}. " if alone else ""
+        return f"{why}Six repeats or more on each side decide most differences that matter."
     half, most = counts[len(counts) // 2], counts[-1]
     plural = "" if half == 1 else "s"
     text = f"About {half} more repeat{plural} on each side would decide half of them"
