@@ -13,9 +13,9 @@ SKIPPED = 77
 pytestmark = pytest.mark.slow
 
 
-def run(script: str, folder: Path) -> str:
+def run(script: str, folder: Path, *words: str) -> str:
     """Run an example into a folder and return what it printed."""
-    command = [sys.executable, str(EXAMPLES / script), str(folder)]
+    command = [sys.executable, str(EXAMPLES / script), str(folder), *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=500)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -33,6 +33,14 @@ def test_controllers_are_compared(tmp_path: Path) -> None:
     printed = run("compare_controllers/compare_controllers.py", tmp_path)
     assert "steady_state_error: worse" in printed
     assert (tmp_path / "comparison" / "comparison.html").is_file()
+
+
+def test_a_leak_is_named_after_a_few_nights_of_the_played_rig(tmp_path: Path) -> None:
+    script = "week_of_nights/week_of_nights.py"
+    printed = run(script, tmp_path, "--nights", "3", "--leak", "1e-14")
+    assert printed.count("night ") == 11
+    assert "cause: leakage" in printed
+    assert (tmp_path / "nights" / "history" / "index.html").is_file()
 
 
 def test_without_the_measurements_it_says_so(
