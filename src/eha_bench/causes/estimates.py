@@ -107,14 +107,16 @@ def estimates(
 
 
 def _as_fitted(item: NightEvidence, gains: FloatArray) -> None:
-    """Take from gains what a cause's own fit leaves more of a night than the best one's does."""
+    """Set gains of effects that were fitted by what each left of a night more than the best one.
+
+    A fit goes where slopes only point to: it knows better what an effect explains.
+    """
     if not item.fitted:
         return
-    best = min(item.fitted.values())
-    most = float(gains.max(initial=0.0))
+    best = min(item.fitted, key=lambda name: item.fitted[name])
+    most = float(gains[item.names.index(best)])
     for name, cost in item.fitted.items():
-        k = item.names.index(name)
-        gains[k] = min(gains[k], max(0.0, most - (cost - best)))
+        gains[item.names.index(name)] = max(0.0, most - (cost - item.fitted[best]))
 
 
 _Told = tuple[FloatArray, FloatArray, FloatArray, float, float]
