@@ -53,6 +53,9 @@ _SOFT = 5.0
 _BAD = 1e9
 _LOUD = 10.0
 """Mean square of a window's residual, in that of most, from which its start is moved."""
+_HOLDS = 4.0
+"""Mean square of most windows, in the noise's, below which the model holds: beyond it, what stands
+out is what the model lacks."""
 _FEW = 0.2
 """Largest share of windows that stand out: where more do, the model does not hold."""
 _HORIZONS = (0.06, 0.12, 0.25, 0.5, 1.0, 1.0)
@@ -310,8 +313,9 @@ class Problem:
     def _loud(self, squares: Sequence[float]) -> list[int]:
         """Return which windows stand out, by the sum of squares of each one's residual."""
         means = np.array(squares) / [max(part.pick.size, 1) for part in self._parts]
-        loud = np.flatnonzero(means > _LOUD * max(1.0, float(np.median(means))))
-        return [*map(int, loud)] if loud.size <= _FEW * means.size else []
+        usual = max(1.0, float(np.median(means)))
+        loud = np.flatnonzero(means > _LOUD * usual)
+        return [*map(int, loud)] if usual < _HOLDS and loud.size <= _FEW * means.size else []
 
     def _move_start(self, part: Prepared, at: _At) -> float:
         """Move a window's start to its best, and take U there; return what was simulated, s.
