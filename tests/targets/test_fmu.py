@@ -144,7 +144,7 @@ def test_an_error_of_the_fmu_is_a_fault(
     ("old", "new", "key", "says"),
     [
         ("variable: i_cmd", "variable: i_cmnd", "inputs.current_command.variable", "'i_cmd'?"),
-        ("variable: i_cmd", "variable: p", "inputs.current_command.variable", "no input"),
+        ("variable: i_cmd", "variable: p", "inputs.current_command.variable", "not an input"),
         ("current_command:", "force:", "inputs.force", "only current_command"),
         ("variable: speed", "variable: sped", "outputs.motor_speed.variable", "'speed'?"),
         ("unit: rpm", "unit: rad/s", "outputs.motor_speed.unit", "rev/min"),
