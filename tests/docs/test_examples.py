@@ -40,16 +40,17 @@ def test_a_leak_grows_on_the_played_rig(tmp_path: Path) -> None:
     script = EXAMPLES / "week_of_nights" / "week_of_nights.py"
     command = [sys.executable, str(script), str(tmp_path), "--nights", "3", "--leak", "1e-14"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=900)
-    # it runs in real time: where a machine stalls in the last night, that night names nothing
+    # it runs in real time: a night in which a machine stalls is not scored, and names nothing
     assert done.returncode in (0, 1), done.stdout + done.stderr
     history = tmp_path / "nights" / "history"
     causes = json.loads((history / "history.json").read_text(encoding="utf-8"))["causes"]
     assert {wear["cause"] for wear in causes["wear"]} <= {"leakage"}
     [leak] = [trend for trend in causes["trends"] if trend["cause"] == "leakage"]
     values = {item["result"]: v for item, v in zip(leak["nights"], leak["values"], strict=True)}
-    healthy = [values[f"{night:02d}/result.json"] for night in range(8)]
-    worn = [values[f"{night:02d}/result.json"] for night in range(8, 11)]
-    assert sorted(worn)[1] > 2.0 * max(healthy)
+    healthy = [value for name, value in values.items() if name < "08"]
+    worn = [value for name, value in values.items() if name >= "08"]
+    assert len(healthy) >= 6
+    assert sorted(worn)[-2] > 2.0 * max(healthy)
     assert "page:" in done.stdout
     assert (history / "index.html").is_file()
 
