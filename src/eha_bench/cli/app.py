@@ -20,6 +20,7 @@ from eha_bench.cli import (
     sweeping,
     tuning,
 )
+from eha_bench.cli.help import Command
 
 _WELCOME = """\
 eha-bench tests, scores and explains electro-hydrostatic actuators.
@@ -69,3 +70,6 @@ exporting.register(app)
 layout.register(app)
 rig.register(app)
 serving.register(app)
+
+for command in app.registered_commands:
+    command.cls = Command

@@ -38,7 +38,7 @@ def predict(
     out: Annotated[Path, typer.Option("--out", help="Folder for one Parquet file a run.")],
     json: Json = False,
 ) -> None:
-    """Simulate every run freely, from its inputs and its first sample."""
+    """Simulate every run freely, from its inputs and first sample."""
     from eha_bench.diagnosis.replay.prediction import SUMMARY
     from eha_bench.diagnosis.replay.prediction import predict as simulate
 
@@ -58,7 +58,10 @@ def calibrate(
     out: Annotated[Path, typer.Option("--out", help="Folder for calibrated.yaml.")],
     json: Json = False,
 ) -> None:
-    """Estimate the parameters under `calibrate`, with intervals and what is not identifiable."""
+    """Estimate a model's parameters, with intervals.
+
+    Those under `calibrate` in the dataset; what its recordings do not determine is said.
+    """
     from eha_bench.diagnosis.run import calibrate as estimate
 
     with TerminalProgress() as bar:
@@ -99,7 +102,10 @@ def diagnose(
     ] = "",
     json: Json = False,
 ) -> None:
-    """Close the loop: residual, cause, revised model, error before and after."""
+    """Find what a model lacks, and revise it.
+
+    Residual, cause, revised model, and the error before and after.
+    """
     from eha_bench.api import diagnose as close
 
     with TerminalProgress() as bar:

@@ -44,7 +44,10 @@ def compare(
     strict: Strict = False,
     verbose: Verbose = False,
 ) -> None:
-    """Compare two results: differences with confidence, and a verdict a metric."""
+    """Compare two results: a verdict on every metric.
+
+    Every difference has its interval; exit status 1 for a regression.
+    """
     from eha_bench.comparison_api import compare as compare_results
 
     found = compare_results(baseline, candidate, out, across_targets=across_targets)
@@ -74,7 +77,7 @@ def ab(  # noqa: PLR0913, PLR0917 - the options of a command
             "--b", help="Candidate target, given in the same ways.", autocompletion=complete_targets
         ),
     ],
-    repeats: Annotated[int, typer.Option("--repeats", help="Pairs of runs, at most.")] = 10,
+    repeats: Annotated[int, typer.Option("--repeats", min=1, help="Pairs of runs, at most.")] = 10,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder (default: reports/<suite>-ab/<time>).")
     ] = None,
@@ -88,7 +91,10 @@ def ab(  # noqa: PLR0913, PLR0917 - the options of a command
     strict: Strict = False,
     verbose: Verbose = False,
 ) -> None:
-    """Run a suite on two targets in turn (A B B A), until every metric is decided."""
+    """Run a suite on two targets in turn (A B B A).
+
+    It goes on until every metric is decided, or all repeats are done.
+    """
     from eha_bench.comparison_api import ab as run_ab
     from eha_bench.core.result import Status
 
@@ -124,7 +130,10 @@ def baseline(
         bool, typer.Option("--failed", help="Accept results that missed limits.")
     ] = False,
 ) -> None:
-    """Make results the baseline that `compare` and limits `of baseline` refer to."""
+    """Make results the baseline of comparisons and limits.
+
+    `compare` takes the file, and limits `of baseline` refer to it.
+    """
     from eha_bench.comparison.baseline_file import accept
 
     done = accept(file, results, failed=failed)
@@ -174,7 +183,10 @@ def history(
         ),
     ] = "",
 ) -> None:
-    """Follow every metric over many results: changes, control limits, drift; a static site."""
+    """Follow every metric over many results, and flag drifts.
+
+    Trends, changes and control limits, as pages that need no server.
+    """
     from eha_bench.cli.experiment import stages
     from eha_bench.comparison_api import history as follow
     from eha_bench.core.errors import InputError

@@ -63,7 +63,10 @@ def next_experiment(
     ] = "",
     json: Json = False,
 ) -> None:
-    """Find the cheapest permitted experiment that separates what a diagnosis leaves open."""
+    """Plan the experiment that tells what a diagnosis leaves open.
+
+    The cheapest permitted one, as a suite that `run` takes.
+    """
     from eha_bench.core.units import positive
 
     if pool:
@@ -136,7 +139,10 @@ def close(
     within: Within = "10 %",
     json: Json = False,
 ) -> None:
-    """Diagnose, plan, run and diagnose again until nothing is left open; resumes by itself."""
+    """Diagnose, plan, run, diagnose again until one cause is left.
+
+    The same command goes on with rounds that were interrupted.
+    """
     from eha_bench.core.units import positive
     from eha_bench.rounds import PAGE, Settled
     from eha_bench.rounds import close as close_in_rounds

@@ -15,7 +15,10 @@ def export_fmu(
     out: Annotated[Path, typer.Option("--out", help="The .fmu to write.")],
     fmi: Annotated[int, typer.Option("--fmi", min=2, max=3, help="FMI version: 2 or 3.")] = 2,
 ) -> None:
-    """Write a model as an FMU (co-simulation) for Simulink, Modelica tools and others."""
+    """Write a model as an FMU for Simulink, Modelica and others.
+
+    For co-simulation, by FMI 2 or 3.
+    """
     from eha_bench.targets.fmu.export import export_fmu as export
 
     path = export(model, out, fmi)

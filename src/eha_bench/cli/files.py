@@ -15,12 +15,15 @@ if TYPE_CHECKING:
 
 
 def validate(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="YAML files to check.")],
+    files: Annotated[list[Path], typer.Argument(help="YAML files to check.")],
     json: Annotated[
         bool, typer.Option("--json", help="Print the findings on standard output.")
     ] = False,
 ) -> None:
-    """Check YAML files of any kind: suite, sweep, target, model, controller, channels, dataset."""
+    """Check YAML files of any kind: every mistake with its line.
+
+    Suite, sweep, target, model, controller, channels, dataset, nightly and plant files.
+    """
     from eha_bench.core.errors import EhaBenchError
     from eha_bench.core.file_kind import kind_of
     from eha_bench.core.plugins import running_nothing

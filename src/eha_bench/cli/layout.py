@@ -21,7 +21,7 @@ def layout(
         Path | None, typer.Option("--out", help="File to write (default: standard output).")
     ] = None,
 ) -> None:
-    """Write a Foxglove layout (JSON) that plots our topics, units in the labels."""
+    """Write a Foxglove layout (JSON) that plots our topics."""
     import json
 
     from eha_bench.report.foxglove import layout_for

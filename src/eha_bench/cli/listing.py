@@ -123,11 +123,14 @@ def complete_lists(incomplete: str) -> list[str]:
 def show(
     kind: Annotated[
         str,
-        typer.Argument(metavar="KIND", help=", ".join(LISTS) + ".", autocompletion=complete_lists),
+        typer.Argument(help=", ".join(LISTS) + ".", autocompletion=complete_lists),
     ],
     json: Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")] = False,
 ) -> None:
-    """List what there is: suites, metrics, effects, plants, elements, targets or signals."""
+    """List what there is: suites, metrics, effects and more.
+
+    Also plants, elements, targets and signals.
+    """
     from eha_bench.core.errors import InputError
     from eha_bench.core.near_miss import suggest
 

@@ -26,16 +26,15 @@ def plants() -> tuple[str, ...]:
 
 
 def init(
-    folder: Annotated[
-        Path, typer.Argument(metavar="[DIR]", help="Folder of the project.")
-    ] = Path(),
+    folder: Annotated[Path, typer.Argument(help="Folder of the project.")] = Path(),
     plant: Annotated[
         str,
         typer.Option("--plant", help="Plant of the project.", autocompletion=complete_projects),
     ] = "eha_knee",
 ) -> None:
-    """Write a project that runs at once: suite, target, controller, channels, dataset, CI file.
+    """Write a project that runs at once.
 
+    Suite, target, model, controller, channels, dataset and CI file; nothing is asked.
     Files that are there already are left alone.
     """
     from eha_bench.core.atomic_file import replacing

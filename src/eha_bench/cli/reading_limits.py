@@ -13,7 +13,6 @@ MaxMemory = Annotated[
     str | None,
     typer.Option(
         "--max-memory",
-        metavar="SIZE",
         help="Memory that reading a file may take, e.g. 8GB (default: by the size of the file).",
     ),
 ]
@@ -21,7 +20,6 @@ MaxTime = Annotated[
     str | None,
     typer.Option(
         "--max-time",
-        metavar="TIME",
         help="Processor time that reading a file may take, e.g. 60s (default: by its size).",
     ),
 ]

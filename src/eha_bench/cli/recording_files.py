@@ -19,12 +19,15 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard outpu
 
 
 def info(
-    recording: Annotated[Path, typer.Argument(metavar="FILE", help="Recording of any format.")],
+    recording: Annotated[Path, typer.Argument(help="Recording of any format.")],
     json: Json = False,
     max_memory: MaxMemory = None,
     max_time: MaxTime = None,
 ) -> None:
-    """Say what a recording holds: topics, types, rates, gaps, ranges, metadata, health."""
+    """Say what a recording holds: topics, rates, gaps, health.
+
+    Also types, ranges and metadata.
+    """
     from eha_bench.recordings import info as describe
 
     with reading_limits(max_memory, max_time):
@@ -38,14 +41,17 @@ def info(
 
 
 def channels(
-    recording: Annotated[Path, typer.Argument(metavar="LOG", help="Log of any format.")],
+    recording: Annotated[Path, typer.Argument(help="Log of any format.")],
     out: Annotated[
         Path | None, typer.Option("--out", help="File to write (default: standard output).")
     ] = None,
     max_memory: MaxMemory = None,
     max_time: MaxTime = None,
 ) -> None:
-    """Write a first channels.yaml for a log: channels and units guessed, and marked as guessed."""
+    """Write a first channels.yaml for a log.
+
+    Channels and units are guessed, and marked as guessed.
+    """
     from eha_bench.recordings.guessing import first_map
 
     with reading_limits(max_memory, max_time):
@@ -59,19 +65,18 @@ def channels(
 
 
 def export(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="Recording of any readable format.")
-    ],
-    target: Annotated[
-        Path, typer.Argument(metavar="FILE", help="File to write; ends in .csv, .parquet or .mf4.")
-    ],
+    recording: Annotated[Path, typer.Argument(help="Recording of any readable format.")],
+    target: Annotated[Path, typer.Argument(help="File to write; ends in .csv, .parquet or .mf4.")],
     channels: Annotated[
         Path | None, typer.Option("--channels", help="channels.yaml of a foreign log.")
     ] = None,
     max_memory: MaxMemory = None,
     max_time: MaxTime = None,
 ) -> None:
-    """Write a recording as CSV, Parquet or MDF 4: time in s, channels in SI, bit for bit."""
+    """Write a recording as CSV, Parquet or MDF 4.
+
+    Time in s, channels in SI, bit for bit.
+    """
     from eha_bench.recordings import export as write
     from eha_bench.recordings import read
 
@@ -94,7 +99,7 @@ def recover(
     max_memory: MaxMemory = None,
     max_time: MaxTime = None,
 ) -> None:
-    """Write all that can be read of a torn MCAP file to a clean, indexed one."""
+    """Write what can be read of a torn MCAP file to a clean one."""
     from eha_bench.recordings import recover as mend
 
     clean = target or source.with_name(f"{source.stem}-recovered.mcap")

@@ -55,7 +55,10 @@ def rig(
     ] = 50,
     duration: Annotated[str, typer.Option("--for", help="Stop after this time.")] = "",
 ) -> None:
-    """Play a drive and its actuator behind a CAN adapter, in real time, on this machine only."""
+    """Play a drive and its actuator behind a CAN adapter.
+
+    In real time, on this machine only.
+    """
     from eha_bench.core.interruption import Interruption
     from eha_bench.core.shipped import shipped_rig
     from eha_bench.core.units import positive
@@ -89,7 +92,7 @@ def clear(
     target: Annotated[Path, typer.Argument(help="target.yaml of the rig.")],
     by: Annotated[str, typer.Option("--by", help="Name of the person who inspected the rig.")],
 ) -> None:
-    """Clear a rig's latch and its drive's fault, after a person has looked at it."""
+    """Clear a rig's latch and fault, after a person inspected it."""
     from eha_bench.core.errors import InputError
     from eha_bench.targets.can.target import CanTarget
     from eha_bench.targets.resolve import open_target

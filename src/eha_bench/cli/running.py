@@ -107,7 +107,10 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
-    """Run a suite against a target: recordings, result.json, report.html, junit.xml."""
+    """Run a suite against a target, and write its report.
+
+    Recordings, result.json, report.html and junit.xml.
+    """
     from eha_bench.api import preview
     from eha_bench.api import run as run_suite
     from eha_bench.core.units import positive
@@ -204,7 +207,7 @@ def score(
     max_memory: MaxMemory = None,
     max_time: MaxTime = None,
 ) -> None:
-    """Score recordings made earlier or elsewhere, by the same code as a run."""
+    """Score recordings made earlier or elsewhere, as a run does."""
     from eha_bench.api import score_files
 
     with TerminalProgress() as progress, reading_limits(max_memory, max_time):

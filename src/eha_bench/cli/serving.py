@@ -30,7 +30,10 @@ def serve(
         ),
     ] = "",
 ) -> None:
-    """Serve runs, trends and comparisons of a folder as pages, and runs that are on live."""
+    """Serve a folder's runs and trends as pages, live runs too.
+
+    Two runs are compared by click; the folder is only read.
+    """
     from eha_bench.core.errors import InputError
 
     try:

@@ -48,7 +48,10 @@ def sweep(
         bool, typer.Option("--json", help="Print sweep.json on standard output.")
     ] = False,
 ) -> None:
-    """Run a suite over gains, parameters, effects or keys of trials: which points pass."""
+    """Run a suite over gains or parameters: which points pass.
+
+    Also over effects and keys of trials.
+    """
     from eha_bench.api import run_point
     from eha_bench.api import sweep as run_sweep
 

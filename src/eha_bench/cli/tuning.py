@@ -63,7 +63,10 @@ def tune(  # noqa: PLR0913, PLR0917 - the options of a command
         bool, typer.Option("--json", help="Print tuning.json on standard output.")
     ] = False,
 ) -> None:
-    """Find the gains that pass with the highest probability over what is not known."""
+    """Find the gains that pass with the highest probability.
+
+    The probability is over what is not known of the machine.
+    """
     from eha_bench.api import tune as find
 
     with TerminalProgress() as progress:
@@ -116,7 +119,10 @@ def before_after(
     ],
     out: Annotated[Path, typer.Option("--out", help="The page.")] = Path("before_after.html"),
 ) -> None:
-    """One page of a machine: recordings, diagnosis, revised model, tuned gains, its own results."""
+    """Put a machine's diagnosis, tuning and results on one page.
+
+    Recordings, diagnosis, revised model, tuned gains, its own result before and after.
+    """
     from eha_bench.before_after import before_after as write
 
     typer.echo(str(write(folders, out)))
