@@ -1,5 +1,6 @@
 """What a person at a prompt meets: names that complete, objects that show themselves, types."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -53,7 +54,9 @@ def test_a_result_tells_what_failed(result: eb.Result) -> None:
     assert set(frame[frame.limit != ""].metric) == {"tracking_max", "tracking_rms"}
     assert frame.value.dtype == np.float64
     html = result._repr_html_()
-    assert html.index("failed") < html.index("passed")
+    assert html.index("<td>failed</td>") < html.index("<td>passed</td>")
+    cells = r"<td>step \[0\]</td><td>tracking error, maximum</td><td>\d\.\d+\xa0A</td>"
+    assert re.search(cells + "<td>≤\xa01\xa0A</td>", html)
     assert eb.Result.read(result.folder / "result.json").folder == result.folder
 
 
@@ -63,7 +66,9 @@ def test_a_recording_shows_itself_and_is_drawn(
     monkeypatch.setenv("MPLBACKEND", "agg")
     rec = eb.read(result.folder / "recordings" / "step-0.mcap")
     assert "100 samples over 0.099 s at 1000 Hz, reference, " in repr(rec)
-    assert "<td>pressure_a</td><td>Pa</td>" in rec._repr_html_()
+    assert re.search(
+        r"<td>pressure_a</td><td>[−\d.]+</td><td>[\d.]+</td><td>MPa</td>", rec._repr_html_()
+    )
     figure = rec.plot("current")
     assert [axis.get_title(loc="left") for axis in figure.axes] == ["Motor current / A"]
     with pytest.raises(MissingChannelError, match="force"):
@@ -78,10 +83,12 @@ def test_what_comparing_and_watching_find_shows_itself(result: eb.Result) -> Non
     assert result.folder is not None
     found = eb.compare(result.folder, result.folder)
     assert repr(found).startswith("<Comparison: no regression; ")
-    assert "<table>" in found._repr_html_()
+    html = found._repr_html_()
+    assert "No regression. All " in html
+    assert "<td>step</td><td>Tracking error, maximum</td>" in html
     history = eb.history(result.folder.parent)
-    assert "1 runs" in repr(history)
-    assert "<table>" in history._repr_html_()
+    assert ": 1 run, " in repr(history)
+    assert "too few runs to judge any of them (8 are needed)" in history._repr_html_()
 
 
 SCRIPT = """

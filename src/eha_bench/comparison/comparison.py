@@ -14,9 +14,11 @@ from eha_bench.comparison.side import Side
 from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.finite import finite_or_none
-from eha_bench.core.showing import html_table
+from eha_bench.core.lazy import later
 
 SCHEMA_VERSION = 1
+
+_html = later("eha_bench.report.notebook", "comparison_html")
 
 
 @dataclass(frozen=True)
@@ -138,17 +140,8 @@ class Comparison:
         return f"<Comparison: {status}; {counts or 'nothing compared'}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a line a metric, what is not the same first."""
-        rows = sorted(
-            (
-                (item.trial, item.metric, item.baseline.mean, item.candidate.mean, item.unit,
-                 item.verdict.value)
-                for item in self.items
-            ),
-            key=lambda row: row[-1] == ComparisonVerdict.SAME.value,
-        )  # fmt: skip
-        names = ("trial", "metric", "baseline", "candidate", "unit", "verdict")
-        return html_table(repr(self).strip("<>"), names, rows)
+        """What a notebook shows: a line a metric that is not the same."""
+        return str(_html(self))
 
     def to_json(self) -> str:
         """Return the comparison as JSON; NaN becomes null."""

@@ -14,7 +14,6 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
 from eha_bench.core.lazy import later
-from eha_bench.core.showing import html_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,6 +23,10 @@ if TYPE_CHECKING:
 RESAMPLED = "resampled"
 """Key of the metadata that lists what was resampled, as JSON."""
 
+_NAMED = 12
+"""Channels that are named in one line."""
+
+_html = later("eha_bench.report.notebook", "recording_html")
 _plot = later("eha_bench.report.plot", "plot_recording")
 
 
@@ -171,21 +174,14 @@ class Recording:
         span = self.time[-1] - self.time[0] if len(self) > 1 else 0.0
         rate = f" at {1.0 / self.sample_period:.6g} Hz" if len(self) > 1 else ""
         name = f" of {self.source}" if self.source else ""
-        return f"<Recording{name}: {len(self)} samples over {span:.4g} s{rate}, {', '.join(self)}>"
+        names = list(self)
+        left = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+        listed = ", ".join(names[:_NAMED]) + left
+        return f"<Recording{name}: {len(self)} samples over {span:.4g} s{rate}, {listed}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a line a channel."""
-        rows = []
-        for name in self:
-            values = self[name]
-            known = np.isfinite(values)
-            low, high = (values[known].min(), values[known].max()) if known.any() else (np.nan,) * 2
-            rows.append((name, self.unit(name), float(low), float(high), int((~known).sum())))
-        return html_table(
-            repr(self).strip("<>").partition(", ")[0],
-            ("channel", "unit", "smallest", "largest", "missing"),
-            rows,
-        )
+        return str(_html(self))
 
     def plot(self, *channels: str) -> Figure:
         """Return a matplotlib figure of the channels named, or of all that show more than noise.

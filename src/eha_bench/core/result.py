@@ -17,7 +17,6 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.lazy import later
 from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.score import Measure, Score, ScoreStatus
-from eha_bench.core.showing import html_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 1
 
+_html = later("eha_bench.report.notebook", "result_html")
 _plot = later("eha_bench.report.plot", "plot_trial")
 
 
@@ -123,17 +123,8 @@ class Result:
         return f"<Result of {self.suite} on {self.target}: {self.status.value}, {kept_of}{where}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a line a limit."""
-        rows = [
-            (run.id, run.repeat, score.metric, score.value, score.unit, score.limit,
-             score.status.value.replace("_", " "))
-            for run in self.trials
-            for score in run.scores
-            if score.limit
-        ]  # fmt: skip
-        rows.sort(key=lambda row: row[-1] == ScoreStatus.PASSED.value)
-        names = ("trial", "repeat", "metric", "value", "unit", "limit", "verdict")
-        return html_table(repr(self).strip("<>"), names, rows)
+        """What a notebook shows: a line a limit, those that are not kept first."""
+        return str(_html(self))
 
     def to_frame(self) -> pd.DataFrame:
         """Return a pandas DataFrame with a row for every score of every run; values are SI."""

@@ -14,9 +14,9 @@ import numpy as np
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
+from eha_bench.core.lazy import later
 from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, metric_spec
-from eha_bench.core.showing import html_table
 from eha_bench.core.workers import HERE, Workers
 from eha_bench.suites.acceptance.grammar import parse_bounds, split_stated
 from eha_bench.trends.changes import FEWEST
@@ -37,6 +37,8 @@ _AIMS: Final = {Better.NEARER_ZERO: 0.0, Better.NEARER_ONE: 1.0}
 _GRAVITY: Final = list(TrendState)
 
 Key = tuple[str, str, str, str, str, str]
+
+_html = later("eha_bench.report.notebook", "history_html")
 
 
 @dataclass(frozen=True)
@@ -94,19 +96,15 @@ class History:
 
     def __repr__(self) -> str:
         """What it is in one line: how many runs and metrics, and what drifted."""
+        runs, metrics = len(self.nights), len(self.trends)
         return (
-            f"<History of {self.folder}: {len(self.nights)} runs, {len(self.trends)} metrics, "
-            f"{self.status}>"
+            f"<History of {self.folder}: {runs} run{'' if runs == 1 else 's'}, "
+            f"{metrics} metric{'' if metrics == 1 else 's'}, {self.status}>"
         )
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a line a metric."""
-        rows = [
-            (trend.trial, trend.metric, float(trend.values[-1]), trend.unit, trend.state.value)
-            for trend in self.trends
-        ]
-        names = ("trial", "metric", "newest", "unit", "state")
-        return html_table(repr(self).strip("<>"), names, rows)
+        """What a notebook shows: a line a metric, what drifted first."""
+        return str(_html(self))
 
     def to_json(self) -> str:
         """Return the history as JSON; NaN becomes null."""

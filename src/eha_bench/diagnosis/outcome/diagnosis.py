@@ -14,7 +14,7 @@ from typing import Any
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.finite import finite_or_none
-from eha_bench.core.showing import html_table
+from eha_bench.core.lazy import later
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.rival import Covered, Rival
@@ -24,6 +24,8 @@ from eha_bench.plants.model import Model
 
 SCHEMA_VERSION = 1
 DIAGNOSIS_FILE = "diagnosis.json"
+
+_html = later("eha_bench.report.notebook", "diagnosis_html")
 
 
 class Verdict(StrEnum):
@@ -180,14 +182,8 @@ class Diagnosis:
         return f"<Diagnosis: {self.verdict.value}{f' ({found})' if found else ''}{ended}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: errors on runs that were never fitted, before and after."""
-        rows = [
-            (channel, error.before, error.after, error.noise_floor, error.unit)
-            for channel, error in (self.holdout or self.train).items()
-        ]
-        runs = "held-out runs" if self.holdout else "training runs"
-        names = ("channel", "error before", "after", "noise", "unit")
-        return html_table(f"{repr(self).strip('<>')}, errors on {runs}", names, rows)
+        """What a notebook shows: what was found, and the errors before and after."""
+        return str(_html(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of diagnosis.json; what is not computable is null."""
