@@ -580,7 +580,7 @@ def test_a_controller_without_its_method_is_refused_before_the_run(cli: Cli, pro
     )
     told = cli("run", "suite.yaml", "--target", "target.yaml", "--out", "out", check=2).stderr
     assert "controller.yaml:5, key 'pressure.controller': " in told
-    assert "does not define step; write the method, or check its name" in told
+    assert "does not define step; write the method, or rename 'setp'" in told
     assert not (project / "out").exists()
 
 

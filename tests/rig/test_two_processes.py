@@ -9,7 +9,7 @@ import os
 import re
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -118,7 +118,16 @@ def test_a_killed_bench_leaves_no_torque_and_a_readable_recording(
     assert "latched" in said
 
 
+@pytest.fixture
+def closed_terminal_is_heard() -> Iterator[None]:
+    """What is started hears SIGHUP, also where the tests run under nohup: it would be inherited."""
+    outside = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, outside)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("closed_terminal_is_heard")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_run_safely_and_latches_nothing(
     rig: Rigs, suite: Suites, tmp_path: Path, number: signal.Signals

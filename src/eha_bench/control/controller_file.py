@@ -24,6 +24,7 @@ from eha_bench.control.open_loop import OpenLoop
 from eha_bench.core import plugins, yaml_file
 from eha_bench.core.errors import InputError, Mistakes, Place, PluginError
 from eha_bench.core.located import Located
+from eha_bench.core.plugin_class import check_class
 from eha_bench.core.shipped import by_name
 from eha_bench.core.trial import ControlMode, mode_named, passes_on
 from eha_bench.core.yaml_file import StrictModel
@@ -213,13 +214,7 @@ def _parse_block(block: Located) -> ControllerSpec:
             where=where,
             hint="derive it from eha_bench.control.controller.Controller",
         )
-    missing = sorted(getattr(kind, "__abstractmethods__", ()))
-    if missing:
-        raise InputError(
-            f"'{reference}' does not define {' and '.join(missing)}",
-            where=where,
-            hint="write the method, or check its name",
-        )
+    check_class(kind, Controller, f"controller '{reference}'", where=where)
     gains = block.without("controller")
     checked = yaml_file.validate(kind.Gains, gains.value, where.file, places=gains.place)
     places = {key: gains.place((key,)) for key in gains.value}

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from eha_bench.core import plugins, yaml_file
-from eha_bench.core.errors import InputError, Place
+from eha_bench.core.errors import InputError, Place, PluginError
 from eha_bench.core.near_miss import likely
 
 
@@ -54,7 +54,7 @@ class FileKind:
 
 def kinds() -> tuple[FileKind, ...]:
     """Return all registered kinds, the most telling first."""
-    found = [plugins.load("file_kinds", name) for name in plugins.names("file_kinds")]
+    found = [kind_named(name) for name in plugins.names("file_kinds")]
     return tuple(sorted(found, key=lambda kind: (-kind.priority, kind.name)))
 
 
@@ -62,10 +62,11 @@ def kind_named(name: str) -> FileKind:
     """Return the kind of that name.
 
     Raises:
-        PluginError: no such kind.
+        PluginError: no such kind, or it is not a FileKind.
     """
     kind = plugins.load("file_kinds", name)
-    assert isinstance(kind, FileKind)
+    if not isinstance(kind, FileKind):
+        raise PluginError(f"file kind '{name}' is not a FileKind but {type(kind).__name__}")
     return kind
 
 

@@ -18,6 +18,12 @@ def suggest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
 
 def likely(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
     """Return a hint such as `did you mean 'sine'?`, "" where no known name is like this one."""
+    near = nearest(name, known, likeness=likeness)
+    return f"did you mean '{near}'?" if near else ""
+
+
+def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
+    """Return the known name that is most like this one, "" where none is like it."""
     folded = {other.lower(): other for other in reversed(list(known))}
     close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=likeness)
-    return f"did you mean '{folded[close[0]]}'?" if close else ""
+    return folded[close[0]] if close else ""

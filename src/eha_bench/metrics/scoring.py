@@ -11,6 +11,7 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import EhaBenchError, InputError, MissingChannelError, PluginError
 from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.metric import METRICS
+from eha_bench.core.plugin_class import check_attributes, check_class
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure, Score
 from eha_bench.core.signal import FromRecording
@@ -32,7 +33,11 @@ def metric(name: str) -> Metric:
     """
     found = plugins.load("metrics", name)
     if isinstance(found, type) and issubclass(found, Metric):
+        check_class(found, Metric, f"metric '{name}'")
         found = found()
+    if isinstance(found, Metric):
+        check_class(type(found), Metric, f"metric '{name}'")
+        check_attributes(found, Metric, f"metric '{name}'")
     if not isinstance(found, Metric) or found.spec.id != name:
         raise PluginError(
             f"entry point '{name}' of eha_bench.metrics does not name a metric of this id",

@@ -10,12 +10,13 @@ strength an effect is skipped, so the declared model is nested in every candidat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 
 from eha_bench.core.errors import PluginError
+from eha_bench.core.near_miss import suggest
 from eha_bench.plants.parameter import Parameter, choice
 
 AT = "at"
@@ -105,6 +106,28 @@ class Effect:
     separate: str = ""
     starts: tuple[Mapping[str, float], ...] = ()
     order: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse names that mean nothing: misspelt, they would be without effect.
+
+        Raises:
+            PluginError: an action advances what is no state, or names what is no parameter.
+        """
+        parameters = [item.name for item in self.parameters]
+        for action in self.actions.values():
+            self._refuse_unknown("state", (*action.advance, *action.start), self.states)
+            named = (*action.choices, action.chosen_by, action.charges)
+            self._refuse_unknown("parameter", filter(None, named), parameters)
+        for start in self.starts:
+            self._refuse_unknown("parameter", start, parameters)
+
+    def _refuse_unknown(self, what: str, names: Iterable[str], known: Sequence[str]) -> None:
+        for name in names:
+            if name not in known:
+                raise PluginError(
+                    f"effect '{self.id}' names the {what} '{name}', which it does not have",
+                    hint=suggest(name, known),
+                )
 
     @property
     def strength(self) -> Parameter:
@@ -370,13 +393,29 @@ class BoundEffect:
 
 
 def bound(effects: Sequence[Effect], spots: Spots) -> tuple[BoundEffect, ...]:
-    """Return the effects that a plant has places for, in the order of their ids."""
+    """Return the effects that a plant has places for, in the order of their ids.
+
+    Raises:
+        PluginError: an effect acts at a hook that its role does not have.
+    """
     found = []
     for effect in sorted(effects, key=lambda item: item.id):
         role = next((role for role in effect.actions if spots.get(role)), None)
         if role is not None:
+            _refuse_unknown_hooks(effect, role, spots[role])
             found.append(BoundEffect(effect, role, tuple(spots[role])))
     return tuple(found)
+
+
+def _refuse_unknown_hooks(effect: Effect, role: str, spots: Sequence[Spot]) -> None:
+    for spot in spots:
+        for hook in effect.actions[role].hooks:
+            if hook not in spot.hooks:
+                raise PluginError(
+                    f"effect '{effect.id}' acts at the hook '{hook}', which the role '{role}' "
+                    "does not have",
+                    hint=suggest(hook, spot.hooks),
+                )
 
 
 def group_of(function: Callable[..., object], name: str) -> type | None:

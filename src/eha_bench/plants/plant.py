@@ -21,6 +21,7 @@ from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, PluginError
 from eha_bench.core.linkage import Linkage
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.plugin_class import check_attributes, check_class
 from eha_bench.plants.channel_roles import KNOWN, ChannelRoles
 from eha_bench.plants.effect import Effect
 from eha_bench.plants.layout import Layout
@@ -183,7 +184,7 @@ class Plant:
     layout: Layout
     outputs: tuple[str, ...]
     states: tuple[str, ...]
-    state_places: Mapping[str, int]
+    state_places: Mapping[str, int] = MappingProxyType({})
     inputs: tuple[str, ...] = ()
     command: str = ""
     references: tuple[str, ...] = ()
@@ -492,6 +493,8 @@ def get_plant(name: str) -> Plant:
     plant = plugins.load("plants", name)()
     if not isinstance(plant, Plant):
         raise PluginError(f"plant '{name}' is not a Plant but {type(plant).__name__}")
+    check_class(type(plant), Plant, f"plant '{name}'")
+    check_attributes(plant, Plant, f"plant '{name}'")
     from eha_bench.plants.signals import with_signals
 
     return with_signals(plant, registered_effects())

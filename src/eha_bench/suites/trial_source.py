@@ -20,6 +20,7 @@ from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
 from eha_bench.core.margin import EquivalenceMargin
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.own_metric import OwnMetric
+from eha_bench.core.plugin_class import check_class
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Setup, Trial
 from eha_bench.core.yaml_file import Places, StrictModel, validate
@@ -296,6 +297,7 @@ def signal_from(
             where=place("kind"),
             hint="the entry point has to name a class derived from it",
         )
+    check_class(model, SignalModel, f"signal '{kind}'", where=place("kind"))
     prefix = () if places else ("signal",)
     return validate(model, content, file, prefix, context=context, places=places)
 

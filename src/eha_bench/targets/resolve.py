@@ -9,6 +9,7 @@ from typing import Any
 from eha_bench.core import plugins, yaml_file
 from eha_bench.core.errors import EhaBenchError, InputError, Place, PluginError
 from eha_bench.core.file_kind import kind_by_keys
+from eha_bench.core.plugin_class import check_class
 from eha_bench.core.shipped import find
 from eha_bench.targets.crash import error_text
 from eha_bench.targets.simulator import default_simulator
@@ -84,4 +85,5 @@ def _from_file(path: Path, content: dict[str, object]) -> Target:
         ) from error
     if not isinstance(target, Target):
         raise InputError(f"'{content['target']}' does not make a Target", where=where)
+    check_class(type(target), Target, f"target '{content['target']}'", where=where)
     return target

@@ -81,12 +81,6 @@ class Hooks:
 
     def _register(self, effect: BoundEffect, spot: Spot) -> None:
         for name, function in effect.action.hooks.items():
-            if name not in spot.hooks:
-                raise PluginError(
-                    f"effect '{effect.id}' uses the hook '{name}' that the role '{effect.role}' "
-                    "does not have",
-                    hint=f"it has: {', '.join(spot.hooks)}",
-                )
             for hook in spot.hooks[name]:
                 self._uses.setdefault(hook.at, []).append(_Use(effect, spot, hook, function))
 
