@@ -21,7 +21,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure
 from eha_bench.report.comparison_markdown import comparison_markdown
-from eha_bench.report.comparison_report import write_comparison
+from eha_bench.report.comparison_report import needed, write_comparison
 from eha_bench.report.comparison_rows import row_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -108,6 +108,47 @@ def test_a_result_is_the_same_as_itself(values: list[float]) -> None:
         item = only(compare(result(values, matters=matters), result(values, matters=matters)))
         assert item.verdict is ComparisonVerdict.SAME
         assert "identical" in item.method
+
+
+@pytest.mark.parametrize(
+    ("factor", "clipped", "expected"),
+    [
+        (0.9, "candidate", ComparisonVerdict.UNDECIDED),  # at least 0.9 may be more than 1
+        (1.1, "candidate", ComparisonVerdict.WORSE),
+        (1.0, "candidate", ComparisonVerdict.UNDECIDED),
+        (0.9, "baseline", ComparisonVerdict.BETTER),
+        (1.1, "baseline", ComparisonVerdict.UNDECIDED),
+        (1.1, "both", ComparisonVerdict.UNDECIDED),
+    ],
+)
+@pytest.mark.parametrize("scatter", [True, False])
+def test_what_is_clipped_decides_only_what_it_can(
+    factor: float, clipped: str, expected: ComparisonVerdict, scatter: bool
+) -> None:
+    base = BASE if scatter else [1.0] * 4
+    options = [
+        {"clipped": "yes"} if clipped in (name, "both") else {}
+        for name in ("baseline", "candidate")
+    ]
+    found = compare(
+        result(base, "overshoot", **options[0]),
+        result([factor * value for value in reversed(base)], "overshoot", **options[1]),
+    )
+    item = only(found)
+    assert item.verdict is expected
+    assert "cut off by the sensor's end in the" in item.reason
+    assert clipped == "both" or clipped in item.reason
+    assert item.cut_off
+    entry = json.loads(found.to_json())["metrics"][0]
+    assert None in (entry["low"], entry["high"])
+    said = "More repeats would be cut off as well"
+    assert (said in row_of(item).note) == (expected is ComparisonVerdict.UNDECIDED)
+    assert ("more repeats would" in needed(found)) == (expected is ComparisonVerdict.UNDECIDED)
+
+
+def test_a_clipped_result_is_the_same_as_itself() -> None:
+    both = [result(BASE, "overshoot", clipped="yes") for _ in range(2)]
+    assert only(compare(*both)).verdict is ComparisonVerdict.SAME
 
 
 def test_deterministic_repeats_are_named() -> None:

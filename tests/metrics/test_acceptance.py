@@ -147,3 +147,66 @@ def test_what_a_limit_is_applied_to_survives_a_file_and_a_second_judgement(tmp_p
     found = Result.read(tmp_path / "result.json").trials[0].scores[0]
     assert (found.judged_by, found.reason) == (once[0][0].judged_by, once[0][0].reason)
     assert found.measure.reason == once[0][0].measure.reason
+
+
+# --- open ends -------------------------------------------------------------------------------
+
+
+@given(st.floats(-100, 100), st.floats(-100, 100), st.booleans())
+def test_at_least_so_much_never_passes_an_upper_limit(value, kept, confident):
+    """What is known from below passes lower limits only; from above, upper ones only."""
+    above = Measure(value, value - 1.0, math.inf)
+    assert judge(above, limit(kept, confident=confident)) in (UNDECIDED, FAILED)
+    assert judge(above, limit(math.inf, low=kept, confident=confident)) in (UNDECIDED, PASSED)
+    below = Measure(value, -math.inf, value + 1.0)
+    assert judge(below, limit(kept, confident=confident)) in (UNDECIDED, PASSED)
+    assert judge(below, limit(math.inf, low=kept, confident=confident)) in (UNDECIDED, FAILED)
+
+
+@pytest.mark.parametrize("confident", [True, False])
+def test_an_open_end_decides_what_it_can(confident):
+    above = Measure(45, 44, math.inf)
+    options = {"confident": confident}
+    assert judge(above, limit(40, **options)) is FAILED
+    assert judge(above, limit(50, **options)) is UNDECIDED
+    assert judge(above, limit(50, low=46, **options)) is UNDECIDED
+    assert judge(above, limit(math.inf, low=40, **options)) is PASSED
+    assert judge(above, limit(math.inf, low=50, **options)) is UNDECIDED
+    assert judge(above, limit(math.inf, low=40, warn=Bounds(high=60), **options)) is WARNED
+    unknown = Measure(45, math.nan, math.inf)
+    assert judge(unknown, limit(50, **options)) is UNDECIDED
+    assert judge(unknown, limit(40, **options)) is FAILED
+
+
+def open_repeats(kept, *ends):
+    return [
+        (Score("rise_time", "x", m, "s", judge(m, kept), kept.text),)
+        for m in (Measure(v, v - 1.0, high) for v, high in ends)
+    ]
+
+
+@pytest.mark.parametrize("over", [Repeats.WORST, Repeats.MEDIAN])
+def test_one_repeat_that_is_open_leaves_the_others_undecided(over):
+    kept = limit(repeats=over)
+    judged = judge_repeats(open_repeats(kept, (45, 46), (30, math.inf), (44, 45)), [kept])
+    assert statuses(judged) == [UNDECIDED] * 3
+    assert "or more" in judged[0][0].judged_by
+
+
+def test_an_open_end_survives_a_file(tmp_path):
+    measures = [
+        Measure(45.0, 44.0, math.inf, "cut off"),
+        Measure(45.0, -math.inf, 46.0, "cut off"),
+        Measure(45.0, math.nan, math.inf, "cut off"),
+    ]
+    scores = tuple(
+        Score("peak", f"x{k}", m, "s", UNDECIDED, "<= 50") for k, m in enumerate(measures)
+    )
+    trial = TrialResult("t", 0, Status.FAILED, "", "", scores)
+    path = tmp_path / "result.json"
+    Result("s", "t", Status.FAILED, (trial,)).write(path)
+    assert '"open": "above"' in path.read_text(encoding="utf-8")
+    again = [score.measure for score in Result.read(path).trials[0].scores]
+    assert [(m.low, m.high) for m in again[:2]] == [(44.0, math.inf), (-math.inf, 46.0)]
+    assert math.isnan(again[2].low)
+    assert again[2].high == math.inf

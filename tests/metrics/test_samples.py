@@ -8,7 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from eha_bench.core.limit import AcceptanceLimit, Bounds
+from eha_bench.core.score import ScoreStatus
 from eha_bench.core.sensor import Sensor
+from eha_bench.metrics.acceptance import judge
 from eha_bench.metrics.outliers import spikes
 from eha_bench.metrics.resolution import dithering, resolution_of, rounding_sd
 from eha_bench.metrics.samples import samples
@@ -175,12 +178,17 @@ def test_clipping_is_said(kit, noisy_step):
     reason = kit.measure("overshoot", clipped, trial).reason
     assert "clipped: " in reason
     assert "at exactly 2.03e+07 Pa" in reason
-    # what was cut off is not known: no interval, and no time of a peak
-    for name in ("overshoot", "peak"):
+    # how far it went beyond is not known: at least this, and no time of a peak
+    for name, level in (("overshoot", 0.06), ("peak", 20.3e6)):
         found = kit.measure(name, clipped, trial)
-        assert "at least this" in found.reason
-        assert math.isnan(found.low)
-        assert math.isnan(found.high)
+        assert "at least this, the sensor's end cut it off" in found.reason
+        assert found.value == pytest.approx(level, rel=2e-2)
+        assert found.low < found.value < found.high == math.inf
+        truth = kit.measure(name, recording, trial).value
+        assert judge(found, on(name, "<=", 2.0 * truth)) is ScoreStatus.UNDECIDED
+        assert judge(found, on(name, "<=", 0.9 * level)) is ScoreStatus.FAILED
+        assert judge(found, on(name, ">=", 0.9 * level)) is ScoreStatus.PASSED
+        assert judge(found, on(name, ">=", 1.1 * level)) is ScoreStatus.UNDECIDED
     assert "the peak is clipped" in kit.measure("peak_time", clipped, trial).reason
     assert math.isfinite(kit.measure("undershoot", clipped, trial).high)
     assert "clipped" not in kit.measure("overshoot", recording, trial).reason
@@ -207,6 +215,69 @@ def test_few_samples_a_rise_are_said_and_priced(kit):
         found = kit.measure("rise_time", recording, trial)
         assert found.low <= 1.63757 / natural <= found.high
         assert "few samples: " in found.reason
+
+
+def on(name, sign, level):
+    bounds = Bounds(high=level) if sign == "<=" else Bounds(low=level)
+    return AcceptanceLimit(name, "x", bounds, f"{sign} {level}", "")
+
+
+def test_a_clipped_step_down_is_open_below(kit):
+    recording, trial = kit.step(STIFF, hold=0.6, initial=20e6, size=-5e6)
+    noisy = kit.noisy(recording, 1e4, 3)
+    clipped = noisy.with_values({kit.channel: np.maximum(noisy[kit.channel], 14.7e6)})
+    peak, overshoot = (kit.measure(name, clipped, trial) for name in ("peak", "overshoot"))
+    assert "at most this" in peak.reason
+    assert peak.low == -math.inf < 14.7e6 - 5e4 < peak.value < peak.high
+    assert overshoot.high == math.inf
+    assert judge(peak, on("peak", ">=", 10e6)) is ScoreStatus.UNDECIDED
+    assert judge(peak, on("peak", "<=", 16e6)) is ScoreStatus.PASSED
+
+
+def test_readings_clipped_at_both_ends_are_open_to_both(kit):
+    first_the_wrong_way = ([-0.02, 1.0], [1 / 900, 0.5 / 30, 1.0])
+    recording, trial = kit.step(first_the_wrong_way, hold=1.0, initial=15e6, size=5e6)
+    noisy = kit.noisy(recording, 1e4, 3)
+    within = np.clip(noisy[kit.channel], 14.5e6, 21e6)
+    clipped = noisy.with_values({kit.channel: within})
+    for name, least in (("overshoot", 0.2), ("undershoot", 0.1)):
+        found = kit.measure(name, clipped, trial)
+        assert found.value == pytest.approx(least, rel=0.02)
+        assert found.high == math.inf
+
+
+def test_a_difference_is_cut_off_where_its_part_is(kit, noisy_step):
+    recording, trial = noisy_step
+    rng = np.random.default_rng(1)
+    low = 2e6 + 1e4 * rng.normal(size=recording.time.size)
+    high = recording[kit.channel] + 2e6
+    parts = {"pressure_a": np.minimum(high, 22.3e6), "pressure_b": low}
+    values = {"reference": recording["reference"], **parts}
+    found = kit.measure("overshoot", replace(recording, values=values), trial)
+    assert found.high == math.inf
+    assert "samples of pressure_a at exactly 2.23e+07 Pa" in found.reason
+    # pressure_b at its end makes the difference too large, and hides no overshoot
+    values["pressure_a"] = high
+    values["pressure_b"] = np.minimum(low, 2e6)
+    found = kit.measure("overshoot", replace(recording, values=values), trial)
+    assert "samples of pressure_b" in found.reason
+    assert math.isfinite(found.high)
+
+
+def test_what_stops_by_itself_is_not_clipped(kit):
+    """A piston that overshoots and sticks for a while, and one that comes to rest for good."""
+    since = np.arange(100) / 100.0
+    arrives = 1.2 * (1.0 - (1.0 - since) ** 2)
+    stuck = np.concatenate([arrives, np.full(60, 1.2), 1.2 - 0.2 * since**2, np.full(600, 1.0)])
+    resting = np.concatenate([1.0 - (1.0 - since) ** 2, np.full(700, 1.0)])
+    for shape in (stuck, resting):
+        recording, trial = kit.step(
+            lambda t, shape=shape: shape[np.minimum(np.round(t * 1e3), shape.size - 1).astype(int)],
+            hold=0.8,
+        )
+        found = kit.measure("overshoot", recording, trial)
+        assert "clipped" not in found.reason
+        assert math.isfinite(found.high) or math.isnan(found.high)
 
 
 @pytest.mark.parametrize("share", [0.3, 1.0])

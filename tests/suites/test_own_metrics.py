@@ -91,6 +91,26 @@ late: {expression: min(current), from: 2 s}
 
 
 @pytest.mark.parametrize(
+    ("text", "status"),
+    [
+        ("max(pressure_a) / 5.05e6", ScoreStatus.UNDECIDED),
+        ("2 - max(pressure_a) / 5.05e6", ScoreStatus.PASSED),
+        ("1e6 * 5.05 / max(pressure_a) / 1e6", ScoreStatus.PASSED),
+        ("mean(pressure_a) / 5.05e6", ScoreStatus.UNDECIDED),
+        ("mean(pressure_b - pressure_a) / -5.05e6", ScoreStatus.UNDECIDED),
+        ("max(pressure_a) / max(pressure_a + pressure_b)", ScoreStatus.NOT_SCORED),
+        ("min(pressure_a) / 5.05e6", ScoreStatus.PASSED),
+    ],
+)
+def test_a_formula_of_clipped_readings_passes_no_limit_that_they_may_break(suite, text, status):
+    (trial,) = suite(f"share: {{expression: {text}}}", "{share: '<= 1.1'}").trials
+    made = recorded(1e3)
+    clipped = np.minimum(made["pressure_a"], 5.05e6)
+    found = by_name(score(made.with_values({**made.values, "pressure_a": clipped}), trial))
+    assert found["share"].status is status, found["share"].reason
+
+
+@pytest.mark.parametrize(
     ("text", "value"),
     [
         ("mean(pressure_b)", 2e6),

@@ -184,8 +184,47 @@ def test_an_index_of_the_first_version_keeps_its_runs(tmp_path: Path) -> None:
     with closing(sqlite3.connect(tmp_path / "history" / "index.sqlite")) as database, database:
         database.executescript(
             "ALTER TABLE runs DROP COLUMN oil_temperature;"
-            "ALTER TABLE scores DROP COLUMN spread; PRAGMA user_version = 1;"
+            "ALTER TABLE scores DROP COLUMN spread;"
+            "ALTER TABLE scores DROP COLUMN open; PRAGMA user_version = 1;"
         )
+    (tmp_path / "night-003" / "result.json").unlink()
+    assert len(eb.history(tmp_path).nights) == 9
+
+
+@pytest.mark.parametrize(
+    ("newest", "side", "state"),
+    [
+        ([1.0], "above", "cut off by the sensor"),  # at least as high as ever is not 'steady'
+        ([0.7] * 3, "above", "cut off by the sensor"),  # nor a fall
+        ([1.3] * 3, "above", "stepped"),
+        ([0.7] * 3, "", "stepped"),
+    ],
+)
+def test_a_clipped_night_shows_only_what_it_can(
+    tmp_path: Path, newest: list[float], side: str, state: str
+) -> None:
+    values = [*steady(), *newest]
+    for i, value in enumerate(values):
+        started = (FIRST + timedelta(days=i)).isoformat()
+        more = {"clipped": "yes"} if side and i >= 30 else {}
+        made = result([value], "overshoot", started=started, **more)
+        folder(tmp_path / f"night-{i:03d}", made)
+    found = eb.history(tmp_path)
+    (trend,) = json.loads(found.to_json())["trends"]
+    assert trend["state"] == state
+    assert trend.get("open", []) == ([""] * 30 + [side] * len(newest) if side else [])
+    assert found.exit_status() == int(state == "stepped")
+    if state.startswith("cut off"):
+        assert "the sensor's end cut off the newest value of it" in headline(found)
+        page = (tmp_path / "history" / "index.html").read_text(encoding="utf-8")
+        assert "cut off by the sensor" in page
+
+
+def test_an_index_of_the_second_version_keeps_its_runs(tmp_path: Path) -> None:
+    nights(tmp_path, steady(9))
+    eb.history(tmp_path)
+    with closing(sqlite3.connect(tmp_path / "history" / "index.sqlite")) as database, database:
+        database.executescript("ALTER TABLE scores DROP COLUMN open; PRAGMA user_version = 2;")
     (tmp_path / "night-003" / "result.json").unlink()
     assert len(eb.history(tmp_path).nights) == 9
 

@@ -22,7 +22,7 @@ from eha_bench.comparison.evidence import (
     exact,
     ratios_of,
 )
-from eha_bench.comparison.exactly import known_exactly
+from eha_bench.comparison.exactly import IDENTICAL, known_exactly
 from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
 from eha_bench.comparison.scatters import learned_ratios
@@ -341,14 +341,16 @@ def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) 
     by_missing = not math.isnan(pair.p_missing) and (
         found is None or not pair.p_missing > found.p_beyond
     )
+    cut_off = "" if pair.exactly == IDENTICAL else _cut_off(pair)
     if found is not None:
+        low, high = _opened(pair, found) if cut_off else (found.low, found.high)
         item = replace(
             item,
             difference=found.difference,
-            low=found.low,
-            high=found.high,
+            low=low,
+            high=high,
             method=found.method,
-            reason="; ".join(part for part in (found.note, gone) if part),
+            reason="; ".join(part for part in (cut_off, found.note, gone) if part),
         )
     significant = item.p_beyond <= ALPHA
     if significant and by_missing and lost != 0.0:
@@ -362,6 +364,9 @@ def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) 
         )
     if found is None:
         return replace(item, verdict=ComparisonVerdict.UNDECIDED, reason=gone)
+    if cut_off and not (significant and _certain(item)):
+        # more repeats would be cut off as well
+        return replace(item, verdict=ComparisonVerdict.UNDECIDED)
     if significant:
         return replace(item, verdict=_worse_or_better(found.difference, pair.direction))
     if item.p_same <= ALPHA:
@@ -375,6 +380,25 @@ def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) 
         alpha=ALPHA / family, paired=paired,
     )  # fmt: skip
     return replace(item, verdict=ComparisonVerdict.UNDECIDED, more_repeats=more)
+
+
+def _cut_off(pair: _Pair) -> str:
+    """Return which side holds values that are only known to be at least (at most) so much."""
+    sides = (("baseline", pair.baseline), ("candidate", pair.candidate))
+    names = [name for name, side in sides if side.open_below or side.open_above]
+    return f"cut off by the sensor's end in the {' and the '.join(names)}" if names else ""
+
+
+def _opened(pair: _Pair, found: Evidence) -> tuple[float, float]:
+    """Return the interval of a difference, open to where values may be farther than they say."""
+    low = pair.candidate.open_below or pair.baseline.open_above
+    high = pair.candidate.open_above or pair.baseline.open_below
+    return -math.inf if low else found.low, math.inf if high else found.high
+
+
+def _certain(item: Compared) -> bool:
+    """Whether a difference stays one of its sign, whatever lies beyond an end that is open."""
+    return (item.low if item.difference > 0.0 else item.high) not in (-math.inf, math.inf)
 
 
 def _worse_or_better(difference: float, direction: Direction) -> ComparisonVerdict:

@@ -48,8 +48,9 @@ class Compared:
         trial, metric, channel, unit: what is compared.
         better: which value is the better one, in words; "" where unknown.
         baseline, candidate: the values of the two sides.
-        difference, low, high: candidate minus baseline with its 95 % interval (not corrected);
-            of the distances from the aim where the metric has one.
+        difference, low, high: candidate minus baseline with its 95 % interval (not corrected),
+            infinite where values were cut off by a sensor's end; of the distances from the aim
+            where the metric has one.
         margin: smallest difference that matters; `margin_text` says where it comes from.
         p_difference, p_beyond, p_same: p-values of 'no difference', of 'differs by no more than
             the margin' and of 'differs by the margin or more', corrected for all metrics looked
@@ -79,6 +80,11 @@ class Compared:
     more_repeats: int | None = None
     method: str = ""
     reason: str = ""
+
+    @property
+    def cut_off(self) -> bool:
+        """Whether values were cut off by a sensor's end, so that the interval is open."""
+        return math.isinf(self.low) or math.isinf(self.high)
 
     @property
     def share(self) -> float:

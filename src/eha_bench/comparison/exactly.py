@@ -11,7 +11,7 @@ from eha_bench.comparison.side import SideRun
 IDENTICAL: Final = "identical: every value of the trial is the same on both sides"
 DETERMINISTIC: Final = "deterministic repeats: no value of the trial scatters on either side"
 
-_Values = tuple[tuple[str, str, float], ...]
+_Values = tuple[tuple[str, str, float, str], ...]
 
 
 def known_exactly(baseline: Sequence[SideRun], candidate: Sequence[SideRun]) -> str:
@@ -33,7 +33,7 @@ def known_exactly(baseline: Sequence[SideRun], candidate: Sequence[SideRun]) -> 
 
 def _values(run: SideRun) -> _Values:
     return tuple(sorted(
-        (score.metric, score.channel, score.value)
+        (score.metric, score.channel, score.value, score.measure.open)
         for score in run.trial.scores
         if math.isfinite(score.value)
     ))  # fmt: skip

@@ -15,7 +15,8 @@ class Sample:
 
     Attributes:
         values: (n,).
-        low, high: (n,) bounds of each value's own 95 % interval; NaN where unknown.
+        low, high: (n,) bounds of each value's own 95 % interval; NaN where unknown, infinite at an
+            end that is open.
     """
 
     values: FloatArray
@@ -43,9 +44,24 @@ class Sample:
         """Unbiased variance over the repeats; NaN for fewer than two."""
         return float(self.values.var(ddof=1)) if self.values.size > 1 else float("nan")
 
+    @property
+    def open_below(self) -> bool:
+        """Whether one of the values may be any lower than it says."""
+        return bool(np.any(np.isneginf(self.low)))
+
+    @property
+    def open_above(self) -> bool:
+        """Whether one of the values may be any higher than it says, as a clipped peak may."""
+        return bool(np.any(np.isposinf(self.high)))
+
     def distance_from(self, aim: float) -> Sample:
         """Return the distances from `aim`, whose intervals begin at 0 where they hold it."""
         values = np.abs(self.values - aim)
         ends = np.abs(np.stack((self.low, self.high)) - aim)
         holds = (self.low <= aim) & (aim <= self.high)
-        return Sample(values, np.where(holds, 0.0, ends.min(axis=0)), ends.max(axis=0))
+        # what may be anything beyond a value that the aim is beyond, too, may be nearer or farther
+        across = np.isinf(self.low) & (self.values > aim) | np.isinf(self.high) & (
+            self.values < aim
+        )
+        nearest = np.where(holds, 0.0, ends.min(axis=0))
+        return Sample(values, np.where(across, -np.inf, nearest), ends.max(axis=0))

@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from eha_bench.core.finite import finite_or_none
-from eha_bench.core.score import Measure
+from eha_bench.core.score import Measure, number_of
 
 _STATISTICS = ("mean", "median", "worst")
-_ENDS = ("value", "low", "high")
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class RepeatsSummary:
         }
         for name in _STATISTICS:
             measure: Measure = getattr(self, name)
-            found[name] = {end: finite_or_none(getattr(measure, end)) for end in _ENDS}
+            found[name] = measure.to_dict()
         return found
 
     @staticmethod
@@ -55,9 +53,7 @@ class RepeatsSummary:
         """Read what `to_dict` wrote; raises KeyError, TypeError or ValueError for anything else."""
         measures = {}
         for name in _STATISTICS:
-            ends = (data[name][end] for end in _ENDS)
-            value, low, high = (float("nan") if end is None else float(end) for end in ends)
-            measures[name] = Measure(value, low, high)
+            measures[name] = Measure(number_of(data[name]["value"]), *Measure.ends_of(data[name]))
         return RepeatsSummary(
             trial=str(data["trial"]),
             metric=str(data["metric"]),

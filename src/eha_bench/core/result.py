@@ -16,7 +16,7 @@ from eha_bench.core.errors import InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.lazy import later
 from eha_bench.core.repeats_summary import RepeatsSummary
-from eha_bench.core.score import Measure, Score, ScoreStatus
+from eha_bench.core.score import Measure, Score, ScoreStatus, number_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -243,9 +243,7 @@ def _score_to_dict(score: Score) -> dict[str, Any]:
     return {
         "metric": score.metric,
         "channel": score.channel,
-        "value": finite_or_none(score.measure.value),
-        "low": finite_or_none(score.measure.low),
-        "high": finite_or_none(score.measure.high),
+        **score.measure.to_dict(),
         "unit": score.unit,
         "limit": score.limit_in_si or score.limit,
         "limit_written": score.limit,
@@ -292,20 +290,13 @@ def _each(data: Mapping[str, Any], key: str, read: Callable[[Any], _Read]) -> tu
     return tuple(found)
 
 
-def _float(value: Any) -> float:
-    try:
-        return math.nan if value is None else float(value)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{value!r} is not a number") from error
-
-
 def _contribution(data: Mapping[str, Any]) -> Contribution:
     freedom = data.get("freedom")
     return Contribution(
         source=str(data["source"]),
         evaluation=Evaluation(data["type"]),
-        standard=_float(data["standard"]),
-        freedom=math.inf if freedom is None else _float(freedom),
+        standard=number_of(data["standard"]),
+        freedom=math.inf if freedom is None else number_of(freedom),
         rectangular=data.get("distribution") == "rectangular",
     )
 
@@ -315,9 +306,8 @@ def _score(data: Mapping[str, Any]) -> Score:
         metric=str(data["metric"]),
         channel=str(data.get("channel") or ""),
         measure=Measure(
-            _float(data["value"]),
-            _float(data.get("low")),
-            _float(data.get("high")),
+            number_of(data["value"]),
+            *Measure.ends_of(data),
             str(data.get("reason") or ""),
             Budget(_each(data, "budget", _contribution)),
         ),
@@ -333,7 +323,7 @@ def _score(data: Mapping[str, Any]) -> Score:
 def _trial(data: Mapping[str, Any]) -> TrialResult:
     return TrialResult(
         id=str(data["id"]),
-        repeat=int(_float(data.get("repeat", 0))),
+        repeat=int(number_of(data.get("repeat", 0))),
         status=Status(data["status"]),
         recording=str(data.get("recording") or ""),
         sha256=str(data.get("sha256") or ""),
@@ -355,7 +345,7 @@ def _from_dict(data: Mapping[str, Any]) -> Result:
         provenance={str(k): str(v) for k, v in (data.get("provenance") or {}).items()},
         description=str(data.get("description", "")),
         not_run=_each(
-            data, "not_run", lambda item: (str(item["id"]), int(_float(item.get("repeat", 0))))
+            data, "not_run", lambda item: (str(item["id"]), int(number_of(item.get("repeat", 0))))
         ),
         repeats=_each(data, "repeats", RepeatsSummary.from_dict),
     )

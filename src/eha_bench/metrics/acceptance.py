@@ -10,35 +10,45 @@ from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
 from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.metrics.repeats import median
 
+_MORE = {"above": "more", "below": "less", "both": "anything else"}
+
 
 def judge(measure: Measure, limit: AcceptanceLimit | None) -> ScoreStatus:
     """Return what the limit says of the measure; without a limit, a value has nothing to fail.
 
     A limit that asks for confidence is kept where the whole 95 % interval keeps it, failed where
-    the whole interval lies outside, and undecided in between or where there is no interval.
+    the whole interval lies outside, and undecided in between or where there is no interval. Every
+    limit is undecided where an interval reaches across it with its open end: what is at least 40 %
+    may be more than 50 %.
     """
     if not math.isfinite(measure.value):
         return ScoreStatus.NOT_SCORED
     if limit is None:
         return ScoreStatus.PASSED
+    status = _kept(measure.span, limit.bounds)
     if limit.confident:
         status = _confident(measure, limit.bounds)
-        if status is not ScoreStatus.PASSED:
-            return status
-    elif not limit.bounds.holds(measure.value):
-        return ScoreStatus.FAILED
-    if limit.warn is not None and not limit.warn.holds(measure.value):
+    if status is not ScoreStatus.PASSED:
+        return status
+    if limit.warn is not None and _kept(measure.span, limit.warn) is not ScoreStatus.PASSED:
         return ScoreStatus.WARNED
     return ScoreStatus.PASSED
 
 
 def _confident(measure: Measure, bounds: Bounds) -> ScoreStatus:
-    if not (math.isfinite(measure.low) and math.isfinite(measure.high)):
+    if math.isnan(measure.low) or math.isnan(measure.high):
         # no interval: only what is outside of the bounds already is certain
-        return ScoreStatus.UNDECIDED if bounds.holds(measure.value) else ScoreStatus.FAILED
-    if bounds.holds(measure.low) and bounds.holds(measure.high):
+        failed = _kept(measure.span, bounds) is ScoreStatus.FAILED
+        return ScoreStatus.FAILED if failed else ScoreStatus.UNDECIDED
+    return _kept((measure.low, measure.high), bounds)
+
+
+def _kept(span: tuple[float, float], bounds: Bounds) -> ScoreStatus:
+    """Return whether bounds hold all of a span, none of it, or some."""
+    low, high = span
+    if bounds.holds(low) and bounds.holds(high):
         return ScoreStatus.PASSED
-    outside = measure.high < bounds.low or measure.low > bounds.high
+    outside = high < bounds.low or low > bounds.high
     return ScoreStatus.FAILED if outside else ScoreStatus.UNDECIDED
 
 
@@ -90,16 +100,20 @@ def combined(measures: Sequence[Measure], limit: AcceptanceLimit) -> Measure:
 def _margin(measure: Measure, limit: AcceptanceLimit) -> float:
     """Return how far inside of the bounds the measure is (negative outside)."""
     bounds = limit.bounds
-    low, high = measure.value, measure.value
+    low, high = measure.span
     if limit.confident:
         low, high = (
-            end if math.isfinite(end) else measure.value for end in (measure.low, measure.high)
+            measure.value if math.isnan(end) else end for end in (measure.low, measure.high)
         )
-    return min(low - bounds.low, bounds.high - high)
+    sides = [low - bounds.low] if math.isfinite(bounds.low) else []
+    sides += [bounds.high - high] if math.isfinite(bounds.high) else []
+    return min(sides)
 
 
 def _combined_reason(which: str, measure: Measure, count: int) -> str:
     interval = ""
-    if math.isfinite(measure.low) and math.isfinite(measure.high):
+    if measure.open:
+        interval = f" or {_MORE[measure.open]}"
+    elif math.isfinite(measure.low) and math.isfinite(measure.high):
         interval = f" [{measure.low:.4g}, {measure.high:.4g}]"
     return f"the {which} of {count} repeats, {measure.value:.4g}{interval}"

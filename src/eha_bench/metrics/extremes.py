@@ -120,11 +120,11 @@ class Overshoot(StepMetric):
     def of(self, step: StepResponse) -> Measure:
         """Return the overshoot, never below 0."""
         found = highest(step)
-        value = max(found.peak.value - 1.0, 0.0)
+        value = max(_seen(step, found.peak.value, 1.0) - 1.0, 0.0)
         # r - 1 with r = (y - initial) / (final - initial)
         levels = step.final_budget.scaled(1.0 + value) + step.initial_budget.scaled(value)
         convention = f"beyond the final level as a fraction of the step, {LEVELS}"
-        return _fraction(step, value, found, levels, convention, step.clipped >= 1.0)
+        return _fraction(step, value, found, levels, convention, step.cut_above)
 
 
 class Undershoot(StepMetric):
@@ -135,10 +135,10 @@ class Undershoot(StepMetric):
     def of(self, step: StepResponse) -> Measure:
         """Return the undershoot, never below 0."""
         found = lowest(step)
-        value = max(found.peak.value, 0.0)
+        value = max(_seen(step, found.peak.value, -1.0), 0.0)
         levels = step.initial_budget.scaled(1.0 + value) + step.final_budget.scaled(value)
         convention = f"before the initial level as a fraction of the step, {LEVELS}"
-        return _fraction(step, value, found, levels, convention, step.clipped <= 0.0)
+        return _fraction(step, value, found, levels, convention, step.cut_below)
 
 
 def _own_budget(step: StepResponse, found: Peak) -> Budget:
@@ -158,20 +158,30 @@ def _fraction(
     convention: str,
     clipped: bool,
 ) -> Measure:
-    if clipped:
-        return _at_least(step, value, convention)
     measure = around(step, value, _own_budget(step, found.peak) + levels, convention)
     # the highest of several places that may be as high is too high, the more so the more they are
     chosen = (_largest(found.rivals, 0.975) - NORMAL) * math.sqrt(found.peak.variance)
     low = 0.0 if value <= found.threshold else max(measure.low - chosen, 0.0)
     if math.isnan(measure.low):
         low = math.nan
-    return replace(measure, low=low)
+    measure = replace(measure, low=low)
+    return _cut_off(measure, 1.0) if clipped else measure
 
 
-def _at_least(step: StepResponse, value: float, convention: str) -> Measure:
-    """Return a value without an interval: the sensor's end cut off what was beyond."""
-    return Measure(value, reason=f"at least this, no interval; {with_state(step, convention)}")
+def _seen(step: StepResponse, height: float, side: float) -> float:
+    """Return an extreme of `side` times the response, no farther than readings that were cut off.
+
+    What follows readings up to a sensor's end would go beyond it.
+    """
+    cut = step.cut_above if side > 0.0 else step.cut_below
+    return min(height, float(np.max(side * step.rise[step.origin :]))) if cut else height
+
+
+def _cut_off(measure: Measure, side: float) -> Measure:
+    """Return a measure whose interval is open to a side: the sensor's end hid what was there."""
+    found = replace(measure, high=math.inf) if side > 0.0 else replace(measure, low=-math.inf)
+    words = "at least" if side > 0.0 else "at most"
+    return replace(found, reason=f"{words} this, the sensor's end cut it off; {measure.reason}")
 
 
 class PeakValue(StepMetric):
@@ -190,9 +200,7 @@ class PeakValue(StepMetric):
         """Return the value of the local polynomial's extreme."""
         found = highest(step)
         budget = _own_budget(step, found.peak).scaled(step.step)
-        value = step.initial + step.step * found.peak.value
-        if step.clipped >= 1.0:
-            return _at_least(step, value, "extreme after the edge")
+        value = step.initial + step.step * _seen(step, found.peak.value, 1.0)
         absolute, relative = step.calibration
         sensor = type_b("sensor", math.hypot(absolute, relative * value))
         own = reach(budget + sensor)
@@ -205,7 +213,8 @@ class PeakValue(StepMetric):
             else:
                 high = max(high, step.final + settled)
         reason = with_state(step, "extreme after the edge")
-        return Measure(value, low, high, reason, (budget + sensor).merged())
+        measure = Measure(value, low, high, reason, (budget + sensor).merged())
+        return _cut_off(measure, step.step) if step.cut_above else measure
 
 
 def _also_as_high(step: StepResponse, found: Peak) -> tuple[float, float]:
@@ -271,7 +280,10 @@ def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: st
     budget = noise + rounding + type_b("sensor", data.calibration(value))
     own = reach(budget)
     notes = "; ".join((f"extreme after the first edge; {reason}", *data.notes(line, span)))
-    return Measure(value, value - own, value + own, notes, budget.merged())
+    side = value - float(np.mean(before))
+    cut = {item.above for item in data.clippings(span) if item.left}
+    measure = Measure(value, value - own, value + own, notes, budget.merged())
+    return _cut_off(measure, side) if (side > 0.0) in cut else measure
 
 
 class PeakTime(StepMetric):
@@ -284,7 +296,7 @@ class PeakTime(StepMetric):
         found = highest(step)
         if found.peak.value - 1.0 <= max(found.threshold, _LEAST):
             raise NotScored("no peak: the response does not overshoot beyond its noise")
-        if step.clipped >= 1.0:
+        if step.cut_above:
             raise NotScored("the peak is clipped: the sensor's end cut it off")
         low, high = _also_as_high(step, found.peak)
         budget = between("interpolation", found.peak.between_times)

@@ -19,6 +19,9 @@ from eha_bench.metrics.statistic import measured
 Score = Callable[[str, Recording, Trial, str], tuple[Measure, str]]
 """Scores a metric on a channel ("" for its own): the measure, and the channel that it was."""
 
+_FAR = (1e-3, 1.0, 1e3)
+"""Shares of its value by which an input is moved to its open side, to see where that leads."""
+
 _TOGETHER = {"pressure_difference": ("pressure_a", "pressure_b")}
 
 
@@ -54,12 +57,13 @@ class FormulaMetric(Metric):
         if not math.isfinite(value):
             found = ", ".join(f"{part.text} = {part.measure.value:.4g}" for part in parts)
             raise NotScored(f"{formula.text} is not a finite number for {found}")
+        open_low, open_high = _open_ends(formula.value, values, value, parts)
         notes = [formula.text]
         notes += [f"{part.text}: {part.measure.reason}" for part in parts if part.measure.reason]
         unknown = [part.text for part in parts if not part.known]
         if unknown:
             notes.insert(1, f"no interval: {', '.join(unknown)} has none")
-            return Measure(value, reason="; ".join(notes))
+            return Measure(value, open_low, open_high, "; ".join(notes))
         moves = [_moves(formula.value, values, value, part) for part in parts]
         groups = _groups(parts)
         down, up = (
@@ -68,9 +72,11 @@ class FormulaMetric(Metric):
         )
         if not (math.isfinite(down) and math.isfinite(up)):
             notes.insert(1, "no interval: within those of its inputs it is not a finite number")
-            return Measure(value, reason="; ".join(notes))
+            return Measure(value, open_low, open_high, "; ".join(notes))
         budget = Budget(tuple(_contribution(group, parts, moves) for group in groups)).merged()
-        return Measure(value, value - down, value + up, "; ".join(notes), budget)
+        low = value - down if math.isnan(open_low) else open_low
+        high = value + up if math.isnan(open_high) else open_high
+        return Measure(value, low, high, "; ".join(notes), budget)
 
     def _measured(
         self, recording: Recording, trial: Trial, part: Input
@@ -102,7 +108,7 @@ class _FormulaInput:
     @property
     def known(self) -> bool:
         """Whether it has an interval."""
-        return math.isfinite(self.measure.low) and math.isfinite(self.measure.high)
+        return not (math.isnan(self.measure.low) or math.isnan(self.measure.high))
 
 
 def _channels(names: Iterable[str]) -> frozenset[str]:
@@ -116,11 +122,41 @@ def _moves(
     value: float,
     part: _FormulaInput,
 ) -> tuple[float, float]:
-    """Return how far the value goes down and up over an input's interval; infinite if anywhere."""
-    ends = [of({**values, part.name: end}) - value for end in (part.measure.low, part.measure.high)]
+    """Return how far the value goes down and up over an input's interval; infinite if anywhere.
+
+    An end that is open is left out: `_open_ends` tells of it.
+    """
+    own = [end for end in (part.measure.low, part.measure.high) if math.isfinite(end)]
+    ends = [of({**values, part.name: end}) - value for end in (*own, part.measure.value)]
     if not all(map(math.isfinite, ends)):
         return math.inf, math.inf
     return max(-min(ends), 0.0), max(*ends, 0.0)
+
+
+def _open_ends(
+    of: Callable[[Mapping[str, float]], float],
+    values: Mapping[str, float],
+    value: float,
+    parts: list[_FormulaInput],
+) -> tuple[float, float]:
+    """Return the ends of the interval that inputs open (a clipped peak does), NaN for the others.
+
+    Raises:
+        NotScored: both: the value may be anything.
+    """
+    moved: list[float] = []
+    for part in parts:
+        size = max(abs(part.measure.value), 1.0)
+        for end in (part.measure.low, part.measure.high):
+            if math.isinf(end):
+                far = (part.measure.value + math.copysign(size * k, end) for k in _FAR)
+                moved += [of({**values, part.name: place}) - value for place in far]
+    unknown = any(map(math.isnan, moved))
+    down, up = (unknown or any(side * move > 0.0 for move in moved) for side in (-1.0, 1.0))
+    if down and up:
+        names = ", ".join(part.text for part in parts if part.measure.open)
+        raise NotScored(f"may be anything: a sensor's end cut off {names}")
+    return -math.inf if down else math.nan, math.inf if up else math.nan
 
 
 def _groups(parts: list[_FormulaInput]) -> list[list[int]]:

@@ -51,9 +51,10 @@ def mean(measures: Sequence[Measure]) -> Measure:
     values = np.array([measure.value for measure in measures])
     middle = float(values.mean())
     if float(np.ptp(values)) == 0.0:
-        return Measure(measures[0].value, measures[0].low, measures[0].high)
+        own = measures[0]
+        return Measure(own.value, own.low, own.high).opened_by(measures)
     reach = float(stdtrit(values.size - 1, 0.975) * np.std(values, ddof=1) / math.sqrt(values.size))
-    return Measure(middle, middle - reach, middle + reach)
+    return Measure(middle, middle - reach, middle + reach).opened_by(measures)
 
 
 def worst(measures: Sequence[Measure], better: Better) -> Measure:
@@ -61,16 +62,17 @@ def worst(measures: Sequence[Measure], better: Better) -> Measure:
     middle = float(np.median([measure.value for measure in measures]))
 
     def badness(measure: Measure) -> float:
+        low, high = measure.span
         match better:
             case Better.LOWER:
-                return measure.value
+                return high
             case Better.HIGHER:
-                return -measure.value
+                return -low
             case Better.NEARER_ZERO:
-                return abs(measure.value)
+                return max(abs(low), abs(high))
             case Better.NEARER_ONE:
-                return abs(measure.value - 1.0)
+                return max(abs(low - 1.0), abs(high - 1.0))
             case Better.UNKNOWN:
-                return abs(measure.value - middle)
+                return max(abs(low - middle), abs(high - middle))
 
     return max(measures, key=badness)

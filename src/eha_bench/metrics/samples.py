@@ -7,7 +7,7 @@ sensor's resolution comes from the recording's metadata, or from the step betwee
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,10 @@ from eha_bench.metrics.window import Timeline
 
 _CLIPPED = 5  # samples in a row at the extreme value
 _STEEP = 1.5  # times what a round peak may come and go by
+_SLOWED = (
+    0.6  # of the step two earlier: what is left of it where readings come to rest by themselves
+)
+_SLOWING = 7  # steps
 _BESIDE = 4  # samples before and after a stay at an extreme, at least
 _ELSEWHERE = 0.02  # share of samples like the one before, above which that is nothing special
 _MOST_MISSING = 0.05
@@ -38,19 +42,23 @@ _POSSIBLE = {
 """What a sensor of a rig can read at all, by unit; differences of pressures may be negative."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Clipping:
     """Readings that stay at the end of their sensor's range.
 
     Attributes:
         level: SI.
-        count: samples.
-        first: index of the first of them in its window.
+        at: (n,) the samples of the window that do.
+        above: whether what was cut off lies above; of a part of a difference: in the difference.
+        left: whether the readings leave the end again within the window.
+        name: channel.
     """
 
     level: float
-    count: int
-    first: int
+    at: BoolArray
+    above: bool
+    left: bool
+    name: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +73,7 @@ class Samples:
         resolution: of the sensor, SI; 0 where there is none to be seen.
         uncertainty: standard uncertainty of the calibration that all samples share, SI.
         relative: the same as a share of the reading.
+        parts: channels that a difference is derived from, with their signs; none of a measured one.
     """
 
     name: str
@@ -75,6 +84,7 @@ class Samples:
     resolution: float
     uncertainty: float
     relative: float
+    parts: tuple[tuple[Samples, float], ...] = ()
 
     def calibration(self, level: float) -> float:
         """Return the standard uncertainty of a level's calibration, SI."""
@@ -91,35 +101,51 @@ class Samples:
         ]
         return tuple(note for note in found if note)
 
-    def clipping(self, window: slice) -> Clipping | None:
-        """Return where the sensor's end cuts the samples of a window off, or None."""
-        values = self.values[window]
+    def clippings(self, window: slice) -> tuple[Clipping, ...]:
+        """Return where a sensor's ends cut the samples of a window off.
+
+        A difference is cut off where one of its parts is at its upper end.
+        """
+        own = [self._clipping(self.values[window], above=above) for above in (True, False)]
+        found = [clipping for clipping in own if clipping is not None]
+        for part, sign in self.parts:
+            whole = part._clipping(part.values[window], above=True)
+            if whole is not None:
+                found.append(replace(whole, above=sign > 0.0, name=part.name))
+        return tuple(found)
+
+    def _clipping(self, values: FloatArray, *, above: bool) -> Clipping | None:
         if values.size < 2 * _CLIPPED:
             return None
-        same = np.diff(values) == 0.0
-        for extreme in (float(values.max()), float(values.min())):
-            at = values == extreme
-            # at the start a channel rests: no sensor's end shows before it has moved there
-            reached = [(start, stop) for start, stop in runs(at) if start > 0]
-            longest = max((stop - start for start, stop in reached), default=0)
-            elsewhere = ~(at[1:] & at[:-1])
-            if longest < _CLIPPED or np.count_nonzero(elsewhere) < _CLIPPED:
-                continue
-            alone = float(np.mean(same[elsewhere])) <= _ELSEWHERE
-            if alone or any(self._cut_off(values, *run) for run in reached):
-                count = sum(stop - start for start, stop in reached)
-                return Clipping(extreme, count, reached[0][0])
-        return None
+        extreme = float(values.max() if above else values.min())
+        at = values == extreme
+        # at the start a channel rests: no sensor's end shows before it has moved there
+        reached = [run for run in runs(at) if run[0] > 0 and not _round(values[: run[0] + 1])]
+        longest = max((stop - start for start, stop in reached), default=0)
+        ends = (values == values.max(), values == values.min())
+        elsewhere = ~np.any([end[1:] & end[:-1] for end in ends], axis=0)
+        if longest < _CLIPPED or np.count_nonzero(elsewhere) < _CLIPPED:
+            return None
+        alone = float(np.mean((np.diff(values) == 0.0)[elsewhere])) <= _ELSEWHERE
+        if not alone and not any(self._cut_off(values, *run) for run in reached):
+            return None
+        at = np.zeros(values.size, dtype=np.bool_)
+        for start, stop in reached:
+            at[start:stop] = True
+        left = any(stop < values.size for _, stop in reached)
+        return Clipping(extreme, at, above, left, self.name)
 
     def _clipped(self, line: Timeline, window: slice) -> str:
-        found = self.clipping(window)
-        if found is None:
-            return ""
-        first = float(line.time[window][found.first]) + line.offset
-        return (
-            f"clipped: {found.count} samples at exactly {found.level:.4g} {self.unit}, "
-            f"the first at {first:.6g} s"
-        )
+        times = line.time[window]
+        notes = []
+        for found in self.clippings(window):
+            of = "" if found.name == self.name else f"of {found.name} "
+            notes.append(
+                f"clipped: {np.count_nonzero(found.at)} samples {of}at exactly "
+                f"{found.level:.4g} {self.unit}, the first at "
+                f"{float(times[int(np.argmax(found.at))]) + line.offset:.6g} s"
+            )
+        return "; ".join(notes)
 
     def _cut_off(self, values: FloatArray, start: int, stop: int) -> bool:
         """Whether (n,) readings stay at an extreme that they came to, and left, too steeply.
@@ -152,16 +178,29 @@ class Samples:
         )
 
 
+def _round(before: FloatArray) -> bool:
+    """Whether (n,) readings slow down evenly before they stay, as what stops by itself does.
+
+    The steps of what slows down evenly are as 1 to 2 to 3 to 4, those of what is cut off are alike.
+    Noise lets no step be smaller than the one before, seven times in a row.
+    """
+    steps = np.abs(np.diff(before[-_SLOWING - 1 :]))
+    slower = steps.size == _SLOWING and bool(np.all(np.diff(steps) < 0.0))
+    return slower and bool(steps[-2] <= _SLOWED * steps[-4])
+
+
 def samples(recording: Recording, trial: Trial, channel: str) -> Samples:
     """Return a channel as it can be scored.
 
     Raises:
         MissingChannelError: no such channel.
     """
-    return remembered(recording, trial, ("samples", channel), lambda: _samples(recording, channel))
+    return remembered(
+        recording, trial, ("samples", channel), lambda: _samples(recording, trial, channel)
+    )
 
 
-def _samples(recording: Recording, channel: str) -> Samples:
+def _samples(recording: Recording, trial: Trial, channel: str) -> Samples:
     values = recording[channel]
     none = np.zeros(values.size, dtype=np.bool_)
     sensors = sensors_of(recording, channel)
@@ -191,6 +230,11 @@ def _samples(recording: Recording, channel: str) -> Samples:
         resolution=resolution,
         uncertainty=absolute,
         relative=_relative(recording, channel),
+        parts=tuple(
+            (samples(recording, trial, name), sign)
+            for name, sign in zip(sensors, (1.0, -1.0), strict=False)
+            if name != channel
+        ),
     )
 
 

@@ -44,14 +44,19 @@ class StepMetric(Metric):
 
 def worst(found: list[tuple[StepResponse, Measure]]) -> Measure:
     """Return the measure of the largest magnitude, and say which edge it belongs to."""
-    step, chosen = max(
-        found, key=lambda pair: math.inf if math.isnan(pair[1].value) else abs(pair[1].value)
-    )
+    step, chosen = max(found, key=lambda pair: _magnitude(pair[1]))
     if len(found) == 1:
         return chosen
     return replace(
         chosen, reason=f"worst of {len(found)} edges, at {step.edge.time:.6g} s; {chosen.reason}"
     )
+
+
+def _magnitude(measure: Measure) -> tuple[float, float]:
+    """Return what orders measures by magnitude; what may be any larger counts as the largest."""
+    if math.isnan(measure.value):
+        return math.inf, math.inf
+    return max(map(abs, measure.span)), abs(measure.value)
 
 
 def around(step: StepResponse, value: float, budget: Budget, convention: str) -> Measure:

@@ -55,6 +55,7 @@ _OF_A_RISE = 0.75  # of the samples from 10 to 90 %, on either side: where a pol
 _WIDEST_IN_FEW = 6  # ... and samples at most
 _BEGUN = 0.05  # of the step: a response has hardly set off
 _CORNERS = 10.0  # samples from 10 to 90 % below which a corner may go unseen
+_RESTING = 1e-9  # of the step: readings that move less at rest are free of noise
 _FEW_A_RISE = 5.0  # below which a note is given
 
 
@@ -79,7 +80,8 @@ class StepResponse:
         smooth: `rise` smoothed, for finding places.
         transit: samples from about 25 to 75 %.
         samples_a_rise: sample periods from 10 to 90 %, by straight lines.
-        clipped: level that readings were cut off at, normalised; NaN where none were.
+        cut_above, cut_below: whether a sensor's end cut readings off in the direction of the step,
+            and against it.
         slack: s by which the edge may really have been earlier (0 when its time is known).
         notes: what a reader of the score should know, one clause each.
     """
@@ -99,7 +101,8 @@ class StepResponse:
     smooth: Smooth
     transit: int
     samples_a_rise: float
-    clipped: float
+    cut_above: bool
+    cut_below: bool
     slack: float
     notes: tuple[str, ...]
     _crossings: dict[float, Crossing] = field(default_factory=dict, init=False, repr=False)
@@ -434,7 +437,9 @@ def _respond(
         budgets[1] = replace(high, drift=0.0).budget(resolution, sd)
         budgets[1] += between("settling drift", _PREDICTED * ahead)
     few = _samples_a_rise(rise[origin:])
-    cut = channel.clipping(whole)
+    # what rests without noise stays exactly where it is, at no sensor's end
+    noisy = float(np.ptp(first)) > _RESTING * abs(step)
+    cut = {item.above for item in channel.clippings(whole) if item.left or noisy}
     return StepResponse(
         edge=edge,
         time=line.time[whole] - edge.time,
@@ -451,7 +456,8 @@ def _respond(
         smooth=smooth(rise, unit, _SMOOTHED, transit // 2),
         transit=transit,
         samples_a_rise=few,
-        clipped=math.nan if cut is None else (cut.level / scale - low.value) / step,
+        cut_above=(step > 0.0) in cut,
+        cut_below=(step < 0.0) in cut,
         slack=_slack(line, edge, asked),
         notes=(*_notes(line, rise, low, unit, ahead, few), *channel.notes(line, whole)),
     )

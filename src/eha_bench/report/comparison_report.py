@@ -144,6 +144,8 @@ def needed(comparison: Comparison) -> str:
     undecided = comparison.of(ComparisonVerdict.UNDECIDED)
     if not undecided:
         return ""
+    if all(item.cut_off for item in undecided):
+        return "Cut off by a sensor's end: more repeats would be cut off as well."
     counts = sorted(item.more_repeats for item in undecided if item.more_repeats is not None)
     if not counts:
         alone = all(ONE_RUN in item.reason for item in undecided)

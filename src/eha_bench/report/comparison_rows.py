@@ -121,7 +121,9 @@ def note_of(item: Compared) -> str:
     """Return a row's note: why it was not compared, or how many more repeats it takes."""
     parts = [item.reason] if item.reason else []
     if item.verdict is ComparisonVerdict.UNDECIDED:
-        if item.baseline.runs == item.candidate.runs == 1:
+        if item.cut_off:
+            parts.append("more repeats would be cut off as well")
+        elif item.baseline.runs == item.candidate.runs == 1:
             parts.append("with six repeats on each side most differences are decided")
         elif item.more_repeats is None:
             parts.append("how many more repeats would decide is not known")

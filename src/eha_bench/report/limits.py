@@ -11,7 +11,7 @@ from urllib.parse import quote
 from eha_bench.core.budget import Budget
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats
 from eha_bench.core.result import Result, TrialResult
-from eha_bench.core.score import Score, ScoreStatus
+from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.trial import Trial
 from eha_bench.report.engineering import (
     COUNTS,
@@ -36,6 +36,9 @@ _WORST_FIRST: Final = (
 _HARDLY: Final = 0.05
 _HARDLY_OF_BAND: Final = 0.1
 """Shares of a limit, and of half the width of a band: with less left, the next run may miss it."""
+
+_OR: Final = {"above": "or more", "below": "or less", "both": "or anything else"}
+"""What follows a value that a sensor's end cut off."""
 
 _NEGLIGIBLE: Final = 0.01
 """Share of the whole uncertainty below which a contribution is not worth a word."""
@@ -175,6 +178,8 @@ def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
     decimals = 0 if counted else decimals_for(shown, unit.difference(half_width))
     decided = math.isfinite(score.value) and score.status is not ScoreStatus.UNDECIDED
     margin, severity = _margin(score.value, bounds, unit, decimals)
+    if measure.open and score.status is ScoreStatus.UNDECIDED:
+        margin = ""  # nobody knows what is left
     return ScoreRow(
         trial=run.id,
         repeat=run.repeat,
@@ -185,7 +190,7 @@ def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
         channel=channel_name(score.channel),
         value=number(shown, decimals),
         unit=unit.symbol if math.isfinite(shown) else "",
-        interval=_interval(measure.low, measure.high, score.value, unit, decimals),
+        interval=_interval(measure, unit, decimals),
         limit=limit_text(score.limit),
         margin=margin,
         gauge=_gauge(score.value, bounds),
@@ -227,7 +232,10 @@ def _budget(budget: Budget, unit: DisplayUnit) -> str:
     return ", ".join(parts)
 
 
-def _interval(low: float, high: float, value: float, unit: DisplayUnit, decimals: int) -> str:
+def _interval(measure: Measure, unit: DisplayUnit, decimals: int) -> str:
+    value, low, high = measure.value, measure.low, measure.high
+    if measure.open:
+        return _OR[measure.open]
     if not (math.isfinite(low) and math.isfinite(high) and math.isfinite(value)):
         return ""
     below, above = unit.difference(value - low), unit.difference(high - value)

@@ -41,7 +41,7 @@ _DATE: Final = 10
 _MOST_EVENTS: Final = 30
 _SHARE_THAT_SAYS_SOMETHING = 10.0
 _KELVIN: Final = 273.15
-_NOTABLE: Final = (TrendState.NOT_SCORED, TrendState.ONE_NIGHT_OUT)
+_NOTABLE: Final = (TrendState.NOT_SCORED, TrendState.ONE_NIGHT_OUT, TrendState.CUT_OFF)
 _LOOKS: Final = {
     TrendState.LOST: ("failed", "✕"),
     TrendState.OUT_OF_LIMITS: ("failed", "✕"),
@@ -49,6 +49,7 @@ _LOOKS: Final = {
     TrendState.DRIFTING: ("warned", "↗"),
     TrendState.ONE_NIGHT_OUT: ("undecided", "•"),
     TrendState.NOT_SCORED: ("not_scored", "–"),
+    TrendState.CUT_OFF: ("undecided", "?"),
     TrendState.STEADY: ("passed", "✓"),
     TrendState.TOO_FEW: ("undecided", "?"),
 }
@@ -171,11 +172,13 @@ def headline(history: History) -> str:
     nights = len(history.nights)
     runs = f"{nights} run{'' if nights == 1 else 's'}, {total} metric{'' if total == 1 else 's'}"
     too_few, missed = len(history.of(TrendState.TOO_FEW)), len(history.of(TrendState.NOT_SCORED))
-    found = _drift(drifted) if total > too_few + missed else ""
+    hidden = len(history.of(TrendState.CUT_OFF))
+    found = _drift(drifted) if total > too_few + missed + hidden else ""
     needed = f"({FEWEST} are needed)"
     alone = len(history.of(TrendState.ONE_NIGHT_OUT))
     parts = [
         found,
+        f"the sensor's end cut off the newest value of {_share(hidden, total)}" if hidden else "",
         f"one night outside its limits in {_share(alone, total)}, to be confirmed" if alone else "",
         f"too few runs to judge {_share(too_few, total)} {needed}" if too_few else "",
         f"the newest run has no value of {_share(missed, total)}" if missed else "",

@@ -246,7 +246,7 @@ def _by_key(trial: Trial, runs: Sequence[TrialResult]) -> dict[str, list[Score]]
 
 
 def trial_margins(trial: Trial, runs: Sequence[TrialResult]) -> list[float]:
-    """Return the margin of each of a trial's limits over its repeats; NaN where not scored."""
+    """Return the margin of each of a trial's limits over its repeats; NaN where it is not known."""
     found = []
     for place, limit in enumerate(trial.limits):
         # the scores of limits come first, in their order
@@ -261,5 +261,6 @@ def trial_margins(trial: Trial, runs: Sequence[TrialResult]) -> list[float]:
 
 def _margin(score: Score, limit: AcceptanceLimit) -> float:
     measure = score.measure
-    ends = (measure.low, measure.high) if limit.confident else (measure.value,)
-    return float(np.min([limit.bounds.margin(value) for value in ends]))
+    ends = (measure.low, measure.high) if limit.confident else measure.span
+    found = float(np.min([limit.bounds.margin(value) for value in ends]))
+    return math.nan if found == -math.inf else found

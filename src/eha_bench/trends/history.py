@@ -25,7 +25,7 @@ from eha_bench.trends.index import Entry, Index, Night
 from eha_bench.trends.specimens import Kin, kin_of
 from eha_bench.trends.swing import Swing
 from eha_bench.trends.terms import Kind
-from eha_bench.trends.trend import Trend, TrendState, judge
+from eha_bench.trends.trend import Trend, TrendState, cut_off, judge
 from eha_bench.trends.wear import Causes
 
 SCHEMA_VERSION: Final = 1
@@ -219,9 +219,12 @@ def _judged(metric: _Watched) -> Trend:
         own=float(np.median(known)) if known.size else math.nan,
         missing=metric.missing,
     )
+    sides = tuple(entry.open for entry in metric.entries)
+    if judged.state is not TrendState.LOST:
+        judged = cut_off(judged, sides[-1])
     return Trend(
         *metric.key, better, aim, metric.nights, values, judged, margin, sum(metric.missing),
-        metric.lost, _bounds(metric.entries),
+        metric.lost, _bounds(metric.entries), sides if any(sides) else (),
     )  # fmt: skip
 
 
@@ -349,7 +352,7 @@ def _trend(trend: Trend, places: dict[int, int]) -> dict[str, Any]:
         ],
         "values": [finite_or_none(float(value)) for value in trend.values],
         "at": [places[night.id] for night in trend.nights],
-    }
+    } | ({"open": list(trend.open)} if trend.open else {})
 
 
 def _swing(swing: Swing | None) -> dict[str, float] | None:

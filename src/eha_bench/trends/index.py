@@ -21,7 +21,7 @@ from eha_bench.core.output_folder import writable
 from eha_bench.core.result import Result, Status
 from eha_bench.core.score import Measure
 
-VERSION: Final = 2
+VERSION: Final = 3
 RESULT_NAME: Final = "result.json"
 
 _TABLES: Final = f"""
@@ -36,13 +36,16 @@ CREATE TABLE runs (
 CREATE TABLE scores (
   run INTEGER NOT NULL REFERENCES runs (id), trial TEXT NOT NULL, metric TEXT NOT NULL,
   channel TEXT NOT NULL, unit TEXT NOT NULL, value REAL, repeats INTEGER NOT NULL,
-  bound TEXT NOT NULL, matters TEXT NOT NULL, spread REAL
+  bound TEXT NOT NULL, matters TEXT NOT NULL, spread REAL, open TEXT NOT NULL DEFAULT ''
 );
 """
 _SECOND_VERSION: Final = """
 ALTER TABLE runs ADD COLUMN oil_temperature REAL;
 ALTER TABLE scores ADD COLUMN spread REAL;
-PRAGMA user_version = 2;
+"""
+_THIRD_VERSION: Final = f"""
+ALTER TABLE scores ADD COLUMN open TEXT NOT NULL DEFAULT '';
+PRAGMA user_version = {VERSION};
 """
 _OF_MEDIAN: Final = 1.2533  # its standard deviation over that of a mean, of normal values
 _HALF_WIDTHS: Final = 2.0 * 1.959963984540054
@@ -76,7 +79,8 @@ class Entry:
     """The median of one metric over the repeats of one run, SI; NaN if it was not scored.
 
     `bound` is the acceptance limit in SI, "" for none; `spread` the median's standard deviation by
-    the repeats' own intervals and scatter, NaN where unknown.
+    the repeats' own intervals and scatter, NaN where unknown; `open` the side on which a sensor's
+    end cut values off: `above`, `below`, `both` or "".
     """
 
     run: int
@@ -89,6 +93,7 @@ class Entry:
     bound: str
     matters: str
     spread: float
+    open: str = ""
 
 
 @dataclass(frozen=True)
@@ -146,8 +151,8 @@ def _prepare(database: sqlite3.Connection, file: Path) -> None:
     version = database.execute("PRAGMA user_version").fetchone()[0]
     if version == 0 and not database.execute("SELECT name FROM sqlite_master").fetchall():
         database.executescript(_TABLES)
-    elif version == 1:  # runs whose results are gone are in it: they stay
-        database.executescript(_SECOND_VERSION)
+    elif version in (1, 2):  # runs whose results are gone are in it: they stay
+        database.executescript((_SECOND_VERSION if version == 1 else "") + _THIRD_VERSION)
     elif version != VERSION:
         raise InputError(
             f"an index of version {version}, not {VERSION}",
@@ -205,7 +210,7 @@ def _add(database: sqlite3.Connection, name: str, stamp: tuple[int, int], result
         f"INSERT INTO runs VALUES (NULL, {', '.join('?' * len(row))})", row
     ).lastrowid
     database.executemany(
-        "INSERT INTO scores VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO scores VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         [(key, *entry) for entry in _scores(result)],
     )
 
@@ -220,7 +225,7 @@ def _number(text: str) -> float | None:
 
 def _scores(
     result: Result,
-) -> Iterator[tuple[str, str, str, str, float | None, int, str, str, float | None]]:
+) -> Iterator[tuple[str, str, str, str, float | None, int, str, str, float | None, str]]:
     grouped: dict[tuple[str, str, str, str], list[Measure]] = {}
     about: dict[tuple[str, str, str, str], tuple[str, str]] = {}
     for trial in result.trials:
@@ -234,7 +239,8 @@ def _scores(
                 found.append(score.measure)
     for key, measures in grouped.items():
         value = statistics.median(m.value for m in measures) if measures else None
-        yield (*key, value, len(measures), *about[key], _spread(measures))
+        side = Measure(math.nan).opened_by(measures).open
+        yield (*key, value, len(measures), *about[key], _spread(measures), side)
 
 
 def _spread(measures: list[Measure]) -> float | None:
@@ -267,10 +273,10 @@ def _instant(text: str) -> float:
 
 def _entries(database: sqlite3.Connection) -> Iterator[Entry]:
     rows = database.execute(
-        "SELECT run, trial, metric, channel, unit, value, repeats, bound, matters, spread"
-        " FROM scores"
+        "SELECT run, trial, metric, channel, unit, value, repeats, bound, matters, spread,"
+        " open FROM scores"
     )
-    for run, trial, metric, channel, unit, value, repeats, bound, matters, spread in rows:
+    for run, trial, metric, channel, unit, value, repeats, bound, matters, spread, side in rows:
         number = math.nan if value is None else value
         own = math.nan if spread is None else spread
-        yield Entry(run, trial, metric, channel, unit, number, repeats, bound, matters, own)
+        yield Entry(run, trial, metric, channel, unit, number, repeats, bound, matters, own, side)

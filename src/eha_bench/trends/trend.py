@@ -35,7 +35,8 @@ class TrendState(StrEnum):
     """What the newest run is in a metric.
 
     `one night out` is a newest night outside its control limits that the next night has to bear
-    out; `out of limits` one so far out that it needs no second.
+    out; `out of limits` one so far out that it needs no second; `cut off by the sensor` a newest
+    value that is only known to be at least (at most) what it says, and that shows no change.
     """
 
     LOST = "not scored any more"
@@ -44,6 +45,7 @@ class TrendState(StrEnum):
     DRIFTING = "drifting"
     ONE_NIGHT_OUT = "one night out"
     NOT_SCORED = "not scored"
+    CUT_OFF = "cut off by the sensor"
     STEADY = "steady"
     TOO_FEW = "too few nights"
 
@@ -74,6 +76,8 @@ class Trend:
         missed: nights after the first at which it was not scored, the newest included.
         lost: the first night from which on it was not scored any more; None where it is.
         bounds: acceptance limits of the newest night that had any, SI; infinite without.
+        open: (n,) the side on which a sensor's end cut each value off, "" where it is whole; empty
+            where all are.
     """
 
     suite: str
@@ -91,6 +95,7 @@ class Trend:
     missed: int
     lost: Night | None = None
     bounds: tuple[float, float] = (-math.inf, math.inf)
+    open: tuple[str, ...] = ()
 
     @property
     def state(self) -> TrendState:
@@ -156,6 +161,20 @@ class Judged:
     shift: float
     drift: float
     swing: Swing | None = None
+
+
+def cut_off(judged: Judged, side: str) -> Judged:
+    """Return what is still true of a series whose newest value a sensor's end cut off.
+
+    Args:
+        judged: by the values as they are. side: `above` where the newest is at least what it says,
+            `below` where at most; "" where it is whole.
+    """
+    steady = judged.state in (TrendState.STEADY, TrendState.ONE_NIGHT_OUT)
+    wrong_way = judged.shift < 0.0 if side == "above" else judged.shift > 0.0
+    if not side or not (steady or (judged.state.drifted and (wrong_way or side == "both"))):
+        return judged
+    return replace(judged, state=TrendState.CUT_OFF)
 
 
 def judge(
