@@ -24,5 +24,5 @@ def _schema() -> dict[str, Any]:
 
 KIND = FileKind(
     "nightly", frozenset({"send", "diagnose"}), 5, _check, _schema,
-    use="eha-bench history DIR --config FILE",
+    title="nightly file", use="eha-bench history DIR --config FILE",
 )  # fmt: skip

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import pint
 
 _NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)$", re.DOTALL)
+_COMMA = re.compile(r"\s*[+-]?\d+,\d")
 
 # What a unit may be written with. Pint evaluates arithmetic, so that 9**9**9 would never come back.
 _UNIT = re.compile(r"[^\W\d_][\w°µμΩ%^*/().\s·⋅²³⁻¹-]{0,80}|[°%]\w*|1\s*/[\w^*/().\s-]{1,80}|")
@@ -135,6 +136,10 @@ def parse(text: str | float, si_unit: str) -> float:
         match = _NUMBER.match(text)
         if match is None:
             raise UnitError(f"'{text}' is not a number with a unit", hint=_expected(si_unit))
+        if _COMMA.match(text):
+            raise UnitError(
+                f"'{text}' has a comma", hint="write 0.4 with a point, and 1000 without any"
+            )
         value = float(match[1])
         unit = match[2].strip()
         if unit:

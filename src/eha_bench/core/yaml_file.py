@@ -59,6 +59,9 @@ NUMBER = BeforeValidator(_number)
 Real: TypeAlias = Annotated[float, NUMBER]
 """A number of a file."""
 
+_QUOTED = 60
+"""Letters of a value that a message repeats."""
+
 DEEPEST = 40
 MOST_VALUES = 1_000_000
 
@@ -110,9 +113,18 @@ def read_text(path: Path) -> str:
             where=Place(file=str(path)),
             hint="check the name, or let 'eha-bench init' write files to start from",
         ) from error
-    except (OSError, ValueError) as error:  # a name with a NUL is a ValueError, as is bad UTF-8
+    except UnicodeDecodeError as error:
+        raise InputError(
+            "is not a text file in UTF-8",
+            where=Place(file=str(path)),
+            hint="give a YAML file; an editor saves another encoding as UTF-8",
+        ) from error
+    except (OSError, ValueError) as error:  # a name with a NUL is a ValueError
         why = getattr(error, "strerror", None) or error
-        raise InputError(f"cannot be read ({why})", where=Place(file=str(path))) from error
+        hint = "give a YAML file in it" if path.is_dir() else ""
+        raise InputError(
+            f"cannot be read ({why})", where=Place(file=str(path)), hint=hint
+        ) from error
 
 
 def load(path: Path) -> Any:
@@ -163,6 +175,7 @@ _SYNTAX = {
     "\\t": "indent with spaces, not with tabs",
     "duplicate key": "give each key once",
     "cannot start any token": "put the text into quotes",
+    "expected chomping": "put the text into quotes",
     "mapping values are not allowed": "indent lines of one block alike, and quote text with ': '",
     "expected <block end>": "indent lines of one block alike",
     "expected ',' or": "close every [, { and quote",
@@ -335,7 +348,7 @@ def validate(
     except ValidationError as error:
         if kind:
             _refuse_other_kind(content, kind, name)
-        details = error.errors(include_url=False, include_input=False)
+        details = error.errors(include_url=False)
         # a value that may be written in several ways is wrong in each of them, and still one
         wrong: dict[tuple[str, ...], Any] = {}
         for detail in sorted(details, key=_rank):
@@ -350,7 +363,7 @@ def validate(
 
 def _mistake(model: type[BaseModel], detail: Any, place: Places) -> InputError:
     """Return what pydantic found as a sentence of ours, with its place and the way out."""
-    what = _sentence(detail["type"], detail["msg"], detail["loc"])
+    what = _sentence(detail["type"], detail["msg"], detail["loc"], detail.get("input"))
     hint = _way_out(model, detail["type"], detail["loc"], detail["msg"])
     # a wrong unit comes with its own way out
     cause = getattr(detail.get("ctx", {}).get("error"), "__cause__", None)
@@ -398,8 +411,14 @@ def _rank(detail: Any) -> tuple[bool, int]:
 
 def _kind_of(content: Any) -> str:
     content = plain(content)
-    names = {list: "a list", str: f"the text '{content}'", type(None): "nothing"}
-    return names.get(type(content), f"'{content}'")
+    names = {list: "a list", str: f"the text {_quoted(content)}", type(None): "nothing"}
+    return names.get(type(content), _quoted(content))
+
+
+def _quoted(value: Any) -> str:
+    """Return a value in quotes, of a long one its beginning."""
+    text = " ".join(str(value).split())
+    return f"'{text}'" if len(text) <= _QUOTED else f"'{text[:_QUOTED]} ...'"
 
 
 def _key_path(content: Any, location: Sequence[int | str]) -> list[str]:
@@ -439,7 +458,12 @@ _HINTS = {
 """The way out of each."""
 
 
-def _sentence(kind: str, message: str, location: Sequence[int | str]) -> str:
+_WHOLE = re.compile(r"a valid integer.*")
+_NUMERAL = re.compile(r"a valid number.*")
+_TRUTH = re.compile(r"a valid boolean.*")
+
+
+def _sentence(kind: str, message: str, location: Sequence[int | str], found: Any) -> str:
     last = location[-1] if location else ""
     if kind == "extra_forbidden":
         return f"unknown key '{last}'"
@@ -452,7 +476,18 @@ def _sentence(kind: str, message: str, location: Sequence[int | str]) -> str:
     if kind in _PLAINER:
         return _PLAINER[kind]
     text = message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
-    return text[:1].lower() + text[1:] if text.startswith("Input should") else text
+    if not text.startswith("Input should"):
+        return text
+    for pattern, plainer in (
+        (_WHOLE, "a whole number"), (_NUMERAL, "a number"), (_TRUTH, "true or false")
+    ):  # fmt: skip
+        text = pattern.sub(plainer, text)
+    if kind in ("enum", "literal_error"):
+        return f"{_quoted(found)} is not known here"
+    what = "this" if isinstance(found, (dict, list)) else _quoted(found)
+    if isinstance(found, (int, float)) and not isinstance(found, bool):
+        what = str(found)
+    return text.replace("Input", what, 1)
 
 
 def _way_out(model: type[BaseModel], kind: str, location: Sequence[int | str], message: str) -> str:

@@ -21,5 +21,11 @@ def _schema() -> dict[str, Any]:
 
 
 KIND = FileKind(
-    "vary", frozenset({"vary"}), 5, _check, _schema, use="eha-bench tune SUITE --vary FILE"
+    "vary",
+    frozenset({"vary"}),
+    5,
+    _check,
+    _schema,
+    title="vary file",
+    use="eha-bench tune SUITE --vary FILE",
 )
