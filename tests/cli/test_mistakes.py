@@ -542,6 +542,7 @@ def test_a_mistake_in_other_commands_is_told_with_its_place_and_the_way_out(
 @pytest.mark.parametrize(
     ("command", "told"),
     [
+        (("rig", "suite.yaml"), "suite.yaml:1: this is a suite, and a target is expected"),
         (("close", "dataset.yaml", "--target", "nosuch", "--out", "out"),
          "eha-bench: unknown target 'nosuch'"),
         (("next", "diagnosis", "--out", "next.yaml", "--budget", "5m"),

@@ -127,7 +127,7 @@ def test_missing_file_and_folder_and_bytes(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         yaml_file.load(tmp_path)
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is not a text file in UTF-8"):
         yaml_file.load(tmp_path / "binary.yaml")
 
 

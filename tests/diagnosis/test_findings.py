@@ -143,6 +143,15 @@ def test_the_ranking_is_what_was_added_then_refitted_then_the_rest() -> None:
     assert ranking[0].p_value == 1e-9
 
 
+def test_where_nothing_was_refitted_no_other_promises_more() -> None:
+    search = finished_search(FRICTION)
+    search.accepted = []
+    search.ranking = [line(LAG, 0.012, refitted=False)]
+    assert [item.reason for item in found(search, Verdict.NONE).ranking] == [
+        "one simulation predicts that it explains 1.2 % of the excess error; nothing was refitted"
+    ]
+
+
 def test_a_run_s_own_estimates_are_sorted_by_run() -> None:
     layout = model().plant.layout
     places = Places(layout, (Own(MASS, "first", 67), Own(MASS, "second", 68)))

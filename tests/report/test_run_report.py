@@ -172,6 +172,10 @@ def test_headline(sample: SampleRun) -> None:
     )
     passed = replace(sample.result, status=Status.PASSED, trials=sample.result.trials[:1])
     assert headline(passed) == "All 3 limits kept in 1 trial."
+    kept = passed.trials[0]
+    free = replace(kept, id="free", scores=tuple(replace(s, limit="") for s in kept.scores))
+    both = replace(passed, trials=(kept, free))
+    assert headline(both) == "All 3 limits kept in 1 of 2 trials."
 
 
 @pytest.mark.parametrize(

@@ -466,9 +466,9 @@ class _ExperimentSearch:
         return replace(proposal, sentence=sentence_of(proposal))
 
     def _notes(self) -> list[str]:
-        notes = [
-            f"{self.tried} experiments were simulated; {self.refused} break a limit at any size"
-        ]
+        refused = self.refused or "none"
+        verb = "breaks" if self.refused <= 1 else "break"
+        notes = [f"{self.tried} experiments were simulated; {refused} {verb} a limit at any size"]
         if len(self.question.rivals) > len(self.rivals):
             left = [item.id for item in self.question.rivals[len(self.rivals) :]]
             notes.append(

@@ -127,7 +127,7 @@ def _bar(chance: Chance) -> Markup:
 
 def band_svg(band: ResponseBand) -> Markup:
     """Return the band of a trial's channel over its reference, as one SVG."""
-    height, left, right, top, bottom = 240, 70, 14, 12, 40
+    height, left, right, top, bottom = 320, 70, 14, 12, 40
     unit = band_unit(band)
     curves = [
         np.array([unit.shown(float(value)) for value in item])

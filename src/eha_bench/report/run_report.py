@@ -181,9 +181,11 @@ def headline(result: Result) -> str:
             f"in {len(rejecting)} of {_count(len(trials), 'trial')}"
         )
     elif scores:
+        limited = {run.id for run in result.trials if any(score.limit for score in run.scores)}
+        share = "" if limited == trials else f"{len(limited)} of "
         parts.append(
             f"{'all ' if len(scores) > 1 else ''}{_count(len(scores), 'limit')} kept "
-            f"in {_count(len(trials), 'trial')}"
+            f"in {share}{_count(len(trials), 'trial')}"
         )
     else:
         parts.append(f"no limits in {_count(len(trials), 'trial')}")

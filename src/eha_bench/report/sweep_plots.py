@@ -112,7 +112,7 @@ def heat_svg(x: Axis, y: Axis, margins: FloatArray) -> Markup:
 
 def parallel_svg(axes: Sequence[Axis], passed: BoolArray) -> Markup:
     """Return a line a point over all axes; those that pass lie above."""
-    height, top, bottom, side = 300, 44, 24, 60
+    height, top, bottom, side = 314, 58, 24, 60
     gap = (_WIDTH - 2 * side) / max(1, len(axes) - 1)
     shares = np.array([axis.shares() for axis in axes])
     order = np.argsort(passed, kind="stable")
@@ -136,9 +136,9 @@ def parallel_svg(axes: Sequence[Axis], passed: BoolArray) -> Markup:
         parts.append(f'<path d="M{x:.0f} {top}V{height - bottom}" stroke="var(--axis)"/>')
         # an outer label starts or ends at the picture's edge: centred it would be cut off
         edge, anchor = {0: (4, "start"), len(axes) - 1: (_WIDTH - 4, "end")}.get(k, (x, "middle"))
-        parts.append(_text(edge, top - 32 + 16 * (k % 2), axis.label, anchor))
+        parts.append(_text(edge, 12 + 16 * (k % 2), axis.label, anchor))
         parts.append(_text(x, height - 8, axis.rounded(ends[0]), "middle"))
-        parts.append(_text(x + 4, top + 10, axis.rounded(ends[1]), "start"))
+        parts.append(_text(x, top - 5, axis.rounded(ends[1]), "middle"))
     return Markup("".join([*parts, "</svg>"]))
 
 

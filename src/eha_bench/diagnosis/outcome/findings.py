@@ -216,6 +216,7 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
     shares = [min(i.comparison.share, i.comparison.share_out) for i in search.accepted]
     best = max(shares, default=0.0)
     accepted = {item.start.candidate: item.comparison for item in search.accepted}
+    others = any(item.refitted for item in search.ranking)
     for item in search.ranking:
         if item.candidate in accepted:
             # what it was added for, which may be more than it could do as the first one
@@ -224,7 +225,7 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
             item = replace(item, score=share, p_value=found.p_value, refitted=True)  # noqa: PLW2901
         error = float(np.sqrt(max(item.cost, 0.0) / size))
         place = order.get(item.candidate, len(order) + (0 if item.refitted else 1))
-        reason = "added" if item.candidate in order else _why(item, best)
+        reason = "added" if item.candidate in order else _why(item, best, others=others)
         if item.candidate in same:
             reason = "fits as well as the effect that was added"
         line = RankLine(item.candidate, item.score, item.p_value, error, reason)
@@ -232,14 +233,15 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
     return tuple(line for _, _, line in sorted(lines, key=lambda entry: entry[:2]))
 
 
-def _why(item: RankedCandidate, best: float) -> str:
-    """Say in words why a candidate was not added."""
+def _why(item: RankedCandidate, best: float, *, others: bool) -> str:
+    """Say in words why a candidate was not added; `others`: some were refitted in its place."""
     if not item.refitted:
         if item.score < 0.005:
             return "its simulated response does not resemble the residual"
+        why = "others promise more, so it was not refitted" if others else "nothing was refitted"
         return (
             f"one simulation predicts that it explains {per_cent(item.score, 1)} of the excess "
-            "error; others promise more, so it was not refitted"
+            f"error; {why}"
         )
     if item.score <= 0.0:
         return "refitted with all parameters, it is no better on runs left out of the fit"

@@ -110,7 +110,7 @@ document.addEventListener("DOMContentLoaded", () => {
     const tools = make("div", "tools"), canvas = make("div");
     tools.append(make("span", "hint", "Drag along an axis to keep the points within."), button("All points", "Show all points again", () => { brushes.clear(); redraw(); }));
     const lines = WIDTH < 600 ? axes.length : 2;  // of labels, which must not meet
-    const top = 12 + 16 * lines, height = top + 276, bottom = 24, side = 60, gap = (WIDTH - 2 * side) / Math.max(1, axes.length - 1), inner = height - top - bottom;
+    const top = 26 + 16 * lines, height = top + 276, bottom = 24, side = 60, gap = (WIDTH - 2 * side) / Math.max(1, axes.length - 1), inner = height - top - bottom;
     const stride = Math.max(1, Math.ceil(count / LINES));
     // an outer label starts or ends at the picture's edge: centred it would be cut off
     const label = (axis, k, x) => {
@@ -129,7 +129,7 @@ document.addEventListener("DOMContentLoaded", () => {
       }
       axes.forEach((axis, k) => {
         const x = side + gap * k, [low, high] = (axis.range ??= range(axis)), ends = [low, high].map((value) => rounded(axis, axis.log ? Math.exp(value) : value));
-        picture.append(svg("path", { d: `M${x} ${top}V${height - bottom}`, stroke: "var(--axis)" }), label(axis, k, x), text(x, height - 8, ends[0], "middle"), text(x + 4, top + 10, ends[1], "start"));
+        picture.append(svg("path", { d: `M${x} ${top}V${height - bottom}`, stroke: "var(--axis)" }), label(axis, k, x), text(x, height - 8, ends[0], "middle"), text(x, top - 5, ends[1], "middle"));
         const brush = brushes.get(axis);
         if (brush) picture.append(svg("rect", { x: x - 7, width: 14, y: top + inner * (1 - brush[1]), height: Math.max(2, inner * (brush[1] - brush[0])), fill: "var(--accent)", "fill-opacity": 0.35 }));
         const handle = svg("rect", { x: x - 12, y: top, width: 24, height: inner, fill: "transparent", cursor: "ns-resize" });

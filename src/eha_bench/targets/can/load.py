@@ -89,7 +89,9 @@ class _DriveReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.content, self.places = _content(path, ())
-        self.file = yaml_file.validate(CanTargetFile, self.content, str(path), places=self.place)
+        self.file = yaml_file.validate(
+            CanTargetFile, self.content, str(path), places=self.place, kind="target"
+        )
         dbc = self.beside("dbc", self.file.dbc)
         if dbc is None:
             raise self.error("names no file", ("dbc",))
