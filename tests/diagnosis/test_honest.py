@@ -20,6 +20,7 @@ from eha_bench.core.errors import BUG
 from eha_bench.diagnosis import run as running
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import Improvement
+from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.honest import _against, curve_is_worse, worse
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -49,6 +50,29 @@ def test_a_model_that_is_worse_on_runs_never_fitted_is_told():
     assert "without end" in worse(found(holdout={"pressure_a": error(2.0, float("inf"))}))
     # one that diverged before is no worse
     assert worse(found(holdout={"pressure_a": error(float("inf"), 3.0)})) == ""
+
+
+def windows(after: float, replay: float = 1.0, start: float = 0.0) -> ChannelError:
+    return ChannelError(9.0, replay, replay, 1.0, "Pa", after_windows=after, start=start)
+
+
+@pytest.mark.parametrize(
+    ("train", "holdout", "says"),
+    [
+        (windows(1.02), windows(1.11), ""),
+        # the drift of a whole replay of a healthy rig
+        (windows(1.0, 1.4), windows(1.0, 2.4), ""),
+        (windows(1.02), windows(2.31), "over short windows 'p' errs by 2.31 times its noise"),
+        (windows(1.0), windows(1.05, 14.5), "as whole replays 'p' errs by 14.5 times its noise"),
+        # one sample's noise moves a whole replay as far
+        (windows(1.0), windows(1.05, 14.5, start=7.0), ""),
+        # more noise than estimated is there in all runs
+        (windows(2.0), windows(2.2), ""),
+    ],
+)
+def test_held_out_runs_that_show_more_than_training_speak_against_none(train, holdout, says):
+    told = beyond_training(found(train={"p": train}, holdout={"p": holdout, "q": windows(9.0)}))
+    assert says in told if says else told == ""
 
 
 def test_what_one_noisy_sample_makes_is_no_worsening():

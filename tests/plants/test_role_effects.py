@@ -68,6 +68,39 @@ def test_friction_by_drive_lets_the_weight_back_drive_sooner() -> None:
     assert not held(angle, least * 0.99, friction_coefficient=0.2, by="passed")
 
 
+# --- cogging_torque of the shaft that a gear turns ----------------------------------------------
+
+
+def test_teeth_of_a_gear_pull_its_output() -> None:
+    """Twelve a turn, c = 0.1 N*m, a quarter of a period past zero: 0.1 N*m more holds it back."""
+    teeth = {"amplitude": 0.1, "count": 12.0, "phase": math.pi / 2, "at": "output"}
+    time = np.arange(0.0, 0.02, 1e-3)
+    free = {"gear_friction.coulomb": 0.0, "gear_friction.viscous": 0.0}
+    inputs = {"duty": np.zeros(time.size), "supply_voltage": np.full(time.size, 12.0)}
+    start = {"angle": 0.0, "velocity": 0.0}
+    plain = run("geared_servo", time, inputs, "", free, start)
+    pulled = run("geared_servo", time, inputs, "cogging_torque", free, start, **teeth)
+    # from rest: J a = 0.1 N*m, less the motor's damping, which is small in the first milliseconds
+    inertia = 0.03 + 0.8 * 0.18**2
+    first = (pulled["velocity"] - plain["velocity"])[1]
+    assert first == pytest.approx(0.1 / inertia * 1e-3, rel=0.05)
+
+
+# --- gravity_load along a slide -----------------------------------------------------------------
+
+
+def test_weight_along_a_slide_acts_as_a_constant_force() -> None:
+    """Both chambers shut and F_g against extension: p_a A - p_b A = F_g once it is at rest."""
+    time = np.arange(0.0, 2.0, 1e-3)
+    found = run(
+        "valve_cylinder", time, {"valve_command": np.zeros(time.size)}, "gravity_load",
+        {"rod_friction.coulomb": 0.0, "piston_leakage.conductance": 0.0},
+        gravity_force=240.0,
+    )  # fmt: skip
+    held = (found["pressure_a"] - found["pressure_b"])[-1] * 12e-4
+    assert held == pytest.approx(240.0, rel=0.01)
+
+
 # --- valve_deadband -----------------------------------------------------------------------------
 
 

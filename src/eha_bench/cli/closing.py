@@ -138,11 +138,15 @@ def _say_verdict(found: Diagnosis) -> None:
             f"{key} = {' '.join(_estimate(v))}" for key, v in effect.parameters.items()
         )
         say(f"  {effect.id} in the {effect.equation} equation: {values}")
-    if found.unknown and found.unknown.equation is None:
-        say(f"  {found.unknown.description}")
+    if found.unknown and found.unknown.equation and found.unknown.variables:
+        place = f", at {found.unknown.at}" if found.unknown.at else ""
+        variables = ", ".join(found.unknown.variables)
+        say(
+            f"  unknown effect in the {found.unknown.equation} equation{place}, "
+            f"depends on {variables}"
+        )
     elif found.unknown:
-        variables = ", ".join(found.unknown.variables) or "no measured variable"
-        say(f"  unknown effect in the {found.unknown.equation} equation, depends on {variables}")
+        say(f"  {found.unknown.description}")
     for group in found.equivalent:
         say(f"  these data do not distinguish: {', '.join(group)}")
     _say_errors(found.holdout, "held-out")

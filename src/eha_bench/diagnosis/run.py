@@ -44,7 +44,8 @@ from eha_bench.diagnosis.fit.uncertainty import (
     undetermined,
 )
 from eha_bench.diagnosis.outcome.at_rest import Calibrated, with_friction_at_rest
-from eha_bench.diagnosis.outcome.decide import Decision, decide
+from eha_bench.diagnosis.outcome.beyond_training import beyond_training
+from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out
 from eha_bench.diagnosis.outcome.diagnosis import (
     SCHEMA_VERSION,
     Diagnosis,
@@ -64,7 +65,7 @@ from eha_bench.diagnosis.outcome.findings import (
     units_of,
 )
 from eha_bench.diagnosis.outcome.honest import curve_is_worse, pruned, worse
-from eha_bench.diagnosis.outcome.model_errors import scored, scores_of
+from eha_bench.diagnosis.outcome.model_errors import held_out_windows, scored, scores_of
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rivals import other_rivals
@@ -72,6 +73,7 @@ from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
+from eha_bench.diagnosis.unknown.locator import locate
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
 
@@ -378,6 +380,8 @@ class _Closing:
             found = self._without_the_weakest(why)
         if found.complete and self.decision.learned and curve_is_worse(found):
             found = self._without_the_curve()
+        if found.complete and found.verdict is Verdict.NONE and (why := beyond_training(found)):
+            found = self._unknown_in_held_out(why)
         return self._with_rivals(found, asked, workers) if found.complete else found
 
     def _decided(self) -> None:
@@ -469,6 +473,22 @@ class _Closing:
         self.refused.append(f"{weakest.start.candidate} is not accepted: {why}")
         self.decision = decide(search, COARSE, self._on_progress, self.refused)
         return self._scored(complete=True)
+
+    def _unknown_in_held_out(self, why: str) -> Diagnosis:
+        """Say that something acts in held-out runs alone, and in which balance."""
+        self.stage = "locate"
+        problem = held_out_windows(self.dataset, self.base, self.found.revised)
+        equation = ""
+        if problem is not None:
+            _, equation, _ = locate(problem, self.search.fit, COARSE, self._on_progress)
+        self.decision = in_held_out(self.decision, equation, why)
+        self.found = replace(
+            self.found,
+            verdict=self.decision.verdict,
+            unknown=self.decision.unknown,
+            notes=(*self.found.notes, why),
+        )
+        return self.found
 
     def _without_the_curve(self) -> Diagnosis:
         """Leave a learned curve out of the revised model with which fits and replays are worse."""

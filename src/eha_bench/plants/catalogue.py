@@ -139,8 +139,13 @@ def _section(effect: Effect) -> Iterator[str]:
     yield ""
     yield "| parameter | unit | default | range | |"
     yield "|---|---|---|---|---|"
-    for place, parameter in enumerate(effect.parameters):
-        note = f"strength, neutral {effect.neutral:g}" if place == 0 else _note(parameter)
+    strengths: set[str] = set()
+    for parameter in effect.parameters:
+        # the first one of each role, or of all roles
+        is_strength = parameter.role not in strengths and "" not in strengths
+        strengths.add(parameter.role)
+        strength = [f"strength, neutral {effect.neutral:g}"] if is_strength else []
+        note = "; ".join([*strength, *([_note(parameter)] if _note(parameter) else [])])
         cells = (
             f"`{parameter.name}`",
             parameter.unit,
@@ -169,7 +174,8 @@ def _note(parameter: Parameter) -> str:
     kept = "" if parameter.searched else "not searched"
     name, words = parameter.when
     only = f"only for {name}: {', '.join(words)}" if name else ""
-    return "; ".join(part for part in (parameter.source, only, kept) if part)
+    role = f"only in the role `{parameter.role}`" if parameter.role else ""
+    return "; ".join(part for part in (parameter.source, only, role, kept) if part)
 
 
 if __name__ == "__main__":

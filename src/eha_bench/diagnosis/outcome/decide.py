@@ -141,6 +141,22 @@ def _unknown(
     return replace(found, locator=locator, located=tuple(located))
 
 
+def in_held_out(decision: Decision, equation: str, why: str) -> Decision:
+    """Return the verdict unknown where held-out runs show what training runs do not.
+
+    Args:
+        decision: that nothing is missing. equation: where held-out runs place it, "" for nowhere.
+        why: what they show, one sentence.
+    """
+    text = (
+        f"{_acting(equation, '') if equation else 'something acts'} in held-out runs, where "
+        "training did not go: use such a run for training to learn what"
+    )
+    unknown = Unknown(equation or None, (), text)
+    notes = (*decision.notes, why)
+    return replace(decision, verdict=Verdict.UNKNOWN, notes=notes, unknown=unknown)
+
+
 def _learned(
     search: Search, locator: Locator, best: LocatedCurve, step: float, notes: tuple[str, ...]
 ) -> Decision:
@@ -150,15 +166,13 @@ def _learned(
     before = float(soft @ soft)
     share = (before - fit.cost) / max(before - floor, 1.0)
     if not share > _NOTHING:
-        text = f"something acts in the {best.template.equation} balance; no curve that was tried "
+        text = f"{_acting(best.template.equation, '')}; no curve that was tried "
         text += "explains any of it, so what it depends on remains open"
         unknown = Unknown(best.template.equation, (), text, 0.0)
         return Decision(Verdict.UNKNOWN, search.fit, notes, unknown)
     template = best.template
     period = float(fit.vector[search.problem.plant.layout.index[f"{LEARNED}.period"]])
-    text = f"something acts in the {template.equation} balance"
-    if template.equation == "measurement":
-        text = f"something acts in the measurement of {template.place}"
+    text = _acting(template.equation, template.place)
     if share > _TOLD:
         text += f" and depends on {template.variable}"
         if period:
@@ -177,6 +191,22 @@ def _learned(
         Verdict.UNKNOWN,
         fit if learned else search.fit,
         notes,
-        Unknown(template.equation, (template.variable,), text, max(share, 0.0), period, when),
+        Unknown(
+            template.equation,
+            (template.variable,),
+            text,
+            max(share, 0.0),
+            period,
+            when,
+            template.place,
+        ),
         learned,
     )
+
+
+def _acting(equation: str, place: str) -> str:
+    """Say in which balance something acts, and where a curve of it does best."""
+    if equation == "measurement" and place:
+        return f"something acts in the measurement of {place}"
+    text = f"something acts in the {equation} balance"
+    return f"{text}, best described at '{place}'," if place else text

@@ -67,6 +67,7 @@ class Unknown:
         variables: what it depends on.
         description: one sentence. share: part of the excess that the learned curve explains.
         period: of the variable where it is periodic, else 0. when: (start, stop) times in s.
+        at: node, element or sensor where the learned curve acts; "" where there is none.
     """
 
     equation: str | None
@@ -75,6 +76,7 @@ class Unknown:
     share: float = math.nan
     period: float = 0.0
     when: tuple[tuple[float, float], ...] = ()
+    at: str = ""
 
 
 @dataclass(frozen=True)
@@ -206,6 +208,7 @@ class Diagnosis:
             ],
             "unknown": None if self.unknown is None else {
                 "equation": self.unknown.equation,
+                "at": self.unknown.at or None,
                 "variables": list(self.unknown.variables),
                 "description": self.unknown.description,
                 "share": finite_or_none(self.unknown.share),

@@ -150,6 +150,22 @@ def scores_of(
     return Scores(errors, replays, per_run, tuple(dict.fromkeys(notes)))
 
 
+def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem | None:
+    """Return the residuals of a model over windows of the held-out runs, None without any.
+
+    Args:
+        dataset: all runs. base: what was fitted. model: as fitted; a run's own parameters are
+            estimated from its first part.
+    """
+    noise = base.problem.noise
+    runs, _ = _read(dataset, base.measured)
+    runs = [item for item in runs if item.run.use is Use.HOLDOUT]
+    runs = [like_clocks(coloured_like(item, base.measured), base.measured) for item in runs]
+    own = [first_part(item, model, noise).values for item in runs]
+    known = [item.knowing(values) for item, values in zip(runs, own, strict=True)]
+    return _windows_of(dataset, known, noise)
+
+
 def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured], list[str]]:
     """Read the held-out runs; one that cannot be read costs its score, not the diagnosis."""
     found, notes = [], []

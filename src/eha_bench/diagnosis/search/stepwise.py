@@ -199,7 +199,13 @@ def _confirm(
     shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
     refits = side_by_side(lambda item: refit(search, coarse, item), shortlist)
     trials = _best_of_each([*trials, *refits])
-    return _finished(search, trials, afresh=near is None)
+    found = _finished(search, trials, afresh=near is None)
+    reached = max((search.fit.cost - item.fit.cost for item in found), default=0.0)
+    tried = {item.candidate for item in found}
+    # a prediction is less than a refit gains: what promises more than was reached may yet win
+    left = [best[name] for name in order if name not in tried and best[name].gain > reached]
+    more = side_by_side(lambda item: refit(search, coarse, item), left[:_SHORTLIST])
+    return [*found, *_finished(search, _best_of_each(more), afresh=near is None)]
 
 
 def _finished(search: Search, trials: Sequence[Refit], *, afresh: bool) -> list[Refit]:

@@ -1,8 +1,9 @@
-"""The motor's magnets pull its rotor towards preferred angles.
+"""The motor's magnets pull its rotor towards preferred angles, or a gear's teeth its output.
 
     T += c sin(N theta + phi)
 
-theta counts from the first sample of the recording. The number N of periods a revolution is the
+of the rotor's angle, or of the angle of the shaft that its gear turns (`at`). An angle that is not
+measured counts from the first sample of the recording. The number N of periods a revolution is the
 least common multiple of slots and poles (or a divisor of it where the motor is lopsided).
 
 Source: Hendershot, Miller, Design of Brushless Permanent-Magnet Machines, Motor Design Books 2010;
@@ -26,7 +27,7 @@ def cogging(
 
 EFFECT = Effect(
     id="cogging_torque",
-    summary="The motor's magnets pull the rotor towards preferred angles.",
+    summary="The motor's magnets, or a gear's teeth, pull a shaft towards preferred angles.",
     parameters=(
         Parameter("amplitude", "{effort}", 0.3, 0.0, 10.0, "c"),
         Parameter("count", "", 24.0, 1.0, 400.0, "N", "periods a revolution"),

@@ -1,8 +1,9 @@
-"""A weight on an arm turns a joint: a leg about its knee, a link about a servo's shaft.
+"""A weight turns a joint, or pulls along a slide that is not level.
 
     tau = G cos(angle - alpha_0)        the arm hangs, or lifts a link (posture: link)
     tau = G cos(angle / 2 - alpha_0)    a body stands on two links (posture: standing)
     F_rod = -tau d(angle)/dx            behind a linkage;  T = +tau on the shaft itself
+    F = -F_g,  F_g = m g sin(slope)     along a slide, positive against extension
 
 The angle is the joint's and G the weight times its arm. For one link alpha_0 is the angle at which
 it is level; for a body that stands on two links of one length, straight above the wheel, the knee
@@ -35,17 +36,34 @@ def weighed(
     return effort - gravity_torque * math.cos(share * angle - level_angle) * turns
 
 
+def along(effort: float, gravity_force: float) -> float:
+    """Return the force with the weight's component along the slide, N."""
+    return effort - gravity_force
+
+
 EFFECT = Effect(
     id="gravity_load",
-    summary="A weight acts on a joint.",
+    summary="A weight acts on a joint, or along a slide that is not level.",
     parameters=(
-        Parameter("gravity_torque", "{weight}", 20.0, -1e4, 1e4, "G"),
-        Parameter("level_angle", "rad", 1.0, -2.0 * math.pi, 2.0 * math.pi, "alpha_0"),
-        choice("posture", ("link", "standing"), "what the weight does with the joint"),
+        Parameter("gravity_torque", "{weight}", 20.0, -1e4, 1e4, "G", role="hanging"),
+        Parameter(
+            "level_angle", "rad", 1.0, -2.0 * math.pi, 2.0 * math.pi, "alpha_0", role="hanging"
+        ),
+        choice(
+            "posture", ("link", "standing"), "what the weight does with the joint",
+            of_role="hanging",
+        ),
+        Parameter("gravity_force", "{effort}", 0.3, -1e6, 1e6, "F_g", role="slide"),
     ),
-    actions={"hanging": Action({"net": weighed})},
+    actions={
+        "hanging": Action({"net": weighed}),
+        "slide": Action({"net": along}, same_as="load"),
+    },
     source="Yang et al. 2023, Eq. (8)-(10)",
-    separate="hold the joint at several angles: a weight changes with the angle, a load does not",
+    separate=(
+        "hold the joint at several angles: a weight changes with the angle, a load does not; "
+        "turn a slide over: a weight changes its sign, lopsided friction keeps it"
+    ),
     starts=(
         *(
             {"gravity_torque": torque, "level_angle": angle, "posture": _LINK}

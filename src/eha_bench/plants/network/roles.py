@@ -266,10 +266,15 @@ def _rod(system: System) -> Iterator[Spot]:
 
 
 def _turning_motor(system: System) -> Iterator[Spot]:
-    """A motor with a rotor."""
+    """A motor with a rotor, and the shaft that its gear turns."""
     for part, spot in _motors(system):
-        if part.element.kind.id == "motor":
-            yield spot
+        if part.element.kind.id != "motor":
+            continue
+        yield spot
+        node = part.element.ports["on"]
+        item = system.leader_of(node)
+        if item.name != node and item.node.kind is NodeKind.ROTATION:
+            yield _spot(system, item, {"angle": f"X[{item.position}]", "ratio": "1.0"})
 
 
 def _motor(system: System) -> Iterator[Spot]:
@@ -683,6 +688,23 @@ def _hanging(system: System) -> Iterator[Spot]:
             )
 
 
+def _slide(system: System) -> Iterator[Spot]:
+    """A mass that moves along a straight line."""
+    for item in system.coordinates:
+        if item.node.kind is not NodeKind.TRANSLATION or not system.inertias(item):
+            continue
+        loads = [system.slot_of[f"{part.name}.force"] for part in _on(system, item, "load")
+                 if f"{part.name}.force" in system.slot_of]  # fmt: skip
+        yield Spot(
+            item.name,
+            _balance(item),
+            {"net": (Hook(f"net:{item.name}"),)},
+            units=UNITS[item.node.kind],
+            usual={"effort": usual_effort(system, item)},
+            parameters={"load": loads[0]} if loads else {},
+        )
+
+
 def _supply(system: System) -> Iterator[Spot]:
     """A reservoir that oil is drawn from through a line or a valve."""
     for node in system.network.nodes.values():
@@ -835,6 +857,15 @@ def _anything(system: System) -> Iterator[Spot]:
             {"additive": ("time", channels.get(volume.pressure, ""))},
             usual_flow(system),
         )
+    for supply in _supply(system):
+        pressure = system.network.nodes[supply.name].values.get("pressure", 0.0)
+        yield spot(
+            supply.name,
+            Equation.FLOW,
+            {"changed": supply.hooks["pressure"]},
+            {"additive": ("time",)},
+            0.01 * pressure,
+        )
     sensors = [item for item in system.outputs if item.command < 0]
     for sensor in sensors:
         follows = ("time", sensor.channel)
@@ -878,6 +909,7 @@ _ROLES: Mapping[str, Callable[[System], Iterator[Spot]]] = {
     "sliding_joint": _sliding_joint,
     "turning_joint": _turning_joint,
     "hanging": _hanging,
+    "slide": _slide,
     "supply": _supply,
     "anything": _anything,
 }

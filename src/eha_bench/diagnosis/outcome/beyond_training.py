@@ -1,0 +1,61 @@
+"""What held-out runs show that training runs do not.
+
+Where nothing is missing, a model that explains the training runs down to their noise explains runs
+that were never fitted about as well. Where it does not, something acts where training did not go:
+the verdict is no `none`, and the place is looked for in the held-out runs themselves. No effect is
+accepted on them: they were left out to judge, not to choose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+
+_WINDOWS = 1.5
+"""Growth of an error over windows from training to held-out runs; healthy ones of four plants had
+at most 1.11."""
+_REPLAY = 5.0
+"""The same of whole replays, in noise floors, where small errors add up; healthy ones had 2.4."""
+
+
+def beyond_training(found: Diagnosis) -> str:
+    """Say what speaks against the verdict that nothing is missing, or nothing."""
+    windows = _worst(found.train, found.holdout, "after_windows", _WINDOWS)
+    replays = _worst(found.train, found.holdout, "after", _REPLAY)
+    worst = windows or replays
+    if worst is None:
+        return ""
+    name, seen, trained = worst
+    over = "over short windows" if windows else "as whole replays"
+    return (
+        f"training runs hold nothing that is unexplained, but held-out runs do: {over} '{name}' "
+        f"errs by {seen:.3g} times its noise there, and by {trained:.3g} times in training"
+    )
+
+
+def _worst(
+    train: Mapping[str, ChannelError],
+    holdout: Mapping[str, ChannelError],
+    kind: str,
+    limit: float,
+) -> tuple[str, float, float] | None:
+    """Return the channel whose error grows most, in noise floors there and in training."""
+    found: list[tuple[float, str, float, float]] = []
+    for name, item in holdout.items():
+        if name not in train:
+            continue
+        seen, trained = (_in_floors(error, kind) for error in (item, train[name]))
+        if isfinite(trained) and seen > limit * max(trained, 1.0):
+            found.append((seen / max(trained, 1.0), name, seen, trained))
+    return max(found)[1:] if found else None
+
+
+def _in_floors(error: ChannelError, kind: str) -> float:
+    """Return an error in units of the noise, or of what its first sample moves where more."""
+    start = error.start if kind == "after" and isfinite(error.start) else 0.0
+    floor = max(error.noise_floor, start)
+    value = float(getattr(error, kind))
+    return value / floor if floor > 0.0 else float("nan")
