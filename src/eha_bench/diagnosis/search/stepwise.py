@@ -62,7 +62,8 @@ def run(search: Search, progress: ProgressHook, *, thresholds: Thresholds | None
     """Add effects to the search until nothing more is found, and look at them again together."""
     limits = thresholds or Thresholds()
     progress("search", 0.0)
-    if is_unexplained(search.excess_base) and not is_bent(search.excess_base):
+    little = is_unexplained(search.excess_base) and not is_bent(search.excess_base)
+    if little and not search.accepted:
         # so little may also be what a calibration that stopped early leaves over
         settle(search)
         search.base, search.excess_base = search.fit, search.excess_left
