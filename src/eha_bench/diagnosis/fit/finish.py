@@ -92,6 +92,7 @@ def finished(problem: Problem, fit: Fit) -> Finished:
             tolerance=_NOTHING,
             known=fit.columns,
             refresh=0,
+            share=0.0,
         )
         gain = fit.cost - better.cost
         fit = _at(finer, better) if gain > _FAR else better
@@ -102,7 +103,7 @@ def finished(problem: Problem, fit: Fit) -> Finished:
         # what says little is moved at last by slopes that are right
         last = levenberg_marquardt(
             finer, fit.vector, fit.free, iterations=2, tolerance=_NOTHING,
-            known=fit.columns, refresh=0,
+            known=fit.columns, refresh=0, share=0.0,
         )  # fmt: skip
         fit = replace(last, jacobian=fit.jacobian)
     soft, weight = soften(fit.residual, fit.soft)

@@ -28,6 +28,10 @@ _STANDS_OUT = 60.0
 """The same for what may be hardly there."""
 _TELLS = 5.0
 """Least size of a step's change of the residual from which the Jacobian learns."""
+_WORTH = 0.002
+"""Share of what is unexplained that a step gains at least, of a fit that goes on."""
+_STALLED = 5.0
+"""Multiple of that from which a Jacobian that was updated is good enough."""
 _NONSENSE = 10.0
 """Size of that change, in residuals, from which it does not."""
 
@@ -200,6 +204,7 @@ def levenberg_marquardt(
     known: Mapping[str, FloatArray] | None = None,
     refresh: int = 2,
     tries: int = 4,
+    share: float = _WORTH,
     watch: Callable[[FloatArray], None] | None = None,
 ) -> Fit:
     """Minimise the soft-L1 cost of a problem over the free parameters.
@@ -214,6 +219,8 @@ def levenberg_marquardt(
         refresh: how often the Jacobian may be computed again.
         tries: of a step from a Jacobian that is, each ten times shorter: far from the minimum a
             slope holds only nearby.
+        share: of what is unexplained that a step has to gain as well: where much is, the last
+            digits of the parameters do not matter; 0 for a fit to the bottom.
         watch: given every vector that is better than all before.
     """
     free = tuple(free)
@@ -268,9 +275,8 @@ def levenberg_marquardt(
             np.multiply(matrix, weight[:, None], out=weighted)
             normal = weighted.T @ weighted
             gradient = weighted.T @ soft
-        stalled = gain < max(tolerance, 0.01 * (cost - problem.size))
-        # where much is unexplained, the last digits of the parameters do not matter
-        enough = max(tolerance, 0.002 * (cost - problem.size))
+        stalled = gain < max(tolerance, _STALLED * share * (cost - problem.size))
+        enough = max(tolerance, share * (cost - problem.size))
         if gain < enough and fresh:
             break
         if stalled and not fresh:
