@@ -380,8 +380,10 @@ class _Closing:
             found = self._without_the_weakest(why)
         if found.complete and self.decision.learned and curve_is_worse(found):
             found = self._without_the_curve()
-        if found.complete and found.verdict is Verdict.NONE and (why := beyond_training(found)):
-            found = self._unknown_in_held_out(why)
+        if found.complete and (why := beyond_training(found)):
+            self.found = found = replace(found, notes=(*found.notes, why))
+            if found.verdict is Verdict.NONE:
+                found = self._unknown_in_held_out()
         return self._with_rivals(found, asked, workers) if found.complete else found
 
     def _decided(self) -> None:
@@ -474,20 +476,16 @@ class _Closing:
         self.decision = decide(search, COARSE, self._on_progress, self.refused)
         return self._scored(complete=True)
 
-    def _unknown_in_held_out(self, why: str) -> Diagnosis:
+    def _unknown_in_held_out(self) -> Diagnosis:
         """Say that something acts in held-out runs alone, and in which balance."""
         self.stage = "locate"
         problem = held_out_windows(self.dataset, self.base, self.found.revised)
         equation = ""
         if problem is not None:
             _, equation, _ = locate(problem, self.search.fit, COARSE, self._on_progress)
-        self.decision = in_held_out(self.decision, equation, why)
-        self.found = replace(
-            self.found,
-            verdict=self.decision.verdict,
-            unknown=self.decision.unknown,
-            notes=(*self.found.notes, why),
-        )
+        self.decision = in_held_out(self.decision, equation)
+        verdict, unknown = self.decision.verdict, self.decision.unknown
+        self.found = replace(self.found, verdict=verdict, unknown=unknown)
         return self.found
 
     def _without_the_curve(self) -> Diagnosis:

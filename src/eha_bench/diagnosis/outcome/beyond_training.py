@@ -3,7 +3,8 @@
 Where nothing is missing, a model that explains the training runs down to their noise explains runs
 that were never fitted about as well. Where it does not, something acts where training did not go:
 the verdict is no `none`, and the place is looked for in the held-out runs themselves. No effect is
-accepted on them: they were left out to judge, not to choose.
+accepted on them: they were left out to judge, not to choose. Beside effects that were found it is
+a note.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _REPLAY = 5.0
 
 
 def beyond_training(found: Diagnosis) -> str:
-    """Say what speaks against the verdict that nothing is missing, or nothing."""
+    """Say what held-out runs show that training runs do not, or nothing."""
     windows = _worst(found.train, found.holdout, "after_windows", _WINDOWS)
     replays = _worst(found.train, found.holdout, "after", _REPLAY)
     worst = windows or replays
@@ -31,8 +32,8 @@ def beyond_training(found: Diagnosis) -> str:
     name, seen, trained = worst
     over = "over short windows" if windows else "as whole replays"
     return (
-        f"training runs hold nothing that is unexplained, but held-out runs do: {over} '{name}' "
-        f"errs by {seen:.3g} times its noise there, and by {trained:.3g} times in training"
+        f"held-out runs show what training runs do not: {over} '{name}' errs by {seen:.3g} times "
+        f"its noise there, and by {trained:.3g} times in training"
     )
 
 

@@ -141,20 +141,18 @@ def _unknown(
     return replace(found, locator=locator, located=tuple(located))
 
 
-def in_held_out(decision: Decision, equation: str, why: str) -> Decision:
+def in_held_out(decision: Decision, equation: str) -> Decision:
     """Return the verdict unknown where held-out runs show what training runs do not.
 
     Args:
         decision: that nothing is missing. equation: where held-out runs place it, "" for nowhere.
-        why: what they show, one sentence.
     """
     text = (
         f"{_acting(equation, '') if equation else 'something acts'} in held-out runs, where "
         "training did not go: use such a run for training to learn what"
     )
     unknown = Unknown(equation or None, (), text)
-    notes = (*decision.notes, why)
-    return replace(decision, verdict=Verdict.UNKNOWN, notes=notes, unknown=unknown)
+    return replace(decision, verdict=Verdict.UNKNOWN, unknown=unknown)
 
 
 def _learned(
