@@ -165,7 +165,7 @@ def test_field_that_is_not_there_is_named_with_what_is() -> None:
 
 
 def test_hook_that_is_not_there_is_named_with_what_is() -> None:
-    with pytest.raises(PluginError, match=r"hook 'delivery', which the role 'friction' does not have.*net"):
+    with pytest.raises(PluginError, match=r"hook 'delivery', which the role 'friction' does.*net"):
         _ = _drive(_effect(_plain, hook="delivery")).compiled
 
 
