@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 
 
 class Evaluation(StrEnum):
@@ -64,7 +65,7 @@ class Budget:
         """Square of the combined standard uncertainty (JCGM 100, 5.1.2)."""
         return self.standard * self.standard
 
-    @property
+    @cached_property
     def standard(self) -> float:
         """Combined standard uncertainty."""
         return math.hypot(*(part.standard for part in self.parts))
@@ -104,6 +105,10 @@ class Budget:
 
     def merged(self) -> Budget:
         """Return one contribution a source, the largest first; those of no size are left out."""
+        return self._merged
+
+    @cached_property
+    def _merged(self) -> Budget:
         found: dict[tuple[str, Evaluation], list[Contribution]] = {}
         for part in self.parts:
             found.setdefault((part.source, part.evaluation), []).append(part)
@@ -115,11 +120,13 @@ class Budget:
 def _together(parts: Iterable[Contribution]) -> Contribution:
     """Return contributions of one source as one; they share the estimate that they come from."""
     own = list(parts)
+    if len(own) == 1:
+        return own[0]
     return replace(
         own[0],
         standard=math.hypot(*(part.standard for part in own)),
         freedom=min(part.freedom for part in own),
-        rectangular=len(own) == 1 and own[0].rectangular,
+        rectangular=False,
     )
 
 

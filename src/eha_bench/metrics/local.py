@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from scipy.signal import savgol_coeffs, savgol_filter
+from scipy.ndimage import convolve1d
+from scipy.signal import savgol_coeffs
 
-from eha_bench.core.arrays import BoolArray, FloatArray
+from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.metrics.noise import Noise
 
 _GROWTH = 1.3
@@ -51,6 +52,12 @@ def _parabola(half: int) -> FloatArray:
     return np.asarray(savgol_coeffs(2 * half + 1, 2))
 
 
+@cache
+def _basis(half: int) -> FloatArray:
+    """Return orthogonal parabolas over 2 half + 1 samples, (2 half + 1, 3)."""
+    return np.asarray(np.linalg.qr(_powers(np.linspace(-1.0, 1.0, 2 * half + 1), 3))[0])
+
+
 def smooth(values: FloatArray, noise: Noise, target: float, widest: int) -> Smooth:
     """Return (n,) values smoothed until the noise is below `target`, or the window is `widest`."""
     half = 0
@@ -70,9 +77,8 @@ def smooth(values: FloatArray, noise: Noise, target: float, widest: int) -> Smoo
 def _smoothed(values: FloatArray, half: int) -> FloatArray:
     """Return what a moving parabola makes of (n,) values; at the ends, the first and last stay."""
     width = 2 * half + 1
-    inside = savgol_filter(values, width, 2, mode="constant")
-    places = np.linspace(-1.0, 1.0, width)
-    basis = np.linalg.qr(_powers(places, 3))[0]
+    inside = convolve1d(values, _parabola(half), mode="constant")
+    basis = _basis(half)
     inside[:half] = basis[:half] @ (basis.T @ values[:width])
     inside[-half:] = basis[-half:] @ (basis.T @ values[-width:])
     return np.asarray(inside)
@@ -243,19 +249,64 @@ def half_width(
     It is `widest` unless the response bends before; then it is a `share` of what was chosen. That
     choice depends on the noise itself: a smaller window pays for it with a wider interval.
     """
-    low, high = -math.inf, math.inf
-    half, chosen = 2, 2
-    widest = max(min(widest, _LARGEST), 2)
-    while True:
-        estimate, weights = _line(time, values, centre, half)
-        spread = 2.0 * math.sqrt(noise.variance(weights))
-        low, high = max(low, estimate - spread), min(high, estimate + spread)
-        if low > high:
-            return min(max(2, round(share * chosen)), widest)
-        chosen = half
-        if half == widest:
-            return widest
-        half = min(max(half + 1, math.ceil(half * _GROWTH)), widest)
+    halves = _halves(max(min(widest, _LARGEST), 2))
+    if noise.autocovariance.size == 1:
+        estimates, weights = _lines(time, values, centre, halves)
+        spreads = 2.0 * noise.sd * np.sqrt(weights)
+        lows = np.maximum.accumulate(estimates - spreads)
+        highs = np.minimum.accumulate(estimates + spreads)
+        apart = np.flatnonzero(lows > highs)
+        count = int(apart[0]) if apart.size else halves.size
+    else:
+        low, high, count = -math.inf, math.inf, halves.size
+        for place, half in enumerate(halves.tolist()):
+            estimate, own = _line(time, values, centre, half)
+            spread = 2.0 * math.sqrt(noise.variance(own))
+            low, high = max(low, estimate - spread), min(high, estimate + spread)
+            if low > high:
+                count = place
+                break
+    most = int(halves[-1])
+    if count == halves.size:
+        return most
+    return min(max(2, round(share * int(halves[max(count - 1, 0)]))), most)
+
+
+@cache
+def _halves(widest: int) -> IndexArray:
+    """Return the half-widths that are tried, from 2 samples on."""
+    found = [2]
+    while found[-1] < widest:
+        found.append(min(max(found[-1] + 1, math.ceil(found[-1] * _GROWTH)), widest))
+    return np.array(found)
+
+
+def _lines(
+    time: FloatArray, values: FloatArray, centre: float, halves: IndexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the values at `centre` of straight lines through windows, and their squared weights.
+
+    As `_line` does of one, by sums over all samples up to each.
+    """
+    index = int(np.searchsorted(time, centre))
+    first = np.maximum(index - halves, 0)
+    last = np.minimum(index + halves, time.size)
+    start, stop = int(first[-1]), int(last[-1])
+    if np.any(last - first < 2):
+        single = [_line(time, values, centre, int(half)) for half in halves]
+        return np.array([one[0] for one in single]), np.array([w @ w for _, w in single])
+    stamps, read = time[start:stop] - centre, values[start:stop]
+    sums = np.zeros((5, stop - start + 1))
+    for row, terms in enumerate(
+        (np.ones(stamps.size), stamps, stamps * stamps, read, stamps * read)
+    ):
+        np.cumsum(terms, out=sums[row, 1:])
+    count, total, square, level, moment = sums[:, last - start] - sums[:, first - start]
+    middle = total / count
+    power = square - middle * total
+    slope = np.where(power > 0.0, (moment - middle * level) / np.where(power > 0.0, power, 1.0), 0)
+    shift = np.where(power > 0.0, middle**2 / np.where(power > 0.0, power, 1.0), 0.0)
+    return level / count - middle * slope, 1.0 / count + shift
 
 
 def holds_around(

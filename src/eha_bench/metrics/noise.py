@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
@@ -139,11 +140,19 @@ class Noise:
 UNKNOWN = Noise(np.zeros(1), 0.0)
 
 
+@lru_cache(maxsize=64)
+def _positions(count: int) -> tuple[FloatArray, float]:
+    """Return (count,) places from -1 to 1 and the sum of their squares; windows are often alike."""
+    position = np.linspace(-1.0, 1.0, count)
+    position.flags.writeable = False
+    return position, float(position @ position)
+
+
 def detrended(segment: FloatArray) -> FloatArray:
     """Return the residual of a straight line fitted to (n,) samples."""
-    position = np.linspace(-1.0, 1.0, segment.size)
+    position, power = _positions(segment.size)
     centred = segment - segment.mean()
-    slope = float(position @ centred) / float(position @ position)
+    slope = float(position @ centred) / power
     result: FloatArray = centred - slope * position
     return result
 
@@ -250,27 +259,36 @@ def _unbiased(coefficients: FloatArray, length: float) -> FloatArray:
 
 
 def _burg(residuals: Sequence[FloatArray], count: int) -> FloatArray:
-    """Return the coefficients of the best autoregression x[k] = sum a[i] x[k-1-i] + e."""
-    forward = [residual[1:] for residual in residuals]
-    backward = [residual[:-1] for residual in residuals]
+    """Return the coefficients of the best autoregression x[k] = sum a[i] x[k-1-i] + e.
+
+    All stretches lie in one array; what has no neighbour in its own stretch is 0.
+    """
+    stops = np.cumsum([residual.size for residual in residuals])
+    starts = np.concatenate([[0], stops[:-1]])
+    forward = np.concatenate(residuals)
+    backward = np.empty_like(forward)
+    backward[1:] = forward[:-1]
+    power = float(forward @ forward) / count
+    forward[starts] = backward[starts] = 0.0
     coefficients = np.zeros(0)
-    power = sum(float(residual @ residual) for residual in residuals) / count
     best, lowest = coefficients, count * math.log(power)
     for order in range(1, max(1, min(_HIGHEST_ORDER, count // 10)) + 1):
-        cross = sum(float(f @ b) for f, b in zip(forward, backward, strict=True))
-        energy = sum(float(f @ f + b @ b) for f, b in zip(forward, backward, strict=True))
+        energy = float(forward @ forward) + float(backward @ backward)
         if not energy > 0.0:
             break
-        reflection = 2.0 * cross / energy
+        reflection = 2.0 * float(forward @ backward) / energy
         coefficients = np.concatenate(
             [coefficients - reflection * coefficients[::-1], [reflection]]
         )
         power *= 1.0 - reflection**2
         if not power > 0.0:
             break
-        pairs = list(zip(forward, backward, strict=True))
-        forward = [(f - reflection * b)[1:] for f, b in pairs]
-        backward = [(b - reflection * f)[:-1] for f, b in pairs]
+        later = backward - reflection * forward
+        forward -= reflection * backward
+        backward[1:] = later[:-1]
+        backward[starts] = 0.0
+        first = starts + order
+        forward[first[first < stops]] = 0.0
         penalty = _PENALTY * order * count / max(count - order - 2, 1)
         if count * math.log(power) + penalty < lowest:
             best, lowest = coefficients, count * math.log(power) + penalty

@@ -529,12 +529,14 @@ def held_noise(
     if not noise.known or noise.flickers:
         return noise
     latter = held[held.size // 2 :]
-    longer = estimate([*others, latter])
-    shown = estimate([*others, *beside, latter]) if beside else longer
+    shown = estimate([*others, *beside, latter])
     most = _ALIKE * noise.sd**2
     if shown.flickers and shown.sd**2 <= most and _steady(latter):
         return shown
-    return longer if noise.slow < _FEW_SLOW and longer.sd**2 <= most else noise
+    if noise.slow >= _FEW_SLOW:
+        return noise
+    longer = estimate([*others, latter]) if beside else shown
+    return longer if longer.sd**2 <= most else noise
 
 
 def _steady(values: FloatArray) -> bool:
