@@ -27,7 +27,14 @@ from eha_bench.metrics.local_peak import Peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.samples import samples
-from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, since_edge, with_state
+from eha_bench.metrics.step_metric import (
+    LEVELS,
+    Finding,
+    StepMetric,
+    around,
+    since_edge,
+    with_state,
+)
 from eha_bench.metrics.step_response import (
     NotSettled,
     StepResponse,
@@ -117,14 +124,18 @@ class Overshoot(StepMetric):
 
     spec = spec_of("overshoot")
 
-    def of(self, step: StepResponse) -> Measure:
+    def find(self, step: StepResponse) -> Finding:
         """Return the overshoot, never below 0."""
         found = highest(step)
         value = max(_seen(step, found.peak.value, 1.0) - 1.0, 0.0)
-        # r - 1 with r = (y - initial) / (final - initial)
-        levels = step.final_budget.scaled(1.0 + value) + step.initial_budget.scaled(value)
-        convention = f"beyond the final level as a fraction of the step, {LEVELS}"
-        return _fraction(step, value, found, levels, convention, step.cut_above)
+
+        def measure() -> Measure:
+            # r - 1 with r = (y - initial) / (final - initial)
+            levels = step.final_budget.scaled(1.0 + value) + step.initial_budget.scaled(value)
+            convention = f"beyond the final level as a fraction of the step, {LEVELS}"
+            return _fraction(step, value, found, levels, convention, step.cut_above)
+
+        return Finding(value, measure, step.cut_above)
 
 
 class Undershoot(StepMetric):
@@ -132,13 +143,17 @@ class Undershoot(StepMetric):
 
     spec = spec_of("undershoot")
 
-    def of(self, step: StepResponse) -> Measure:
+    def find(self, step: StepResponse) -> Finding:
         """Return the undershoot, never below 0."""
         found = lowest(step)
         value = max(_seen(step, found.peak.value, -1.0), 0.0)
-        levels = step.initial_budget.scaled(1.0 + value) + step.final_budget.scaled(value)
-        convention = f"before the initial level as a fraction of the step, {LEVELS}"
-        return _fraction(step, value, found, levels, convention, step.cut_below)
+
+        def measure() -> Measure:
+            levels = step.initial_budget.scaled(1.0 + value) + step.final_budget.scaled(value)
+            convention = f"before the initial level as a fraction of the step, {LEVELS}"
+            return _fraction(step, value, found, levels, convention, step.cut_below)
+
+        return Finding(value, measure, step.cut_below)
 
 
 def _own_budget(step: StepResponse, found: Peak) -> Budget:
@@ -196,11 +211,15 @@ class PeakValue(StepMetric):
         except NotSettled as error:
             return _unsettled_peak(recording, trial, channel, error.reason)
 
-    def of(self, step: StepResponse) -> Measure:
+    def find(self, step: StepResponse) -> Finding:
         """Return the value of the local polynomial's extreme."""
         found = highest(step)
-        budget = _own_budget(step, found.peak).scaled(step.step)
         value = step.initial + step.step * _seen(step, found.peak.value, 1.0)
+        return Finding(value, lambda: self._measure(step, found, value), step.cut_above)
+
+    @staticmethod
+    def _measure(step: StepResponse, found: Extreme, value: float) -> Measure:
+        budget = _own_budget(step, found.peak).scaled(step.step)
         absolute, relative = step.calibration
         sensor = type_b("sensor", math.hypot(absolute, relative * value))
         own = reach(budget + sensor)
@@ -224,12 +243,13 @@ def _also_as_high(step: StepResponse, found: Peak) -> tuple[float, float]:
     values = track.values[step.landed :]
     times = step.time[step.landed :]
     first, last = _plateau(times, values, track, found)
+    earliest, latest = found.interval(step.noise)
     if half == 0:  # next to no noise: the polynomial knows
-        return min(found.earliest, first), max(found.latest, last)
+        return min(earliest, first), max(latest, last)
     reach = _AS_HIGH * track.sd
     rivals = (values >= maximum_filter1d(values, 2 * half + 1)) & (values >= values.max() - reach)
     places = times[rivals]
-    return min(found.earliest, first, *places), max(found.latest, last, *places)
+    return min(earliest, first, *places), max(latest, last, *places)
 
 
 def _plateau(
@@ -291,13 +311,17 @@ class PeakTime(StepMetric):
 
     spec = spec_of("peak_time")
 
-    def of(self, step: StepResponse) -> Measure:
+    def find(self, step: StepResponse) -> Finding:
         """Return the time of the local polynomial's extreme."""
         found = highest(step)
         if found.peak.value - 1.0 <= max(found.threshold, _LEAST):
             raise NotScored("no peak: the response does not overshoot beyond its noise")
         if step.cut_above:
             raise NotScored("the peak is clipped: the sensor's end cut it off")
+        return Finding(max(found.peak.time, 0.0), lambda: self._measure(step, found))
+
+    @staticmethod
+    def _measure(step: StepResponse, found: Extreme) -> Measure:
         low, high = _also_as_high(step, found.peak)
         budget = between("interpolation", found.peak.between_times)
         own = reach(budget)

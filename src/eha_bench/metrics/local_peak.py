@@ -25,9 +25,9 @@ class Peak:
         value: of the response.
         time: s.
         variance: of the value.
-        earliest, latest: 95 % interval of the time.
+        earliest, latest: of the samples that it is taken from, s.
         between, between_times: how far interpolation may be off, of the value and, in s, of time.
-        window: s, first and last time that it was found with; NaN where single samples tell.
+        around: the polynomial it was found with; None where single samples tell.
     """
 
     value: float
@@ -37,7 +37,22 @@ class Peak:
     latest: float
     between: float = 0.0
     between_times: float = 0.0
-    window: tuple[float, float] = (math.nan, math.nan)
+    around: LocalFit | None = None
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """First and last time that it was found with, s; NaN where single samples tell."""
+        local = self.around
+        if local is None:
+            return math.nan, math.nan
+        return local.origin - local.scale, local.origin + local.scale
+
+    def interval(self, noise: Noise) -> tuple[float, float]:
+        """Return the 95 % interval of its time, s."""
+        if self.around is None:
+            return self.earliest, self.latest
+        spread = noise.spread(self.around.operator)
+        return _flat(self.around, self.time, spread, noise.quantile())
 
 
 def peak(
@@ -75,9 +90,7 @@ def peak(
         excess = min(excess, math.sqrt(variance))
         value -= excess
         variance += 2.0 * excess**2  # the square of a normal slope varies as much
-    earliest, latest = _flat(local, place, spread, noise.quantile())
-    window = local.origin - local.scale, local.origin + local.scale
-    return Peak(value, place, variance, earliest, latest, missed, window=window)
+    return Peak(value, place, variance, place, place, missed, around=local)
 
 
 def _around(time: FloatArray, values: FloatArray, index: int, half: int) -> tuple[LocalFit, float]:

@@ -119,6 +119,8 @@ class Samples:
             return None
         extreme = float(values.max() if above else values.min())
         at = values == extreme
+        if np.count_nonzero(at) < _CLIPPED:
+            return None
         # at the start a channel rests: no sensor's end shows before it has moved there
         reached = [run for run in runs(at) if run[0] > 0 and not _round(values[: run[0] + 1])]
         longest = max((stop - start for start, stop in reached), default=0)

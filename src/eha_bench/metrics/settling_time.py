@@ -15,7 +15,7 @@ from eha_bench.metrics.crossing import Crossing, between_samples, refined, strai
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.settling_model import settled_by_model
-from eha_bench.metrics.step_metric import LEVELS, StepMetric, since_edge, with_state
+from eha_bench.metrics.step_metric import LEVELS, Finding, StepMetric, since_edge, with_state
 from eha_bench.metrics.step_response import StepResponse
 from eha_bench.metrics.step_times import RESPONDED
 
@@ -40,17 +40,16 @@ class SettlingTime(StepMetric):
 
     spec = spec_of("settling_time")
 
-    def of(self, step: StepResponse) -> Measure:
+    def find(self, step: StepResponse) -> Finding:
         """Return the last crossing of the band; its interval covers exits that noise may hide."""
         return _not_before_its_response(step, self._found(step))
 
-    def _found(self, step: StepResponse) -> Measure:
+    def _found(self, step: StepResponse) -> Finding:
         track = _track(step)
         stopped = self._by_corner(step, track)
         if stopped is not None:
             return stopped
         spread = math.hypot(track.sd, step.final_budget.standard)
-        noise = type_a("noise", track.sd**2, step.noise.freedom)
         if math.hypot(track.sd, _noise_of(step.final_budget)) > BAND / 5.0:
             return self._by_model(step, spread)
         distance = track.values - 1.0
@@ -68,11 +67,21 @@ class SettlingTime(StepMetric):
         else:
             place = straight(step.time, track.values, edge, last + 1)
             place = _refined(step, edge, place, last + 1)
+        return Finding(
+            max(place.time, 0.0), lambda: self._by_exit(step, track.sd, distance, last, place)
+        )
+
+    @classmethod
+    def _by_exit(
+        cls, step: StepResponse, sd: float, distance: FloatArray, last: int, place: Crossing
+    ) -> Measure:
+        """Return the measure of the last exit from the band, after sample `last`."""
+        noise = type_a("noise", sd**2, step.noise.freedom)
         level = step.final_budget + step.rounding(place)
         # where the response turns, all that it is known to is a step of its sensor
         turning = noise + step.final_budget + step.reading
         beyond = reach(turning)
-        low, high = self._interval(step, distance, last, place, level, beyond)
+        low, high = cls._interval(step, distance, last, place, level, beyond)
         convention = f"2 % of the step for good, {LEVELS}"
         budget = place.budget(level, step.noise)
         wide = (high - low) / (2.0 * NORMAL)
@@ -84,7 +93,7 @@ class SettlingTime(StepMetric):
         )
 
     @staticmethod
-    def _by_corner(step: StepResponse, track: Smooth) -> Measure | None:
+    def _by_corner(step: StepResponse, track: Smooth) -> Finding | None:
         """Return where a response that stops all at once comes to the band; None if it goes on."""
         place = step.stopping(1.0 - BAND)
         if place is None:
@@ -98,14 +107,18 @@ class SettlingTime(StepMetric):
         sd = math.sqrt(step.noise.variance_of_mean(rest.size) + step.final_budget.variance)
         if abs(float(rest.mean()) - 1.0) > _AT_REST * sd:
             return None
-        level = step.final_budget + step.rounding(place)
-        low, high = place.interval(level, step.noise)
-        reason = with_state(step, f"2 % of the step for good, where it stops at once, {LEVELS}")
-        budget = place.budget(level, step.noise)
-        return since_edge(step, Measure(place.time, low, high, reason, budget))
+
+        def measure() -> Measure:
+            level = step.final_budget + step.rounding(place)
+            low, high = place.interval(level, step.noise)
+            reason = with_state(step, f"2 % of the step for good, where it stops at once, {LEVELS}")
+            budget = place.budget(level, step.noise)
+            return since_edge(step, Measure(place.time, low, high, reason, budget))
+
+        return Finding(max(place.time, 0.0), measure)
 
     @staticmethod
-    def _by_model(step: StepResponse, spread: float) -> Measure:
+    def _by_model(step: StepResponse, spread: float) -> Finding:
         floor = f"the noise floor of {100 * spread:.2g} % of the step hides the 2 % band"
         if not step.noise.known:
             raise NotScored(floor)
@@ -118,7 +131,8 @@ class SettlingTime(StepMetric):
             f"2 % of the step for good, {LEVELS}; two modes fitted to the tail, since {floor}"
         )
         parameters = type_a("noise", ((high - low) / (2.0 * NORMAL)) ** 2, step.noise.freedom)
-        return since_edge(step, Measure(value, low, high, with_state(step, convention), parameters))
+        found = Measure(value, low, high, with_state(step, convention), parameters)
+        return Finding(max(value, 0.0), lambda: since_edge(step, found))
 
     @staticmethod
     def _interval(
@@ -152,7 +166,7 @@ def _noise_of(budget: Budget) -> float:
     return math.hypot(*own)
 
 
-def _not_before_its_response(step: StepResponse, found: Measure) -> Measure:
+def _not_before_its_response(step: StepResponse, found: Finding) -> Finding:
     """Return a settling time that is not before the response time; its interval only grows.
 
     What stays within 2 % of the step has been through 95 % of it. Two modes can miss that where the
@@ -162,16 +176,22 @@ def _not_before_its_response(step: StepResponse, found: Measure) -> Measure:
         reached = step.crossing(RESPONDED)
     except NotScored:
         return found
-    _, latest = reached.interval(step.place_budget(reached, RESPONDED), step.noise)
-    least = since_edge(step, Measure(reached.time, reached.time, latest))
-    if found.value >= least.value:
+    least = max(reached.time, 0.0)
+    if found.value >= least:
         return found
-    return replace(
-        found,
-        value=least.value,
-        high=max(found.high, least.high, least.value),
-        reason=f"{found.reason}; not before 95 % are reached",
-    )
+
+    def measure() -> Measure:
+        _, latest = reached.interval(step.place_budget(reached, RESPONDED), step.noise)
+        high = since_edge(step, Measure(reached.time, reached.time, latest)).high
+        own = found.measure()
+        return replace(
+            own,
+            value=least,
+            high=max(own.high, high, least),
+            reason=f"{own.reason}; not before 95 % are reached",
+        )
+
+    return Finding(least, measure)
 
 
 def _track(step: StepResponse) -> Smooth:

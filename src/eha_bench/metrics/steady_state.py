@@ -51,9 +51,7 @@ class SteadyStateError(Metric):
         line = timeline(recording, trial)
         data = samples(recording, trial, channel)
         edges = commanded_edges(line, trial)
-        return _largest(
-            [_mean(line, data, edges, place, edges[place].after) for place in range(len(edges))]
-        )
+        return _largest(line, data, edges, [edge.after for edge in edges])
 
 
 class HoldingCurrent(Metric):
@@ -76,19 +74,26 @@ class HoldingCurrent(Metric):
         line = timeline(recording, trial)
         data = samples(recording, trial, channel)
         edges = commanded_edges(line, trial)
-        return _largest([_mean(line, data, edges, place, None) for place in range(len(edges))])
+        return _largest(line, data, edges, [None] * len(edges))
+
+
+def _value(line: Timeline, data: Samples, edge: Edge, target: float | None) -> float:
+    """Return the mean of an edge's final window, or what is missing from it to `target`."""
+    window = final_window(line, edge)
+    if window.stop <= window.start:
+        raise NotScored("no sample at the end of the hold")
+    require_finite(line, data.values, window)
+    scale = magnitude(data.values[window]) or 1.0
+    found = float((data.values[window] / scale).mean()) * scale
+    return found if target is None else target - found
 
 
 def _mean(
     line: Timeline, data: Samples, edges: Sequence[Edge], place: int, target: float | None
 ) -> Measure:
-    """Return the mean of an edge's final window, or what is missing from it to `target`."""
+    """Return the value of an edge with its interval."""
     edge = edges[place]
-    window = final_window(line, edge)
-    values = data.values
-    if window.stop <= window.start:
-        raise NotScored("no sample at the end of the hold")
-    require_finite(line, values, window)
+    window, values = final_window(line, edge), data.values
     scale = magnitude(values[window]) or 1.0
     last = values[window] / scale
     held = values[line.between(edge.time, edge.until)] / scale
@@ -117,8 +122,13 @@ def _alike(before: FloatArray, last: FloatArray) -> bool:
     return bool(1.0 / _RATIO <= ratio <= _RATIO)
 
 
-def _largest(found: list[Measure]) -> Measure:
-    chosen = max(found, key=lambda measure: abs(measure.value))
-    if len(found) == 1:
+def _largest(
+    line: Timeline, data: Samples, edges: Sequence[Edge], targets: Sequence[float | None]
+) -> Measure:
+    """Return the edge of the largest magnitude; an interval is needed of that alone."""
+    values = [_value(line, data, *pair) for pair in zip(edges, targets, strict=True)]
+    place = max(range(len(values)), key=lambda index: abs(values[index]))
+    chosen = _mean(line, data, edges, place, targets[place])
+    if len(values) == 1:
         return chosen
-    return replace(chosen, reason=f"largest of {len(found)} edges; {chosen.reason}")
+    return replace(chosen, reason=f"largest of {len(values)} edges; {chosen.reason}")

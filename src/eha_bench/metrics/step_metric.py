@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from eha_bench.core.budget import Budget
 from eha_bench.core.recording import Recording
@@ -17,6 +18,30 @@ from eha_bench.metrics.step_response import StepResponse, has_steps, step_respon
 LEVELS = "levels by windows"
 
 
+@dataclass(frozen=True)
+class Finding:
+    """What a metric finds at one edge: its value, and what leads on to the whole measure.
+
+    Only the worst edge is reported, and an interval takes as long as its value.
+
+    Attributes:
+        value: SI.
+        measure: gives the value with its interval and its budget.
+        open: whether a sensor's end cut it off, so that it may be any larger.
+    """
+
+    value: float
+    measure: Callable[[], Measure]
+    open: bool = False
+
+    @property
+    def magnitude(self) -> tuple[float, float]:
+        """What orders findings; what may be any larger counts as the largest."""
+        if math.isnan(self.value):
+            return math.inf, math.inf
+        return math.inf if self.open else abs(self.value), abs(self.value)
+
+
 class StepMetric(Metric):
     """Scores trials whose signal has edges; with several edges, the largest magnitude counts."""
 
@@ -25,38 +50,27 @@ class StepMetric(Metric):
         return has_steps(trial)
 
     def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
-        """Return the worst value over the edges."""
+        """Return the worst value over the edges, and say which edge it belongs to."""
         responses = step_responses(recording, trial, channel)
-        return worst([(step, self._placed(step, len(responses))) for step in responses])
+        found = [self._placed(step, len(responses)) for step in responses]
+        place = max(range(len(found)), key=lambda index: found[index].magnitude)
+        chosen = found[place].measure()
+        if len(found) == 1:
+            return chosen
+        which = f"worst of {len(found)} edges, at {responses[place].edge.time:.6g} s"
+        return replace(chosen, reason=f"{which}; {chosen.reason}")
 
-    def _placed(self, step: StepResponse, edges: int) -> Measure:
+    def _placed(self, step: StepResponse, edges: int) -> Finding:
         try:
-            return self.of(step)
+            return self.find(step)
         except NotScored as error:
             if edges == 1:
                 raise
             raise NotScored(f"edge at {step.edge.time:.6g} s: {error.reason}") from error
 
     @abstractmethod
-    def of(self, step: StepResponse) -> Measure:
-        """Return the value for one edge."""
-
-
-def worst(found: list[tuple[StepResponse, Measure]]) -> Measure:
-    """Return the measure of the largest magnitude, and say which edge it belongs to."""
-    step, chosen = max(found, key=lambda pair: _magnitude(pair[1]))
-    if len(found) == 1:
-        return chosen
-    return replace(
-        chosen, reason=f"worst of {len(found)} edges, at {step.edge.time:.6g} s; {chosen.reason}"
-    )
-
-
-def _magnitude(measure: Measure) -> tuple[float, float]:
-    """Return what orders measures by magnitude; what may be any larger counts as the largest."""
-    if math.isnan(measure.value):
-        return math.inf, math.inf
-    return max(map(abs, measure.span)), abs(measure.value)
+    def find(self, step: StepResponse) -> Finding:
+        """Return what is found at one edge."""
 
 
 def around(step: StepResponse, value: float, budget: Budget, convention: str) -> Measure:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -83,7 +83,7 @@ class StepResponse:
         cut_above, cut_below: whether a sensor's end cut readings off in the direction of the step,
             and against it.
         slack: s by which the edge may really have been earlier (0 when its time is known).
-        notes: what a reader of the score should know, one clause each.
+        noted: gives what a reader of the score should know.
     """
 
     edge: Edge
@@ -104,8 +104,13 @@ class StepResponse:
     cut_above: bool
     cut_below: bool
     slack: float
-    notes: tuple[str, ...]
+    noted: Callable[[], tuple[str, ...]]
     _crossings: dict[float, Crossing] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the score should know, one clause each."""
+        return self.noted()
 
     @property
     def final(self) -> float:
@@ -459,7 +464,7 @@ def _respond(
         cut_above=(step > 0.0) in cut,
         cut_below=(step < 0.0) in cut,
         slack=_slack(line, edge, asked),
-        notes=(*_notes(line, rise, low, unit, ahead, few), *channel.notes(line, whole)),
+        noted=lambda: (*_notes(line, rise, low, unit, ahead, few), *channel.notes(line, whole)),
     )
 
 

@@ -14,7 +14,14 @@ from eha_bench.core.metric import Better, MetricSpec, Needs
 from eha_bench.core.score import Measure
 from eha_bench.metrics.crossing import Crossing
 from eha_bench.metrics.metric import spec_of
-from eha_bench.metrics.step_metric import LEVELS, StepMetric, around, since_edge, with_state
+from eha_bench.metrics.step_metric import (
+    LEVELS,
+    Finding,
+    StepMetric,
+    around,
+    since_edge,
+    with_state,
+)
 from eha_bench.metrics.step_response import StepResponse
 
 RESPONDED = 0.95
@@ -29,9 +36,13 @@ class RiseTime(StepMetric):
 
     spec = spec_of("rise_time")
 
-    def of(self, step: StepResponse) -> Measure:
+    def find(self, step: StepResponse) -> Finding:
         """Return the time between the two crossings; they share the errors of both levels."""
         low, high = step.crossing(0.1), step.crossing(0.9)
+        return Finding(high.time - low.time, lambda: self._measure(step, low, high))
+
+    @staticmethod
+    def _measure(step: StepResponse, low: Crossing, high: Crossing) -> Measure:
         initial = 0.9 / low.slope - 0.1 / high.slope
         final = 0.1 / low.slope - 0.9 / high.slope
         budget = (
@@ -67,7 +78,7 @@ class ResponseTime(StepMetric):
 
     spec = spec_of("response_time")
 
-    def of(self, step: StepResponse) -> Measure:
+    def find(self, step: StepResponse) -> Finding:
         """Return the time of the crossing of 95 %."""
         return _until(step, RESPONDED, f"edge to 95 % of the measured final level, {LEVELS}")
 
@@ -77,7 +88,7 @@ class DelayTime(StepMetric):
 
     spec = spec_of("delay_time")
 
-    def of(self, step: StepResponse) -> Measure:
+    def find(self, step: StepResponse) -> Finding:
         """Return the time of the crossing of 50 %."""
         return _until(step, 0.5, f"edge to 50 % of the step, {LEVELS}")
 
@@ -94,14 +105,19 @@ class DeadTime(StepMetric):
     )
     by_default = False
 
-    def of(self, step: StepResponse) -> Measure:
+    def find(self, step: StepResponse) -> Finding:
         """Return the time of the crossing of 5 %."""
         return _until(step, MOVED, f"edge to 5 % of the step, {LEVELS}")
 
 
-def _until(step: StepResponse, share: float, convention: str) -> Measure:
+def _until(step: StepResponse, share: float, convention: str) -> Finding:
     crossing = step.crossing(share)
-    level = step.place_budget(crossing, share)
-    low, high = crossing.interval(level, step.noise)
-    budget = crossing.budget(level, step.noise)
-    return since_edge(step, Measure(crossing.time, low, high, with_state(step, convention), budget))
+
+    def measure() -> Measure:
+        level = step.place_budget(crossing, share)
+        low, high = crossing.interval(level, step.noise)
+        budget = crossing.budget(level, step.noise)
+        reason = with_state(step, convention)
+        return since_edge(step, Measure(crossing.time, low, high, reason, budget))
+
+    return Finding(max(crossing.time, 0.0), measure)
