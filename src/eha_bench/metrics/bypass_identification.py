@@ -25,7 +25,7 @@ from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import estimate
 from eha_bench.metrics.step_response import final_window, require_finite
-from eha_bench.metrics.window import commanded_edges, timeline
+from eha_bench.metrics.window import edges_of, timeline
 
 _STEADY = 0.5  # of the speed: what it may drift by along the final window ...
 _STEADY_UNCORRECTED = 0.003  # ... and where the inertia is not known that this costs torque
@@ -128,7 +128,7 @@ def _settled(
     steady = _STEADY if math.isfinite(inertia) else _STEADY_UNCORRECTED
     found: list[tuple[float, float]] = []
     variances: list[tuple[float, float]] = []
-    edges = commanded_edges(line, trial)
+    edges = edges_of(recording, trial)
     for edge in edges:
         window = final_window(line, edge)
         require_finite(line, speeds, window)

@@ -12,6 +12,7 @@ from eha_bench.core.budget import Budget
 from eha_bench.metrics.coverage import between, coverage_factor, type_a
 from eha_bench.metrics.local import LocalFit, fit, half_width, holds_around
 from eha_bench.metrics.noise import Noise
+from eha_bench.metrics.polynomial import real_roots
 
 _PLACED = 1.12
 """What the variance of a crossing is larger by than its weights say.
@@ -223,13 +224,11 @@ def _at(local: LocalFit, level: float, guess: Crossing, noise: Noise) -> Crossin
     """Return the crossing of a polynomial nearest to a guess; the guess where it has none."""
     shifted = local.coefficients.copy()
     shifted[0] -= level
-    roots = np.roots(shifted[::-1]) if np.any(shifted[1:] != 0.0) else np.zeros(0)
-    real = roots[np.abs(roots.imag) < 1e-9].real
-    real = real[np.abs(real) <= 1.0]
+    real = [x for x in real_roots(shifted) if abs(x) <= 1.0]
     same = [x for x in real if local.slope(local.origin + x * local.scale) * guess.slope > 0.0]
     place = local.origin + float(min(same, key=abs)) * local.scale if same else guess.time
-    at_place = local.powers(np.array([place]))
-    variance = _PLACED * float(noise.spread(local.operator).variances(at_place)[0])
+    weights = local.powers(np.array([place]))[0] @ local.operator
+    variance = _PLACED * noise.variance(weights)
     span = 2.0 * local.scale
     if not same:
         return Crossing(guess.time, guess.slope, variance, span=span)

@@ -41,7 +41,7 @@ from eha_bench.metrics.step_response import (
     initial_window,
     require_finite,
 )
-from eha_bench.metrics.window import commanded_edges, timeline
+from eha_bench.metrics.window import edges_of, timeline
 
 _PARABOLA = 9
 _FEWEST_PLACES = 8.0  # that a maximum is chosen from, where it is one of noise
@@ -283,7 +283,7 @@ def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: st
     is that of the parabola.
     """
     line = timeline(recording, trial)
-    edges = commanded_edges(line, trial)
+    edges = edges_of(recording, trial)
     span = line.between(edges[0].time, edges[-1].until)
     data = samples(recording, trial, channel)
     values = data.values

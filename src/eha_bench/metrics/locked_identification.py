@@ -25,7 +25,7 @@ from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.step_response import require_finite
-from eha_bench.metrics.window import Timeline, commanded_edges, timeline
+from eha_bench.metrics.window import Timeline, edges_of, timeline
 
 _AVERAGED = 0.020  # s: window that speeds are averaged over
 _REST = 0.05  # s: how long the rotor has to have rested for a break-away to count
@@ -63,7 +63,7 @@ def _holds(recording: Recording, trial: Trial) -> _Holds:
 
 def _find_holds(recording: Recording, trial: Trial) -> _Holds:
     line = timeline(recording, trial)
-    spans = tuple(line.between(edge.time, edge.until) for edge in commanded_edges(line, trial))
+    spans = tuple(line.between(edge.time, edge.until) for edge in edges_of(recording, trial))
     speed = recording["motor_speed"]
     whole = slice(spans[0].start, spans[-1].stop)
     for name in ("motor_speed", "current", "pressure_difference"):

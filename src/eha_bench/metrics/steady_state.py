@@ -28,7 +28,7 @@ from eha_bench.metrics.step_response import (
     magnitude,
     require_finite,
 )
-from eha_bench.metrics.window import Timeline, commanded_edges, timeline
+from eha_bench.metrics.window import Timeline, edges_of, timeline
 
 _FEWEST = 20  # samples before the edge that tell of noise
 _RATIO = 4.0  # of variances, up to which levels scatter alike
@@ -50,7 +50,7 @@ class SteadyStateError(Metric):
             raise NotScored(f"{channel} is not what the reference asks for ({trial.channel} is)")
         line = timeline(recording, trial)
         data = samples(recording, trial, channel)
-        edges = commanded_edges(line, trial)
+        edges = edges_of(recording, trial)
         return _largest(line, data, edges, [edge.after for edge in edges])
 
 
@@ -73,7 +73,7 @@ class HoldingCurrent(Metric):
             raise NotScored(f"{channel} is not a current")
         line = timeline(recording, trial)
         data = samples(recording, trial, channel)
-        edges = commanded_edges(line, trial)
+        edges = edges_of(recording, trial)
         return _largest(line, data, edges, [None] * len(edges))
 
 

@@ -25,7 +25,7 @@ from eha_bench.metrics.onset import ComesToRest, Corner, SetsOff, corner
 from eha_bench.metrics.resolution import dithering, rounding_sd
 from eha_bench.metrics.samples import Samples, samples
 from eha_bench.metrics.tail import asymptote
-from eha_bench.metrics.window import Timeline, commanded_edges, timeline
+from eha_bench.metrics.window import Timeline, edges_of, timeline
 
 FINAL_SHARE = 0.2
 """Share of the hold, at its end, whose mean is the final level."""
@@ -339,7 +339,7 @@ def _step_responses(recording: Recording, trial: Trial, channel: str) -> tuple[S
         raise NotScored("the signal has no edge")
     data = samples(recording, trial, channel)
     line = timeline(recording, trial)
-    edges = commanded_edges(line, trial)
+    edges = edges_of(recording, trial)
     responses = []
     for number, edge in enumerate(edges):
         start = edges[number - 1].time if number else float(line.time[0])

@@ -201,6 +201,13 @@ def _match(
 # --- the edges as they were commanded ---------------------------------------------------------
 
 
+def edges_of(recording: Recording, trial: Trial) -> tuple[Edge, ...]:
+    """Return what `commanded_edges` finds in a recording; several metrics ask for it."""
+    return remembered(
+        recording, trial, "edges", lambda: commanded_edges(timeline(recording, trial), trial)
+    )
+
+
 def commanded_edges(line: Timeline, trial: Trial) -> tuple[Edge, ...]:
     """Return the trial's edges with the times and levels that the reference really had.
 
