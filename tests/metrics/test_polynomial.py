@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from eha_bench.metrics.polynomial import real_roots
 
-coefficient = st.floats(-10.0, 10.0)
+coefficient = st.integers(-1000, 1000).map(lambda number: number / 100.0)
 
 
 @given(st.lists(coefficient, min_size=2, max_size=4))

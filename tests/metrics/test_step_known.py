@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 import control
+from eha_bench.core.recording import Recording
+from eha_bench.metrics.scoring import metric
+from eha_bench.metrics.step_response import step_responses
 
 FIRST_ORDER = ([1.0], [1.0, 1.0])
 MATLAB_1 = ([1.0, 5.0, 5.0], [1.0, 1.65, 5.0, 6.5, 2.0])
@@ -172,3 +175,33 @@ def test_the_convention_is_named(kit):
     assert "10-90 %" in kit.measure("rise_time", recording, trial).reason
     assert "95 %" in kit.measure("response_time", recording, trial).reason
     assert "2 %" in kit.measure("settling_time", recording, trial).reason
+
+
+def test_the_worst_of_many_edges_is_the_one_that_each_alone_would_name(kit):
+    """Only the worst edge's interval is looked for; it is what that edge has by itself."""
+    rng = np.random.default_rng(2)
+    time = np.arange(6000) / 1000.0
+    edges = 0.2 + 0.7 * np.arange(8)
+    levels = np.cumsum([0.0, *((-1.0) ** np.arange(8) * rng.uniform(0.5, 1.0, 8))])
+    signal = kit.Steps(tuple(edges), tuple(levels), 6.0)
+    trial = kit.trial(signal, 6.0)
+    answer = np.full(time.size, levels[0])
+    for edge, before, after in zip(edges, levels, levels[1:], strict=False):
+        since = np.maximum(time - edge, 0.0)
+        speed, damping = rng.uniform(30.0, 80.0), rng.uniform(0.3, 0.9)
+        turn = speed * np.sqrt(1.0 - damping**2)
+        shape = 1.0 - np.exp(-damping * speed * since) * (
+            np.cos(turn * since) + damping * speed / turn * np.sin(turn * since)
+        )
+        answer += (after - before) * shape
+    values = {kit.channel: answer + 0.002 * rng.normal(size=time.size), "reference": signal(time)}
+    recording = Recording(time, values, metadata={"signal_start": "0.0"})
+    responses = step_responses(recording, trial, kit.channel)
+    for name in ("rise_time", "response_time", "settling_time", "overshoot", "peak", "peak_time"):
+        found = kit.measure(name, recording, trial)
+        alone = [metric(name).find(step).measure() for step in responses]
+        largest = max(alone, key=lambda measure: abs(measure.value))
+        assert (found.value, found.low, found.high) == (largest.value, largest.low, largest.high)
+        assert found.budget == largest.budget
+        assert found.reason.endswith(largest.reason)
+        assert "worst of 8 edges" in found.reason

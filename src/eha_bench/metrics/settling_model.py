@@ -13,6 +13,7 @@ counts only where it leaves no more than the noise; its interval is that of its 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,8 +48,10 @@ class SettlingTail:
     covariance: FloatArray
 
 
-def settled_by_model(step: StepResponse, band: float, latest: float) -> tuple[float, float, float]:
-    """Return settling time in s since the edge, and its 95 % interval.
+def settled_by_model(
+    step: StepResponse, band: float, latest: float
+) -> tuple[float, Callable[[], tuple[float, float]]]:
+    """Return settling time in s since the edge, and what gives its 95 % interval.
 
     Args:
         step: with known noise.
@@ -64,16 +67,20 @@ def settled_by_model(step: StepResponse, band: float, latest: float) -> tuple[fl
     value = tail.start + _settled(tail.parameters[None, :], grid, band)[0]
     if not value < latest:
         raise NotScored(f"not settled: by a decaying pair of modes {value:.4g} s after the edge")
-    rng = np.random.default_rng(0)  # the same recording has the same interval
-    scale = np.sqrt(np.maximum(np.diag(tail.covariance), 1e-300))
-    normed = tail.covariance / np.outer(scale, scale)
-    root = np.linalg.cholesky(normed + 1e-9 * np.eye(5))
-    # Student's distribution, as the noise is estimated
-    heavy = np.sqrt(step.noise.freedom / rng.chisquare(step.noise.freedom, _DRAWN))
-    drawn = tail.parameters + scale * (rng.normal(size=(_DRAWN, 5)) @ root.T) * heavy[:, None]
-    times = tail.start + _settled(drawn, grid, band)
-    low, high = (float(end) for end in np.percentile(times, (2.5, 97.5)))
-    return value, min(low, value), max(high, value)
+
+    def interval() -> tuple[float, float]:
+        rng = np.random.default_rng(0)  # the same recording has the same interval
+        scale = np.sqrt(np.maximum(np.diag(tail.covariance), 1e-300))
+        normed = tail.covariance / np.outer(scale, scale)
+        root = np.linalg.cholesky(normed + 1e-9 * np.eye(5))
+        # Student's distribution, as the noise is estimated
+        heavy = np.sqrt(step.noise.freedom / rng.chisquare(step.noise.freedom, _DRAWN))
+        drawn = tail.parameters + scale * (rng.normal(size=(_DRAWN, 5)) @ root.T) * heavy[:, None]
+        times = tail.start + _settled(drawn, grid, band)
+        low, high = (float(end) for end in np.percentile(times, (2.5, 97.5)))
+        return min(low, value), max(high, value)
+
+    return value, interval
 
 
 def _modes(

@@ -124,15 +124,20 @@ class SettlingTime(StepMetric):
             raise NotScored(floor)
         latest = (1.0 - HOLD_SHARE) * float(step.time[-1])
         try:
-            value, low, high = settled_by_model(step, BAND, latest)
+            value, interval = settled_by_model(step, BAND, latest)
         except NotScored as error:
             raise NotScored(f"{floor}; {error.reason}") from error
         convention = (
             f"2 % of the step for good, {LEVELS}; two modes fitted to the tail, since {floor}"
         )
-        parameters = type_a("noise", ((high - low) / (2.0 * NORMAL)) ** 2, step.noise.freedom)
-        found = Measure(value, low, high, with_state(step, convention), parameters)
-        return Finding(max(value, 0.0), lambda: since_edge(step, found))
+
+        def measure() -> Measure:
+            low, high = interval()
+            parameters = type_a("noise", ((high - low) / (2.0 * NORMAL)) ** 2, step.noise.freedom)
+            reason = with_state(step, convention)
+            return since_edge(step, Measure(value, low, high, reason, parameters))
+
+        return Finding(max(value, 0.0), measure)
 
     @staticmethod
     def _interval(
