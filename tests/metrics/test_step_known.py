@@ -205,3 +205,17 @@ def test_the_worst_of_many_edges_is_the_one_that_each_alone_would_name(kit):
         assert found.budget == largest.budget
         assert found.reason.endswith(largest.reason)
         assert "worst of 8 edges" in found.reason
+
+
+def test_five_samples_a_rise_are_enough_for_a_narrow_interval(kit):
+    """A response that was seen to move before 10 % does not begin with a corner after that."""
+    held, widths = 0, []
+    for seed in range(60):
+        speed = 300.0 * (1.0 + 0.004 * seed)  # 1.64 / omega_n from 10 to 90 %
+        system = ([1.0], [1.0 / speed**2, 1.0 / speed, 1.0])
+        recording, trial = kit.step(system, hold=0.15, before=0.05)
+        found = kit.measure("rise_time", kit.noisy(recording, 0.005, seed), trial)
+        held += found.low <= 1.63757 / speed <= found.high
+        widths.append((found.high - found.low) * speed / 1.63757)
+    assert held >= 52
+    assert np.median(widths) < 0.06

@@ -25,6 +25,7 @@ SOON = 0.25
 """Share of the step up to which a response may just have set off, with a kink."""
 
 _STILL = 0.05  # of the step: what is no farther may not have set off yet
+_MOVED = 3.0  # standard deviations from the initial level: what has moved so far has set off
 _KINKED = 1.3  # as 95 % of what lies anywhere between two bounds do not reach them
 _FOLLOWED = 1.5  # of the window in which a line is straight: a cubic follows further
 _APART = 1.0  # what a cubic may be off by, against how far parabolas are from it ...
@@ -131,9 +132,12 @@ def between_samples(
     variance = noise.variance(_lagrange(time[here], cubic.time))
     if float(values[start]) < _STILL and index + 3 < time.size:
         # there may be a kink just before: what comes after it knows nothing of what was before
-        away, later = _kinked(time, values, level, index, line, cubic.time)
+        # but hardly after a sample that has moved; far up, two samples later, it may still matter
+        moved = level <= SOON and float(values[index - 1]) > _MOVED * noise.sd
+        begun = index - 1 if moved else index
+        away, later = _kinked(time, values, level, begun, line, cubic.time)
         apart.append(_KINKED * away)
-        after = slice(index, index + 3)
+        after = slice(begun, begun + 3)
         variance = max(variance, noise.variance(_lagrange(time[after], later)))
     return Crossing(
         cubic.time,
@@ -145,23 +149,24 @@ def between_samples(
 
 
 def _kinked(
-    time: FloatArray, values: FloatArray, level: float, index: int, line: Crossing, place: float
+    time: FloatArray, values: FloatArray, level: float, begun: int, line: Crossing, place: float
 ) -> tuple[float, float]:
-    """Return how far away a response crosses that has a kink just before sample `index`, and when.
+    """Return how far away a response crosses that has a kink just before sample `begun`, and when.
 
     Both in s. By the parabola and the cubic through the samples that come after, and as much later
-    again as these are apart, up to the sample itself.
+    again as these are apart, up to the sample that is beyond the level.
     """
+    beyond = float(time[np.searchsorted(time, line.time)])
     found = []
     for count in (3, 4):
-        after = slice(index, index + count)
-        if index + count <= time.size:
+        after = slice(begun, begun + count)
+        if begun + count <= time.size:
             later = _crossed(time[after], values[after], level, line)
-            if later is not None and later.time <= float(time[index]):
+            if later is not None and later.time <= beyond:
                 found.append(later.time)
     if not found:
         return 0.0, place
-    latest = min(max(found) + (max(found) - min(found)), float(time[index]))
+    latest = min(max(found) + (max(found) - min(found)), beyond)
     return max(latest - place, place - min(found)), min(found)
 
 
