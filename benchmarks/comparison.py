@@ -321,7 +321,7 @@ def main() -> int:
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
     workers = workers_from(chosen.workers)
-    pairs, histories = (12, 5) if chosen.quick else (chosen.pairs, chosen.histories)
+    pairs, histories = (4, 2) if chosen.quick else (chosen.pairs, chosen.histories)
     whole = cache(lambda: pool(24 if chosen.quick else 60))
     nights = (100, 20) if chosen.quick else (1000, 100)
     sections: dict[str, Callable[[], Iterator[Line]]] = {

@@ -9,7 +9,7 @@ import pytest
 HIDDEN = {"H": [], "K": ["coulomb_friction"]}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(17)
 @pytest.mark.parametrize("letter", HIDDEN)
 def test_foreign_plant_is_diagnosed_right(
     cli, repository: Path, shared_data: Path, tmp_path: Path, letter: str

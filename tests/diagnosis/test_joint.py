@@ -14,7 +14,7 @@ from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.state import Thresholds, begin
 
 
-@pytest.mark.slow
+@pytest.mark.slow(31)
 def test_two_effects_are_found_from_the_calibrated_model_alone(tmp_path: Path) -> None:
     hidden = (by_id("seal_friction")[0], by_id("torque_saturation")[0])
     plan = Plan("case", "two", hidden, ("strong", "middle"), (1, 2, 3))

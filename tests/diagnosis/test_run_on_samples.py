@@ -18,7 +18,7 @@ ANSWERS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.slow(24)
 @pytest.mark.parametrize("case", ANSWERS)
 def test_the_missing_effect_is_named_and_the_holdout_error_falls_to_the_noise(
     shared_data: Path, tmp_path: Path, case: str
@@ -39,7 +39,7 @@ def test_nothing_is_accused_where_nothing_is_missing(shared_data: Path, tmp_path
     assert written["effects"] == []
 
 
-@pytest.mark.slow
+@pytest.mark.slow(74)
 def test_what_no_effect_explains_is_localised(shared_data: Path, tmp_path: Path):
     diagnose(shared_data / "rig_samples" / "F" / "dataset.yaml", tmp_path)
     written = json.loads((tmp_path / "diagnosis.json").read_text())
@@ -49,7 +49,7 @@ def test_what_no_effect_explains_is_localised(shared_data: Path, tmp_path: Path)
     assert written["unknown"]["period"] == pytest.approx(1 / 1.3, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(25)
 @pytest.mark.parametrize(("case", "effects"), [("M", []), ("N", ["entrained_air"])])
 def test_a_plain_log_is_read_as_it_is(
     shared_data: Path, tmp_path: Path, case: str, effects: list[str]

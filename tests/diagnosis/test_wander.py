@@ -152,7 +152,7 @@ def test_noise_is_asked_of_a_fit_that_leaves_structure_or_less_than_the_noise(
         own_noise.with_own_noise(cast("Baseline", None), cast("Search", search))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(54)
 def test_noise_that_rest_does_not_tell_hides_no_cause(tmp_path: Path) -> None:
     """Noise that remembers for half a millisecond, and zeros that drift by a fifth of it.
 

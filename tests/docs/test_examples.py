@@ -36,6 +36,7 @@ def test_controllers_are_compared(tmp_path: Path) -> None:
     assert (tmp_path / "comparison" / "comparison.html").is_file()
 
 
+@pytest.mark.slow(51)
 def test_a_leak_grows_on_the_played_rig(tmp_path: Path) -> None:
     script = EXAMPLES / "week_of_nights" / "week_of_nights.py"
     command = [sys.executable, str(script), str(tmp_path), "--nights", "3", "--leak", "1e-14"]

@@ -83,7 +83,7 @@ def test_kill_9(tmp_path: Path) -> None:
     check_killed_runs(tmp_path, 3)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(39)
 def test_kill_9_at_50_random_moments(tmp_path: Path) -> None:
     check_killed_runs(tmp_path, 50)
 

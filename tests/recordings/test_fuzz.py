@@ -83,7 +83,7 @@ def test_what_says_something_else_is_an_error_of_one_sentence(
     fuzz.attempt(path, seed.mapping)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(32)
 def test_2000_recordings_that_say_something_else(fuzz: Any, tmp_path: Path) -> None:
     outcomes, defects = fuzz.run(2000, 3, tmp_path, [], structured=True)
     assert defects == []

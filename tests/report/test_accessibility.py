@@ -103,7 +103,7 @@ def pages_of_the_loop(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [work / page for page in pages]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(45)
 def test_no_serious_finding_in_the_pages_of_the_loop(
     tab: Page, pages_of_the_loop: list[Path]
 ) -> None:

@@ -172,7 +172,7 @@ def test_a_stalled_recorder_ends_the_run_by_choice_and_quickly(
     assert not list(tmp_path.rglob("*.part"))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(20)
 def test_two_runs_never_share_a_rig_and_a_time_limit_holds(
     rig: Rigs, suite: Suites, tmp_path: Path
 ) -> None:
