@@ -16,6 +16,7 @@ from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start, all_starts
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.search.equivalent import is_as_good
 from eha_bench.diagnosis.search.refit import Near, polish_at_rest
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search, Thresholds
 
@@ -37,10 +38,15 @@ def exchange(search: Search, limits: Thresholds) -> bool:
             continue
         others = [other for other in search.accepted if other is not item]
         best = _best(search, item, others, starts)
-        if best is None or best.fit.cost > search.fit.cost - limits.gain:
+        # what no candidate explains makes chance gain as much more than noise would
+        least = limits.gain * max(1.0, 1.0 + search.excess_left.relative)
+        if best is None or best.fit.cost > search.fit.cost - least:
             continue
-        equal = tuple(name for name in item.equivalent if name != best.candidate)
         found = compare(_before(search, item), best.fit, search.groups, search.excess_base.total)
+        equal = tuple(name for name in item.equivalent if name != best.candidate)
+        old = item.start.candidate
+        if old != best.candidate and is_as_good(search.fit, best.fit, found.gain, search.groups):
+            equal = (old, *equal)
         search.accepted[place] = Accepted(best.start, found, equal)
         search.fit = best.fit
         search.excess_left = excess(search.problem, search.fit)

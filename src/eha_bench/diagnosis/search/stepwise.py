@@ -14,7 +14,6 @@ from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
 from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import (
     REST_SIGNIFICANCE,
-    SOFT_MEAN,
     Groups,
     compare,
     is_unexplained,
@@ -23,6 +22,7 @@ from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import drop, release, review, without_idle
+from eha_bench.diagnosis.search.equivalent import is_as_good
 from eha_bench.diagnosis.search.exchange import CLOSE, exchange
 from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.refit import Near, is_bent, polish_afresh, polish_at_rest, refit
@@ -310,11 +310,7 @@ def equivalents(chosen: Refit, trials: Sequence[Refit], groups: Groups) -> tuple
             continue
         if item.comparison.gain < 0.5 * chosen.comparison.gain:
             continue
-        behind = compare(item.fit, chosen.fit, groups, 1.0)
-        # down at the noise the likelihood ratio holds; above it only resampling does
-        at_noise = chosen.fit.cost < 1.01 * SOFT_MEAN * chosen.fit.residual.size
-        little = behind.gain < 0.05 * chosen.comparison.gain
-        if behind.gain < 12.0 or (not at_noise and little and behind.p_value > 0.02):
+        if is_as_good(item.fit, chosen.fit, chosen.comparison.gain, groups):
             found.append(item.candidate)
     return tuple(found)
 

@@ -1,0 +1,30 @@
+"""Which candidates explain as much as the chosen one, so that data do not distinguish them."""
+
+from __future__ import annotations
+
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Groups, compare
+from eha_bench.diagnosis.fit.least_squares import Fit
+
+_AT_NOISE = 1.01
+"""Cost over the noise's up to which a likelihood ratio holds."""
+_BEHIND = 12.0
+"""Fall of the cost from which one is behind another there: 3.5 standard deviations."""
+_LITTLE = 0.05
+"""Share of the chosen one's gain by which another may be behind above the noise."""
+_CHANCE = 0.02
+"""Probability from which resampling takes what it is behind by for chance."""
+
+
+def is_as_good(other: Fit, chosen: Fit, gain: float, groups: Groups) -> bool:
+    """Return whether a fit is not worse than the chosen one beyond resampling noise.
+
+    Args:
+        other: with another candidate. chosen: with the one that was chosen, which gained `gain`.
+        groups: of rows, to resample and to leave out.
+    """
+    behind = compare(other, chosen, groups, 1.0)
+    if behind.gain < _BEHIND:
+        return True
+    # down at the noise the likelihood ratio holds; above it only resampling does
+    at_noise = chosen.cost < _AT_NOISE * SOFT_MEAN * chosen.residual.size
+    return not at_noise and behind.gain < _LITTLE * gain and behind.p_value > _CHANCE
