@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 from known_search import LinearProblem, add, search_of, shape, strength
 
-from eha_bench.diagnosis.fit.evidence import is_unexplained
+from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, is_unexplained
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.refit import is_bent
 
@@ -32,3 +34,21 @@ def test_a_second_pass_keeps_the_fit_without_effects(monkeypatch: pytest.MonkeyP
     stepwise.run(search, lambda *_: None)
     assert search.excess_base.total == before
     assert strength(search, search.base, EFFECT) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("errors", "unexplained"),
+    [
+        # thirty samples of 7 sigma: by themselves, or three at a time with alternating signs
+        (lambda rng: rng.choice(1200, 30, replace=False), False),
+        (lambda rng: np.ravel(np.arange(20, 1200, 120)[:, None] + np.arange(3)), True),
+    ],
+)
+def test_what_comes_in_bursts_is_not_single_outliers(errors: Any, unexplained: bool) -> None:
+    problem = LinearProblem({FRICTION: 0.2 * shape(0.0)}, {})
+    rows = errors(np.random.default_rng(3))
+    problem.readings[rows] += 9.0 * np.where(np.arange(rows.size) % 2, -1.0, 1.0)
+    rest = search_of(problem, FRICTION).excess_base
+    assert rest.relative > 0.2
+    assert rest.significance < REST_SIGNIFICANCE
+    assert is_unexplained(rest) is unexplained

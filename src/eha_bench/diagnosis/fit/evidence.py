@@ -36,6 +36,11 @@ _CONCERNED = 0.03
 REST_RELATIVE = 0.03
 """A rest below this share of the noise's cost is not worth a new cause."""
 REST_SIGNIFICANCE = 8.0
+_BURSTS = 0.2
+"""The same of a rest that comes in bursts: what acts in few instants has hardly any other structure
+in time, while single outliers and a wrong level of the noise do not come together."""
+_FURTHEST = 8.0
+"""Size of a residual beyond which it counts as one of that size, in the noise."""
 _GAP = np.array([np.nan])
 SOFT_MEAN = _soft_mean()
 """Mean soft-L1 cost of one residual that is standard normal noise."""
@@ -115,6 +120,8 @@ class Excess:
         significance: in standard deviations, of the most structured block length, or of a channel
             that swings.
         by_channel: channel -> mean square.
+        bursts: correlation of neighbouring squares, in standard deviations of none, of the channel
+            where it is largest (Engle's test: Econometrica 50 (1982) 987, doi:10.2307/1912773).
     """
 
     total: float
@@ -122,6 +129,7 @@ class Excess:
     structure: Mapping[int, float]
     significance: float
     by_channel: Mapping[str, float]
+    bursts: float = 0.0
 
     @property
     def relative(self) -> float:
@@ -131,6 +139,8 @@ class Excess:
 
 def is_unexplained(rest: Excess) -> bool:
     """Whether a residual holds more than noise and what a nearly right model leaves."""
+    if rest.relative > _BURSTS and rest.bursts > REST_SIGNIFICANCE:
+        return True
     return rest.relative > REST_RELATIVE and rest.significance > REST_SIGNIFICANCE
 
 
@@ -139,7 +149,7 @@ def excess(problem: Problem, fit: Fit) -> Excess:
     structure: dict[int, float] = {}
     significance = -np.inf
     parts = [(channel, part) for _, channel, part in _by_channel(problem, fit.residual)]
-    clipped = [np.clip(part, -8.0, 8.0) for _, part in parts]
+    clipped = [np.clip(part, -_FURTHEST, _FURTHEST) for _, part in parts]
     for length in (1, 8, 32, 128):
         total, count = 0.0, 0
         for part in clipped:
@@ -155,9 +165,11 @@ def excess(problem: Problem, fit: Fit) -> Excess:
                 # apart from single samples: what is white only tells a wrong estimate of the noise
                 above = value / max(1.0, structure.get(1, 1.0)) - 1.0
                 significance = max(significance, above * np.sqrt(count / 2.0))
+    bursts = 0.0
     for channel in dict.fromkeys(channel for channel, _ in parts):
         own = [part for (at, _), part in zip(parts, clipped, strict=True) if at == channel]
         significance = max(significance, oscillation(own))
+        bursts = max(bursts, _bursts(own))
     names = problem.plant.outputs
     sums: dict[str, list[float]] = {}
     for channel, part in parts:
@@ -169,7 +181,20 @@ def excess(problem: Problem, fit: Fit) -> Excess:
         structure,
         float(significance),
         {name: float(np.mean(values)) for name, values in sums.items()},
+        bursts,
     )
+
+
+def _bursts(parts: list[FloatArray]) -> float:
+    """Return the correlation of neighbouring squares in standard deviations of none."""
+    squares = [part**2 for part in parts]
+    first = np.concatenate([part[:-1] for part in squares])
+    second = np.concatenate([part[1:] for part in squares])
+    both = np.isfinite(first) & np.isfinite(second)
+    first, second = first[both], second[both]
+    if first.size < 3 or not (first.std() > 0.0 and second.std() > 0.0):
+        return 0.0
+    return float(np.corrcoef(first, second)[0, 1] * np.sqrt(first.size))
 
 
 @dataclass(frozen=True)
