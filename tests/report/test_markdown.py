@@ -8,7 +8,7 @@ from sample_run import NASTY, SampleRun
 
 from eha_bench.core.errors import InputError
 from eha_bench.report import append_step_summary, markdown_summary
-from eha_bench.report.markdown import STEP_SUMMARY_BYTES
+from eha_bench.report.markdown import STEP_SUMMARY_BYTES, as_text
 
 
 def test_summary_tells_the_verdict_and_the_worst_first(sample: SampleRun) -> None:
@@ -17,7 +17,7 @@ def test_summary_tells_the_verdict_and_the_worst_first(sample: SampleRun) -> Non
     assert lines[0] == "## ⛔ paper on simulator: fault"
     assert "4 of 21 limits missed, 1 undecided, 2 not scored" in text
     first = next(line for line in lines if "over" in line)
-    assert "pressure\\_step\\-20MPa" in first
+    assert "pressure\\_step-20MPa" in first
     assert "2.58\u00a0ms (5.7\u00a0%) over" in first
     assert "| 6 of 9 |" in text
 
@@ -31,6 +31,14 @@ def test_names_are_text(sample: SampleRun) -> None:
     text = markdown_summary(replace(sample.result, suite=NASTY, trials=(run,)))
     assert "<script" not in text.replace("\\<script", "")
     assert "a\\|b \\`c\\`" in text
+
+
+def test_sentences_read_as_they_are_where_markdown_reads_nothing_in_them() -> None:
+    for plain in ("2 runs: too few (8 are needed).", "step-10MPa, 3 -> 4 ms!", "16:05 UTC +0.3 %"):
+        assert as_text(plain) == plain
+    assert as_text("- see https://a.b/c :bug: *x* <b>") == (
+        "\\- see https\\://a.b/c \\:bug: \\*x\\* \\<b>"
+    )
 
 
 def test_every_table_row_has_as_many_cells_as_its_heading(sample: SampleRun) -> None:

@@ -35,7 +35,10 @@ class Hook(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         body = self.rfile.read(int(self.headers["Content-Length"]))
         self.server.received.append((self.headers["Content-Type"], json.loads(body)))
-        self.send_response(self.answer)
+        if self.answer < 0:
+            self.wfile.write(b"no status line, but " + self.path.encode() + b"\r\n\r\n")
+            return
+        self.send_response(self.answer, f"as for {self.path}")
         self.send_header("Location", "http://127.0.0.1:1/")
         self.end_headers()
 
@@ -84,6 +87,18 @@ def test_a_webhook_that_refuses_or_leads_elsewhere_is_said(
         send_on(drifted, Nightly(send="$NO_SUCH_NAME"))
 
 
+@pytest.mark.parametrize("answer", [500, 302, 799, -1])
+def test_what_a_webhook_answers_tells_nobody_its_address(
+    drifted: History, hook: HTTPServer, monkeypatch: pytest.MonkeyPatch, answer: int
+) -> None:
+    monkeypatch.setattr(Hook, "answer", answer)
+    with pytest.raises(InputError) as caught:
+        send_on(drifted, Nightly(send=f"http://127.0.0.1:{hook.server_port}/TOKEN"))
+    assert "TOKEN" not in str(caught.value)
+    assert "not HTTP" in str(caught.value) if answer < 0 else f" {answer}" in str(caught.value)
+    assert caught.value.__suppress_context__
+
+
 def test_a_command_gets_markdown_and_no_shell_reads_it(drifted: History, tmp_path: Path) -> None:
     out = tmp_path / "mail.txt"
     script = tmp_path / "mail.py"
@@ -121,6 +136,11 @@ def test_steady_nights_are_sent_only_always(tmp_path: Path, hook: HTTPServer) ->
         ("send: ''", "neither a webhook nor a command"),
         ('send: "mail \'x"', "is not a command"),
         ("sent: x", "send"),
+        ("send: http://host:port/x", "is not the address of a webhook"),
+        ("send: http://me:secret@host/x", "write http"),
+        ("send: 'https://host/a b'", "is not the address of a webhook"),
+        ("send: 'http://[::1/x'", "is not the address of a webhook"),
+        ("send: https:///x", "is not the address of a webhook"),
         ("send: x\nwhen: sometimes", "when"),
     ],
 )

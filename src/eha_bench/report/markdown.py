@@ -25,7 +25,8 @@ _SIGNS: Final = {
     Status.INCOMPLETE: "⚠️",
     Status.FAULT: "⛔",
 }
-_SPECIAL: Final = re.compile(r"([\\`*_{}\[\]<>()#+!|~&$@:-])")
+_SPECIAL: Final = re.compile(r"[\\`*_{}\[\]<#|~&$@]|:(?=//|[\w+-]+:)|^[-+>]")
+"""What Markdown reads in a line: marks, links, codes of emoji, and beginnings of lists, quotes."""
 
 
 def markdown_summary(result: Result, trials: Mapping[str, Trial] | None = None) -> str:
@@ -157,4 +158,4 @@ def as_text(text: str) -> str:
     line = " ".join(text.split())
     if len(line) > _LONGEST_TEXT:
         line = line[: _LONGEST_TEXT - 1] + "…"
-    return _SPECIAL.sub(r"\\\1", line)
+    return _SPECIAL.sub(r"\\\g<0>", line)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import http
 import json
 import shlex
 import subprocess
 import urllib.error
 import urllib.request
+from http.client import HTTPException
 from typing import Any, Final
 
 from eha_bench.core.errors import InputError
@@ -73,10 +75,21 @@ def _post(url: str, content: dict[str, Any]) -> None:
         with opener.open(request, timeout=_PATIENCE_S):
             pass
     except urllib.error.HTTPError as error:
-        raise _unsent(f"the webhook answered {error.code} {error.reason}") from error
-    except (OSError, ValueError) as error:
+        with error:  # which is the answer, and holds the connection
+            raise _unsent(f"the webhook answered {_status(error.code)}") from None
+    except OSError as error:
         reason = getattr(error, "reason", error)
-        raise _unsent(f"the webhook did not answer ({reason})") from error
+        raise _unsent(f"the webhook did not answer ({reason})") from None
+    except (HTTPException, ValueError):  # their words may repeat the address, which is secret
+        raise _unsent("the webhook's answer is not HTTP") from None
+
+
+def _status(code: int) -> str:
+    """Return a status in HTTP's own words: the server's may repeat the address."""
+    try:
+        return f"{code} {http.HTTPStatus(code).phrase}"
+    except ValueError:
+        return str(code)
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):

@@ -15,6 +15,7 @@ import shlex
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -39,7 +40,23 @@ def _sendable(text: str) -> str:
             shlex.split(text)
         except ValueError as error:
             raise ValueError(f"is not a command ({error})") from error
+    if is_webhook(text) and not _is_address(text):
+        raise ValueError("is not the address of a webhook: write http(s)://HOST[:PORT]/PATH")
     return text
+
+
+def _is_address(text: str) -> bool:
+    """Whether an address has a host, a port that is one, no user and nothing that HTTP forbids."""
+    try:
+        parts = urlsplit(text)
+        return (
+            bool(parts.hostname)
+            and parts.port != 0
+            and "@" not in parts.netloc
+            and (text.isascii() and text.isprintable() and " " not in text)
+        )
+    except ValueError:
+        return False
 
 
 class Diagnose(BaseModel):
