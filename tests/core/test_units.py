@@ -123,7 +123,18 @@ def test_text_agrees_with_factor_and_offset(value: float, units: tuple[str, str]
 
 @pytest.mark.parametrize(
     ("unit", "base"),
-    [("bar", "Pa"), ("rpm", "rad/s"), ("deg", "rad"), ("mm", "m"), ("kN", "N"), ("degC", "K")],
+    [
+        ("bar", "Pa"),
+        ("rpm", "rad/s"),
+        ("deg", "rad"),
+        ("mm", "m"),
+        ("kN", "N"),
+        ("degC", "K"),
+        ("1/min", "1/s"),
+        ("1/s", "1/s"),
+        ("kHz", "Hz"),
+        ("hertz", "Hz"),
+    ],
 )
 def test_base_unit(unit: str, base: str) -> None:
     assert base_unit(unit) == base

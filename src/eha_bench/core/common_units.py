@@ -60,7 +60,7 @@ COMMON: dict[str, tuple[str, float, float]] = {
 """Unit -> (SI unit, factor, offset) with SI value = factor * value + offset."""
 
 BASE = frozenset(
-    {"", "s", "Hz", "m", "m/s", "m/s^2", "m^2", "m^3", "rad", "rad/s", "rad/s^2", "kg", "N", "N*m",
-     "Pa", "A", "V", "W", "K"}
+    {"", "s", "1/s", "Hz", "m", "m/s", "m/s^2", "m^2", "m^3", "rad", "rad/s", "rad/s^2", "kg",
+     "N", "N*m", "Pa", "A", "V", "W", "K"}
 )  # fmt: skip
 """SI units by which `base_unit` calls a kind."""

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import pint
 
 _NUMBER = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)$", re.DOTALL)
+_HERTZ = re.compile(r"h(ert)?z", re.IGNORECASE)
 _COMMA = re.compile(r"\s*[+-]?\d+,\d")
 
 # What a unit may be written with. Pint evaluates arithmetic, so that 9**9**9 would never come back.
@@ -104,7 +105,8 @@ def base_unit(unit: str) -> str:
     base = registry.get_base_units(_parsed(unit, ""))[1]
     for name in _DERIVED:
         if registry.get_base_units(name)[1] == base:
-            return name
+            # a rate of decay in 1/s is no frequency
+            return "1/s" if name == "Hz" and not _HERTZ.search(unit) else name
     return f"{base:~C}".replace("**", "^")
 
 

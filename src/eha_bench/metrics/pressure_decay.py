@@ -66,7 +66,7 @@ class PressureDecay(Metric):
         worst = max(found, key=lambda fall: fall.rate)
         own = reach(worst.budget)
         first, last = line.time[worst.window][[0, -1]]
-        where = f"from {first:.6g} s to {last:.6g} s, at {worst.level:.4g} Pa"
+        where = f"from {first:.6g} s to {last:.6g} s, at {1e-6 * worst.level:.4g} MPa"
         notes = [f"fastest of {len(found)} holds, {where}" if len(found) > 1 else where]
         notes += [line.how] if line.how else []
         notes += data.notes(line, worst.window)

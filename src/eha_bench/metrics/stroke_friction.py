@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
@@ -37,10 +39,10 @@ class StrokeFriction(Metric):
         found = loop(recording, trial, channel)
         own = reach(found.budget)
         value = abs(found.half)
-        unit = "rad/s" if recording.unit(trial.channel) == "rad" else "m/s"
+        turning = recording.unit(trial.channel) == "rad"
+        speed = f"{math.degrees(found.speed):.3g} deg/s" if turning else f"{found.speed:.3g} m/s"
         notes = (
-            f"{found.strokes} strokes, middle three fifths of the travel, "
-            f"at {found.speed:.3g} {unit}",
+            f"{found.strokes} strokes, middle three fifths of the travel, at {speed}",
             *found.notes,
         )
         return Measure(value, value - own, value + own, "; ".join(notes), found.budget.merged())
