@@ -18,7 +18,7 @@ from eha_bench.cli.app import app
 from eha_bench.recordings import LiveWriter
 from eha_bench.server.guard import Rules
 from eha_bench.server.inside import inside
-from eha_bench.server.live_view import loop_so_far
+from eha_bench.server.live_view import live_view, loop_so_far
 from eha_bench.server.runs_on import look
 from eha_bench.server.serving import is_loopback
 from eha_bench.server.stored import policy_of
@@ -181,11 +181,38 @@ def test_a_run_that_is_on_shows_its_channels_and_its_loop(served):
     answer = served.client.get("/live/tonight")
     assert int(answer.headers["refresh"]) >= 2
     assert "pressure_step-0" in answer.text
-    assert "period 2.000 ms at the median" in answer.text
+    assert "Period 2.000 ms at the median" in answer.text
     assert "Pressure" in answer.text
     assert '<path d="M' in answer.text
     served.text("/live/night-00", 404)
     served.text("/live/../etc", 404)
+
+
+def test_what_a_run_that_is_on_has_not_done_yet_is_not_lost(served):
+    before = json.loads(served.text("/status.json"))
+    place = grow(served.folder / "tonight").parents[1]
+    begun = json.loads((served.folder / "night-00" / "result.json").read_text(encoding="utf-8"))
+    begun |= {"status": "incomplete", "trials": []}
+    (place / "result.json").write_text(json.dumps(begun), encoding="utf-8")
+    served.watch.refresh()
+    on = json.loads(served.text("/status.json"))
+    assert (on["running"], on["status"]) == (["tonight"], before["status"])
+    assert "12 runs, " in served.text("/")
+    assert "has no value of" not in served.text("/")
+    ended = time.time() - 60.0
+    for path in (place / "recordings").iterdir():
+        os.utime(path, (ended, ended))
+    served.watch.refresh()
+    assert "13 runs, " in served.text("/")
+
+
+def test_the_digits_of_a_channel_are_those_of_its_range(tmp_path):
+    view = live_view(grow(tmp_path / "run"))
+    for channel in view.channels:
+        digits = {
+            len(text.partition(".")[2]) for text in (channel.newest, channel.low, channel.high)
+        }
+        assert len(digits) == 1
 
 
 def test_a_run_counts_as_on_while_its_recording_grows(tmp_path):

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import read
-from eha_bench.report.engineering import channel_name, display_unit, number
+from eha_bench.report.engineering import channel_name, decimals_for, display_unit, number
 from eha_bench.report.envelope import envelope_indices
 
 LATE: Final = 1.5
@@ -23,7 +23,6 @@ _WIDTH: Final = 600.0
 _HEIGHT: Final = 48.0
 _EDGE: Final = 2.0
 _POINTS: Final = 500
-_DIGITS: Final = 4
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ def loop_so_far(time: FloatArray) -> str:
     late = int(np.count_nonzero(periods > LATE * usual))
     often, most = float(np.quantile(periods, 0.999)), float(periods.max())
     return (
-        f"period {usual * 1e3:.3f} ms at the median, {often * 1e3:.3f} ms at 99.9 %, "
+        f"Period {usual * 1e3:.3f} ms at the median, {often * 1e3:.3f} ms at 99.9 %, "
         f"{most * 1e3:.3f} ms at most; {late} of {time.size} ticks late by more than half a period"
     )
 
@@ -96,18 +95,17 @@ def _channel(recording: Recording, name: str, first: int) -> ChannelView:
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
     newest = float(values[-1]) if values.size else np.nan
     unit = display_unit(recording.unit(name), (low, high))
+    # the digits of the larger end, so that the three compare at a glance and do not jump
+    places = decimals_for(max(abs(unit.shown(low)), abs(unit.shown(high))))
+    shown = [number(round(unit.shown(value), places), places) for value in (newest, low, high)]
     return ChannelView(
         name=channel_name(name),
-        newest=_shown(unit.shown(newest)),
+        newest=shown[0],
         unit=unit.symbol,
-        low=_shown(unit.shown(low)),
-        high=_shown(unit.shown(high)),
+        low=shown[1],
+        high=shown[2],
         course=_course(recording.time[first:], values, low, high),
     )
-
-
-def _shown(value: float) -> str:
-    return number(float(f"{value:.{_DIGITS}g}")) if np.isfinite(value) else number(np.nan)
 
 
 def _course(time: FloatArray, values: FloatArray, low: float, high: float) -> Markup:

@@ -42,6 +42,17 @@ class Seen:
     results: tuple[tuple[str, int, int], ...]
     runs_on: tuple[RunOn, ...]
 
+    @property
+    def unfinished(self) -> frozenset[str]:
+        """Paths of the results of runs that are on: what they have not done yet is not lost."""
+        return frozenset(f"{run.name}/{_RESULT}".removeprefix("./") for run in self.runs_on)
+
+    @property
+    def finished(self) -> tuple[tuple[str, int, int], ...]:
+        """The results of the runs that have ended."""
+        unfinished = self.unfinished
+        return tuple(result for result in self.results if result[0] not in unfinished)
+
 
 def look(folder: Path, now: float | None = None) -> Seen:
     """Go through a folder for results and for recordings that grow; links are not followed."""

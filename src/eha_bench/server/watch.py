@@ -7,6 +7,7 @@ import logging
 import shutil
 import threading
 import time
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -105,25 +106,25 @@ class Watch:
         seen = look(self._folder)
         last = self._state
         self._state = FolderState(seen, last.history, last.site, last.problem)
-        if seen.results == self._done:
+        if seen.finished == self._done:
             return
         try:
-            history, site = self._worked_out()
+            history, site = self._worked_out(seen.unfinished)
             self._state = FolderState(seen, history, site)
         except EhaBenchError as error:
             self._state = FolderState(seen, last.history, last.site, error.what)
-        self._done = seen.results
+        self._done = seen.finished
         if last.site is not None and self._state.site != last.site:
             shutil.rmtree(last.site, ignore_errors=True)
 
-    def _worked_out(self) -> tuple[History, Path]:
+    def _worked_out(self, unfinished: Collection[str]) -> tuple[History, Path]:
         file = self._own.path / _INDEX
         try:
             index = update(file, self._folder)
         except EhaBenchError:  # what was left behind is not an index of this version
             file.unlink(missing_ok=True)
             index = update(file, self._folder)
-        history = history_of(index, self._folder.resolve().name)
+        history = history_of(index.without(unfinished), self._folder.resolve().name)
         history = replace(history, causes=_left_behind(self._folder, history))
         self._made += 1
         site = self._own.path / f"site-{self._made}"

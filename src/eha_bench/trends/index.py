@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import sqlite3
 import statistics
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -103,6 +103,17 @@ class Index:
     nights: tuple[Night, ...]
     entries: tuple[Entry, ...]
     problems: tuple[str, ...]
+
+    def without(self, paths: Collection[str]) -> Index:
+        """Return it without the nights whose results have these paths."""
+        left = {night.id for night in self.nights if night.path in paths}
+        if not left:
+            return self
+        return Index(
+            tuple(night for night in self.nights if night.id not in left),
+            tuple(entry for entry in self.entries if entry.run not in left),
+            self.problems,
+        )
 
 
 def update(file: Path, folder: Path, *, rebuild: bool = False) -> Index:
