@@ -73,7 +73,7 @@ def test_the_page_shows_causes_and_hostile_names_stay_text(tmp_path: Path) -> No
     assert "<script>alert" not in page
     assert "&lt;script&gt;alert(1)" in page
     assert "no &lt;b&gt;recording" in page
-    assert "oil &amp; more" in page
+    assert "Oil &amp; more" in page
     assert ">change</text>" in page
     assert "first limit: step" in page
     assert "2 % after 20 nights" in page.replace("\N{NO-BREAK SPACE}", " ")
@@ -88,7 +88,7 @@ def test_nobody_asked() -> None:
 def test_a_plot_has_a_point_and_an_interval_a_night() -> None:
     svg = str(cause_svg(trend(), wear(), number=0))
     assert svg.count("<circle") == 12
-    assert scaled_unit(trend()).symbol == "1e-15 m³/(s·Pa)"
+    assert scaled_unit(trend()).symbol == "1e−15 m³/(s·Pa)"
     assert scaled_unit(trend()).factor == pytest.approx(1e15)
 
 

@@ -160,6 +160,15 @@ def test_nights_are_in_the_order_of_their_recordings(tmp_path: Path) -> None:
     assert eb.history(tmp_path).trends[0].values.tolist() == [1.0, 2.0, 3.0]
 
 
+def test_a_limit_beyond_the_plot_is_told_and_not_drawn(tmp_path: Path) -> None:
+    nights(tmp_path, steady(20), limit="<= 900 s")
+    eb.history(tmp_path)
+    (page,) = (tmp_path / "history" / "trends").glob("*.html")
+    text = page.read_text(encoding="utf-8")
+    assert "↑ accepted ≤ 900\xa0s" in text
+    assert 'stroke-dasharray="8 3 2 3"' not in text
+
+
 def test_limits_are_drawn_and_steps_are_upright(tmp_path: Path) -> None:
     values = steady(40)
     values[20:] = [1.2 * value for value in values[20:]]

@@ -64,6 +64,10 @@ def test_a_metric_about_zero_is_not_made_a_share(tmp_path: Path) -> None:
     (kin,) = eb.history(tmp_path).kin
     assert not kin.relative
     assert not any(one.odd for one in kin.specimens)  # of two nobody knows
+    page = (tmp_path / "history" / "units.html").read_text(encoding="utf-8")
+    assert "3 with more than 8 nights are needed" in page
+    assert "Against other units" not in page
+    assert "No unit changed" not in page
 
 
 def test_one_unit_has_no_such_page(tmp_path: Path) -> None:

@@ -90,7 +90,9 @@ def scaled_unit(trend: CauseTrend) -> DisplayUnit:
     if not 0.0 < largest < math.inf or 1e-2 <= largest < 1e5 or unit.offset:
         return unit
     power = 3 * math.floor(math.log10(largest) / 3.0)
-    return DisplayUnit(f"1e{power} {unit.symbol}".strip(), unit.factor * 10.0**-power)
+    return DisplayUnit(
+        f"1e{power} {unit.symbol}".replace("-", "−").strip(), unit.factor * 10.0**-power
+    )
 
 
 def _range(

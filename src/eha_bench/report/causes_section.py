@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from eha_bench.report.cause_plot import cause_svg, scaled_unit
 from eha_bench.report.causes_text import unit_of_cause, untold_sentence, wear_sentence
-from eha_bench.report.engineering import number
+from eha_bench.report.engineering import limit_text, number
 from eha_bench.trends.wear import Causes, CauseTrend
 
 _DRAWN: Final = 4
@@ -75,8 +75,14 @@ def causes_view(causes: Causes | None) -> CausesView | None:
         tuple(_row(trend, alarmed=trend.name in said) for trend in causes.trends),
         tuple((ahead, f"{100.0 * chance:.0f}\N{NO-BREAK SPACE}%") for ahead, chance in chances),
         untold_sentence(causes)[:_MOST_UNTOLD],
-        causes.notes,
+        tuple(_as_sentence(note) for note in causes.notes),
     )
+
+
+def _as_sentence(note: str) -> str:
+    """Return a note with a capital letter, and limits in it as they are printed."""
+    text = limit_text(note)
+    return text[:1].upper() + text[1:]
 
 
 def _title(trend: CauseTrend) -> str:

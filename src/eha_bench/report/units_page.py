@@ -21,7 +21,7 @@ from eha_bench.report.engineering import (
     number,
 )
 from eha_bench.report.page import write_page
-from eha_bench.trends.specimens import FIRST, Kin, Specimen
+from eha_bench.trends.specimens import FIRST, JUDGED, Kin, Specimen
 
 UNITS_NAME: Final = "units.html"
 
@@ -76,16 +76,21 @@ def write_units(out: Path, kin: Sequence[Kin], pages: Mapping[int, str]) -> Path
     odd_first = sorted(kin, key=lambda group: not any(one.odd for one in group.specimens))
     several = len({group.suite for group in kin}) > 1
     odd = {one.trend.target for group in kin for one in group.specimens if one.odd}
+    judged = any(group.judged for group in kin)
     content = {
         "names": names,
         "first": FIRST,
-        "headline": _headline(odd),
+        "headline": _headline(odd, judged=judged),
+        "judged": judged,
         "views": [_view(group, names, pages, several=several) for group in odd_first[:_MOST]],
     }
     return write_page(path, "units.html.j2", content, title="Units side by side")
 
 
-def _headline(odd: set[str]) -> str:
+def _headline(odd: set[str], *, judged: bool) -> str:
+    if not judged:
+        needed = f"{JUDGED} with more than {FIRST} nights are needed"
+        return f"Too few units to call one different: {needed}"
     if not odd:
         return "No unit changed differently from the others"
     listed = ", ".join(sorted(odd))

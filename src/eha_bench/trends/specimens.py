@@ -21,6 +21,9 @@ from eha_bench.trends.trend import RECENT, Trend
 FIRST: Final = FEWEST
 """Nights that say where a unit began."""
 
+JUDGED: Final = 3
+"""Units of which one can be called different; of two, either may be."""
+
 _OF_MEDIAN: Final = 1.2533  # its standard deviation over that of a mean
 _NORMAL: Final = 1.959963984540054
 _NEAR_ZERO: Final = 5.0  # standard deviations from 0 below which a share means nothing
@@ -67,6 +70,11 @@ class Kin:
     relative: bool
     specimens: tuple[Specimen, ...]
 
+    @property
+    def judged(self) -> bool:
+        """Whether there are units enough to call one different from the others."""
+        return sum(math.isfinite(one.change) for one in self.specimens) >= JUDGED
+
 
 def kin_of(trends: Sequence[Trend]) -> tuple[Kin, ...]:
     """Return every metric that several targets have in one suite, in the order of the trends."""
@@ -112,8 +120,8 @@ def _specimen(trend: Trend, *, relative: bool) -> Specimen:
 def _marked(specimens: list[Specimen], family: int, *, relative: bool) -> list[Specimen]:
     """Return the units, those marked that changed differently from the others."""
     changed = [one for one in specimens if math.isfinite(one.change)]
-    if len(changed) < 3:
-        return specimens  # of two units neither can be called different
+    if len(changed) < JUDGED:
+        return specimens
     marked = []
     for one in specimens:
         others = [other for other in changed if other is not one]
