@@ -4,6 +4,7 @@
 #   SUITE=, REPORT=     what `make bench` runs, and the folder it writes (default:
 #                       reports/<suite>/<time>)
 #   BENCHMARKS=--quick  a small version of every benchmark
+#   MUTATION=           which mutants: "--area decide --mutants 20 --seed 2"
 #   PYTEST_ARGS=, V=1   more arguments for pytest; show every command
 
 PYTHON  ?= python3
@@ -13,13 +14,14 @@ REPORT  ?=
 
 BIN  := .venv/bin
 LOCK := requirements/dev.txt
+MUTMUT := requirements/mutation.txt
 PIP  := $(BIN)/python -m pip --disable-pip-version-check --no-input
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 $(V).SILENT:
 
-.PHONY: help setup bench test test-slow lint types imports check benchmarks schemas lock docs clean distclean
+.PHONY: help setup bench test test-slow lint types imports check mutation benchmarks schemas lock docs clean distclean
 
 help: ## show this list
 	awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -48,6 +50,11 @@ types: setup
 imports: setup
 	$(BIN)/lint-imports --no-cache --no-logo
 
+# Not a part of CI: minutes of one processor, and each survivor is to be judged by a person.
+mutation: setup ## change the code in small ways, and show which changes no test sees
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --requirement $(MUTMUT)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/mutation.py $(MUTATION)
+
 benchmarks: setup ## print every benchmark's figures and targets in one table
 	$(BIN)/python -m benchmarks $(BENCHMARKS)
 
@@ -56,7 +63,7 @@ schemas: setup ## write anew the JSON Schemas that editors complete YAML files f
 	  $(BIN)/eha-bench schema $$kind > docs/schemas/.part && mv docs/schemas/.part docs/schemas/$$kind.json || exit 1; \
 	done
 
-COMPILE = $(BIN)/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 \
+COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 \
 	--fork-strategy fewest --generate-hashes --no-emit-index-url \
 	--custom-compile-command "make lock"
 
@@ -64,8 +71,10 @@ COMPILE = $(BIN)/uv pip compile pyproject.toml --quiet --universal --python-vers
 # locked already stays, unless UPGRADE=--upgrade says otherwise.
 lock: $(BIN)/python ## compile the lock files anew (UPGRADE=--upgrade takes newer versions)
 	test -x $(BIN)/uv || $(PIP) install --quiet uv
-	$(COMPILE) $(UPGRADE) --all-extras --output-file $(LOCK)
-	$(COMPILE) --extra can --constraints $(LOCK) --no-annotate --output-file requirements/lock.txt
+	$(COMPILE) pyproject.toml $(UPGRADE) --all-extras --output-file $(LOCK)
+	$(COMPILE) pyproject.toml --extra can --constraints $(LOCK) --no-annotate \
+	  --output-file requirements/lock.txt
+	echo mutmut | $(COMPILE) - --constraints $(LOCK) --no-annotate --output-file $(MUTMUT)
 
 # Reports and figures are made by the product, so they show what it does today.
 docs: setup ## build the documentation into build/site, links checked

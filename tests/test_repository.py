@@ -83,7 +83,7 @@ def test_no_tracked_file_names_this_machine_or_a_package_index() -> None:
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("name", ["lock.txt", "dev.txt"])
+@pytest.mark.parametrize("name", ["lock.txt", "dev.txt", "mutation.txt"])
 def test_lock_pins_every_package_with_a_hash_and_names_no_index(name: str) -> None:
     text = (REPOSITORY / "requirements" / name).read_text(encoding="utf-8")
     assert not INDEX_OPTION.search(text)

@@ -55,8 +55,17 @@ def search(before: float, rest: Excess, *accepted: Accepted) -> Search:
 Curves = Callable[..., None]
 
 
+Asked = dict[str, tuple[Any, ...]]
+
+
 @pytest.fixture
-def curves(monkeypatch: pytest.MonkeyPatch) -> Curves:
+def asked() -> Asked:
+    """What was asked of those who locate and learn, by their names."""
+    return {}
+
+
+@pytest.fixture
+def curves(monkeypatch: pytest.MonkeyPatch, asked: Asked) -> Curves:
     """What is located, and the share of the excess that a learned curve explains."""
     # before learning: the softened cost of residuals of 2, less what noise alone costs
     from eha_bench.diagnosis.fit.problem import soften
@@ -71,14 +80,17 @@ def curves(monkeypatch: pytest.MonkeyPatch) -> Curves:
     ) -> None:  # fmt: skip
         template = Template(equation, "flow", "pump", variable)
         curve = LocatedCurve(template, share, np.zeros(2), np.zeros(2))
-        locator = SimpleNamespace(short=None)
-        monkeypatch.setattr(
-            module, "locate", lambda *_: (locator, equation, [curve] if located else [])
-        )
         learned = fit(before - share * excess, period)
-        monkeypatch.setattr(module, "learn", lambda *_: (None, learned))
-        monkeypatch.setattr(module, "times_of", lambda *_: ((1.0, 2.0),))
-        monkeypatch.setattr(module, "places_of", lambda _: ("place",) * places)
+        answers = {
+            "locate": (SimpleNamespace(short="short"), equation, [curve] if located else []),
+            "learn": (None, learned),
+            "times_of": ((1.0, 2.0),),
+            "places_of": ("place",) * places,
+        }
+        for name, answer in answers.items():
+            monkeypatch.setattr(
+                module, name, lambda *given, n=name, a=answer: (asked.update({n: given}), a)[1]
+            )
 
     return set_to
 
@@ -151,6 +163,21 @@ def test_a_period_and_times_are_told_where_there_are_some(curves: Curves) -> Non
     )
 
 
+def test_who_locates_and_learns_is_asked_about_this_search(curves: Curves, asked: Asked) -> None:
+    curves(0.6, "measurement", "time", 0.5)
+    state = search(0.5, beyond(0.4))
+    seen: list[str] = []
+
+    def progress(stage: str, share: float) -> None:
+        seen.append(stage)
+
+    told = decide(state, 1e-3, progress)
+    assert asked["locate"] == (state.problem, state.fit, 1e-3, progress)
+    assert asked["learn"] == (state.problem, "short", state.fit, told.located[0], 1e-3)
+    assert asked["times_of"] == (state.problem, told.fit, state.declared_vector)
+    assert seen == ["learn"]
+
+
 @pytest.mark.parametrize(
     ("share", "says", "learned"),
     [
@@ -167,6 +194,7 @@ def test_a_curve_that_explains_little_is_said_to(
     curves(share)
     state = search(0.5, beyond(0.4))
     told = verdict(state)
+    assert told.verdict is Verdict.UNKNOWN
     assert told.unknown is not None
     assert says in told.unknown.description
     assert told.learned is learned
@@ -180,7 +208,12 @@ def test_a_curve_that_explains_little_is_said_to(
     [
         ("flow", 1, "something acts in the flow balance; the variables", "flow"),
         ("", 1, "nothing was located; the variables", None),
-        ("", 0, "this plant has no `advance`", None),
+        (
+            "",
+            0,
+            "something is missing, but its place is unknown: this plant has no `advance`",
+            None,
+        ),
     ],
 )
 def test_what_cannot_be_located_is_said(
@@ -189,7 +222,7 @@ def test_what_cannot_be_located_is_said(
     curves(0.0, equation, places=places, located=False)
     unknown = verdict(search(0.5, beyond(0.4))).unknown
     assert unknown is not None
-    assert says in unknown.description
+    assert unknown.description.startswith(says)
     assert (unknown.equation, unknown.variables) == (told, ())
 
 
@@ -202,6 +235,11 @@ def beside(curves: Curves, curve: float, equation: str = "torque", before: float
     state = search(before, beyond(0.6 * before), found("parameter:mass"), found("backlash"))
     kept = list(state.accepted)
     return state, kept, verdict(state)
+
+
+def test_a_curve_is_looked_for_without_the_effects(curves: Curves, asked: Asked) -> None:
+    state, _, _ = beside(curves, 0.19)
+    assert asked["locate"] == (state.problem, state.base, 1e-3, no_progress)
 
 
 def test_a_part_is_named_where_a_curve_explains_less_than_half_of_it(curves: Curves) -> None:

@@ -1,4 +1,4 @@
-"""Sine fits with three and four parameters (IEEE Std 1057-2017, clauses 5.3.2 and 5.3.3)."""
+"""A sine fit with four parameters (IEEE Std 1057-2017, clause 5.3.3)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class SineFit:
         offset: unit of the data.
         residual: (n,) data minus fit.
         amplitude_sd, phase_sd, frequency_sd: Cramér-Rao bounds for white noise of the residual's
-            standard deviation; frequency_sd is 0 for a given frequency.
+            standard deviation.
     """
 
     frequency: float
@@ -32,14 +32,6 @@ class SineFit:
     amplitude_sd: float
     phase_sd: float
     frequency_sd: float
-
-
-def fit3(time: FloatArray, values: FloatArray, frequency: float) -> SineFit:
-    """Fit amplitude, phase and offset at a known frequency (Hz): linear least squares.
-
-    `time` (n,) s and `values` (n,) of any unit, n >= 4, all finite.
-    """
-    return _finished(time, values, frequency, _linear(time, values, frequency), 3, 0.0)
 
 
 def fit4(time: FloatArray, values: FloatArray, frequency: float, rounds: int = 30) -> SineFit:
@@ -63,15 +55,7 @@ def fit4(time: FloatArray, values: FloatArray, frequency: float, rounds: int = 3
         frequency = max(frequency + change, 1e-12)
         if abs(change) < 1e-12 * frequency:
             break
-    parameters = _linear(time, values, frequency)
-    amplitude = math.hypot(float(parameters[0]), float(parameters[1]))
-    rest = values - _model(time, frequency, parameters)
-    sd = math.sqrt(float(rest @ rest) / max(values.size - 4, 1))
-    scatter = float(np.sum((centred - centred.mean()) ** 2))
-    bound = (
-        sd / amplitude * math.sqrt(2.0 / scatter) / (2.0 * np.pi) if amplitude > 0.0 else math.nan
-    )
-    return _finished(time, values, frequency, parameters, 4, bound)
+    return _finished(time, values, frequency, float(np.sum((centred - centred.mean()) ** 2)))
 
 
 def _linear(time: FloatArray, values: FloatArray, frequency: float) -> FloatArray:
@@ -88,24 +72,21 @@ def _model(time: FloatArray, frequency: float, parameters: FloatArray) -> FloatA
     return model
 
 
-def _finished(
-    time: FloatArray,
-    values: FloatArray,
-    frequency: float,
-    parameters: FloatArray,
-    count: int,
-    frequency_sd: float,
-) -> SineFit:
+def _finished(time: FloatArray, values: FloatArray, frequency: float, scatter: float) -> SineFit:
+    """Return the fit at a frequency, with bounds; `scatter` is the sum of squares of time, s^2."""
+    parameters = _linear(time, values, frequency)
     a, b, c = (float(value) for value in parameters)
     residual = values - _model(time, frequency, parameters)
-    sd = math.sqrt(float(residual @ residual) / max(values.size - count, 1))
+    sd = math.sqrt(float(residual @ residual) / max(values.size - 4, 1))
     amplitude = math.hypot(a, b)
     amplitude_sd = sd * math.sqrt(2.0 / values.size)
-    phase_sd = amplitude_sd / amplitude if amplitude > 0.0 else math.nan
-    if count == 4 and amplitude > 0.0:
-        phase_sd = math.hypot(
-            phase_sd, 2.0 * np.pi * frequency_sd * abs(float(time.mean()))
-        )  # the phase is that at t = 0, the frequency's error turns it until there
+    if amplitude == 0.0:
+        phase_sd = frequency_sd = math.nan
+    else:
+        frequency_sd = sd / amplitude * math.sqrt(2.0 / scatter) / (2.0 * np.pi)
+        # the phase is that at t = 0, the frequency's error turns it until there
+        turned = 2.0 * np.pi * frequency_sd * abs(float(time.mean()))
+        phase_sd = math.hypot(amplitude_sd / amplitude, turned)
     return SineFit(
         frequency, amplitude, math.atan2(a, b), c, residual, amplitude_sd, phase_sd, frequency_sd
     )
