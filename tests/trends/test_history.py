@@ -161,11 +161,12 @@ def test_nights_are_in_the_order_of_their_recordings(tmp_path: Path) -> None:
 
 
 def test_a_limit_beyond_the_plot_is_told_and_not_drawn(tmp_path: Path) -> None:
-    nights(tmp_path, steady(20), limit="<= 900 s")
+    nights(tmp_path, steady(20), limit="-12.5 s .. 900 s")
     eb.history(tmp_path)
     (page,) = (tmp_path / "history" / "trends").glob("*.html")
     text = page.read_text(encoding="utf-8")
-    assert "↑ accepted ≤ 900\xa0s" in text
+    assert "↑ accepted ≤ 900\xa0s<" in text
+    assert "↓ accepted ≥ −12.5\xa0s<" in text
     assert 'stroke-dasharray="8 3 2 3"' not in text
 
 

@@ -79,7 +79,8 @@ def trend_svg(trend: Trend, names: Sequence[str], links: Sequence[str], *, title
         )
     for bound, beyond in zip(bounds, _accepted(trend.bounds), strict=True):
         at = y(bound)
-        said = f"accepted {beyond} {number(bound, _places(float(f'{bound:.3g}')))}{unit.suffix}"
+        places = _places(abs(float(f"{bound:.4g}")))
+        said = f"accepted {beyond} {number(bound, places)}{unit.suffix}"
         if low <= bound <= high:
             parts.append(
                 f'<line x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}" '
