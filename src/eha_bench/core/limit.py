@@ -7,6 +7,10 @@ import re
 from dataclasses import dataclass
 from enum import StrEnum
 
+from eha_bench.core.channels import unit_of
+from eha_bench.core.common_units import COMMON
+
+_WORD = re.compile(r"[^\W\d_][^\s,;()<>=]*|[°%]\w*")
 _SIDE = re.compile(r"(<=|>=) (\S+?)(?=,|\s|$)")
 
 
@@ -107,3 +111,19 @@ class SafetyLimit:
     bounds: Bounds
     text: str
     unit: str = ""
+
+    def broken_by(self, value: float) -> str:
+        """Return what a value outside of it broke, as a sentence in the limit's own unit.
+
+        It is called before the target is made safe, so nothing is looked up that takes time.
+        """
+        if math.isnan(value):
+            return f"safety limit {self.channel} {self.text}: no value"
+        unit = self.unit or unit_of(self.channel)
+        found = f"{value:.6g} {unit}".rstrip()
+        for word in reversed(_WORD.findall(self.text)):
+            si, factor, offset = COMMON.get(word, ("", 1.0, 0.0))
+            if si and si == unit:
+                found = f"{(value - offset) / factor:.4g} {word}"
+                break
+        return f"safety limit {self.channel} {self.text}: {found}"

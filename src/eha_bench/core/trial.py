@@ -235,7 +235,7 @@ class Trial:
         for limit in self.safety:
             value = reading.get(limit.channel, math.nan)
             if not limit.bounds.holds(value):
-                measured = limit.channel in reading
-                found = f"{value:.6g}" if measured else "the target does not measure it"
-                return f"safety limit {limit.channel} {limit.text}: {found}"
+                if limit.channel in reading:
+                    return limit.broken_by(value)
+                return f"safety limit {limit.channel} {limit.text}: the target does not measure it"
         return ""

@@ -165,7 +165,7 @@ class Guard:
         for safety in self._safety:
             value = readings.get(safety.channel, math.nan)
             if not safety.bounds.holds(value):
-                return f"safety limit {safety.channel} {safety.text}: {value:.6g}"
+                return safety.broken_by(value)
         if self._balance is not None:
             used = [stamps.get(name, -math.inf) for name in BALANCED if name in readings]
             fresh = bool(used) and now - min(used) < self._period
