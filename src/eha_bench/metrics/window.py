@@ -180,7 +180,9 @@ def _match(
 ) -> float:
     """Return 1 for the trial's own reference, less for another size, below 0 for another shape."""
     sizes = max(abs(edge.after - edge.before) for edge in edges)
-    lead = min(0.1 * (stop - edges[0].time), max(edges[0].time, 0.0) + 0.02)
+    # slow logs have few samples before the edge; two at least show it
+    two = 2.5 * float(np.median(np.diff(time)))
+    lead = max(min(0.1 * (stop - edges[0].time), max(edges[0].time, 0.0) + 0.02), two)
     inside = (time >= edges[0].time - lead) & (time < stop)
     if sizes == 0.0 or np.count_nonzero(inside) < 2:
         return -math.inf
