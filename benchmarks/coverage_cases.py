@@ -514,10 +514,12 @@ def stepped_sine(noise: tuple[float, float], damping: tuple[float, float]) -> Dr
 TIMES = ("rise_time", "response_time", "delay_time")
 BAND = ("bandwidth_3db", "bandwidth_90deg", "resonance_peak")
 AT_LEAST = (0.93, 1.0)
+PEAKS = ("overshoot", "peak_time", "settling_time")
 CASES = (
     Case("LSB 1 %", quantised, (*TIMES, "settling_time", "steady_state_error"), AT_LEAST),
     Case("LSB 0.3-3 %", quantised_coarsely, (*TIMES, "steady_state_error"), AT_LEAST),
-    Case("2-3 a rise 0.3 %", few_samples(0.003), TIMES, AT_LEAST),
+    Case("1-2 a rise 0.5 %", few_samples(0.005, 1.0, 2.0), PEAKS, AT_LEAST),
+    Case("2-3 a rise 0.3 %", few_samples(0.003), (*TIMES, *PEAKS), AT_LEAST),
     Case("2-3 a rise, silent", few_samples(0.0), TIMES, AT_LEAST),
     # of few samples a rise nobody knows whether the response begins with a corner
     Case("4-8 a rise, rise", few_samples(0.005, 4.0, 8.0), ("rise_time",), AT_LEAST),

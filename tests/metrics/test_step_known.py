@@ -219,3 +219,30 @@ def test_five_samples_a_rise_are_enough_for_a_narrow_interval(kit):
         widths.append((found.high - found.low) * speed / 1.63757)
     assert held >= 52
     assert np.median(widths) < 0.06
+
+
+def test_of_few_samples_a_rise_intervals_hold_what_lies_between_them(kit):
+    """Two to three samples a rise: the peak lies between two, and ringing is no parabola."""
+    held = {"overshoot": 0, "peak_time": 0, "settling_time": 0}
+    for seed in range(25):
+        speed = 550.0 + 11.0 * seed
+        turn = speed * math.sqrt(0.75)
+        truths = {"overshoot": math.exp(-math.pi / math.sqrt(3.0)), "peak_time": math.pi / turn}
+        times = np.linspace(0.0, 20.0 / speed, 20001)
+        shape = 1.0 - np.exp(-0.5 * speed * times) * (
+            np.cos(turn * times) + 0.5 * speed / turn * np.sin(turn * times)
+        )
+        truths["settling_time"] = float(times[np.flatnonzero(np.abs(shape - 1.0) > 0.02)[-1]])
+        system = ([1.0], [1.0 / speed**2, 1.0 / speed, 1.0])
+        recording, trial = kit.step(system, hold=0.12, before=0.04)
+        noisy = kit.noisy(recording, 0.003, seed)
+        for name, truth in truths.items():
+            found = kit.measure(name, noisy, trial)
+            held[name] += found.low <= truth <= found.high
+    assert min(held.values()) >= 20, held
+
+
+def test_a_slow_log_whose_command_begins_at_once_is_found(kit):
+    """40 Hz, edge at the start of the signal: the sample before it is 25 ms away."""
+    recording, trial = kit.step(([1.0], [0.1, 1.0]), period=0.025, hold=2.0, before=0.5, own=False)
+    assert kit.measure("rise_time", recording, trial).value == pytest.approx(0.22, abs=0.02)

@@ -23,7 +23,7 @@ from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.coverage import NORMAL, between, reach, type_a, type_b
 from eha_bench.metrics.local import Smooth, smooth
-from eha_bench.metrics.local_peak import Peak, peak, vertex
+from eha_bench.metrics.local_peak import Peak, interpolated, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.samples import samples
@@ -49,6 +49,10 @@ _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding pla
 
 _AS_HIGH = 2.0 * math.sqrt(2.0)  # standard deviations by which two places are alike
 _FLAT = 0.5  # share of as long as the peak's window, beside it, that is as high: a plateau
+_JUST_LANDED = 4  # samples after a jump: a polynomial through the samples since misses its peak
+_FEW = (
+    3.0  # samples a rise, below which polynomials through samples are off by more than they differ
+)
 _LEAST = 5e-4  # of the step: below this a final level that is still creeping looks like a peak
 
 
@@ -91,9 +95,11 @@ def _extreme(step: StepResponse, side: float, level: float) -> Extreme:
     if step.exact or not step.noise.known:
         # between the kink at the edge and its neighbours there is nothing to interpolate
         index = step.origin + int(np.argmax(values[step.origin :]))
-        return Extreme(vertex(step.time, values, index, step.origin), 0.0)
+        return Extreme(_wider(step, vertex(step.time, values, index, step.origin)), 0.0)
     # no polynomial follows the kink at the edge, nor a jump that is not resolved
     after = slice(first, None)
+    if not step.resolved and index - first < _JUST_LANDED:
+        return Extreme(*_between_few(step, values, index))
     height = side * float(track.values[index]) - level
     found = peak(step.time[after], values[after], index - first, step.noise, step.passage, height)
     independent = max((values.size - first) / (2 * track.half + 1), _FEWEST_PLACES)
@@ -102,6 +108,20 @@ def _extreme(step: StepResponse, side: float, level: float) -> Extreme:
     heights = side * track.values[first:]
     high = np.count_nonzero(heights >= heights.max() - _AS_HIGH * track.sd)
     return Extreme(found, threshold, max(high / (2 * (2 * track.half + 1)), 1.0))
+
+
+def _between_few(step: StepResponse, values: FloatArray, index: int) -> tuple[Peak, float]:
+    """Return the peak of a response of few samples, and what noise may reach there."""
+    near = slice(max(index - 1, step.origin), index + 2)
+    highest = near.start + int(np.argmax(values[near]))
+    found = _wider(step, interpolated(step.time, values, highest, step.origin, step.noise))
+    return found, _largest(_FEWEST_PLACES, 0.95) * math.sqrt(found.variance) + found.between
+
+
+def _wider(step: StepResponse, found: Peak) -> Peak:
+    """Return a peak between samples, off by more the fewer there are in a rise."""
+    few = max(_FEW / step.samples_a_rise, 1.0)
+    return replace(found, between=few * found.between, between_times=few * found.between_times)
 
 
 def _largest(count: float, share: float) -> float:

@@ -165,6 +165,33 @@ def _curvature(local: LocalFit, place: float) -> float:
     return float(np.polynomial.polynomial.polyval(x, coefficients)) / local.scale**2
 
 
+def interpolated(
+    time: FloatArray, values: FloatArray, index: int, first: int, noise: Noise
+) -> Peak:
+    """Return the maximum between the samples around `index`, none before `first`, in noise."""
+    found = vertex(time, values, index, first)
+    half = min(2, index - max(first, 0), values.size - 1 - index)
+    if half < 1:
+        return replace(found, variance=noise.sd**2)
+    around = slice(index - half, index + half + 1)
+    scale = float(time[around][-1] - time[around][0])
+    inverse = np.linalg.inv(np.vander((time[around] - found.time) / scale, increasing=True))
+    value, slope, bend = inverse[0], inverse[1] / scale, 2.0 * inverse[2] / scale**2
+    curvature = float(bend @ values[around])
+    variance, turning = noise.variance(value), noise.variance(slope)
+    if not curvature < 0.0:
+        return replace(found, variance=variance)
+    excess = min(turning / (-2.0 * curvature), math.sqrt(variance))
+    reach = noise.quantile() * math.sqrt(turning) / -curvature
+    return replace(
+        found,
+        value=found.value - excess,
+        variance=variance + 2.0 * excess**2,
+        earliest=found.time - reach,
+        latest=found.time + reach,
+    )
+
+
 def vertex(time: FloatArray, values: FloatArray, index: int, first: int) -> Peak:
     """Return the maximum of the polynomial through the samples around `index` (no noise).
 

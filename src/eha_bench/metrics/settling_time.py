@@ -24,6 +24,7 @@ BAND = 0.02
 
 _REST = 2  # transits after a stop in which a response ...
 _AT_REST = 2.0  # ... is no more standard deviations from its end than this, on average
+_STEEP = 0.5  # of what changes from sample to sample: less noise hides no crossing between two
 _SURELY_OUT = 3.0  # standard deviations beyond the band that are no noise
 
 HOLD_SHARE = 0.1
@@ -202,16 +203,21 @@ def _not_before_its_response(step: StepResponse, found: Finding) -> Finding:
 def _track(step: StepResponse) -> Smooth:
     """Return the response smoothed as far as its own speed allows; a jump is not smeared."""
     first = step.landed if not step.resolved else 0
-    after = smooth(step.rise[first:], step.noise, BAND / 15.0, max(2, step.transit))
+    # of few samples a rise, a parabola through five would smear what rings
+    widest = max(2, step.transit) if step.resolved else 0
+    after = smooth(step.rise[first:], step.noise, BAND / 15.0, widest)
     return Smooth(np.concatenate([step.rise[:first], after.values]), after.sd, after.half)
 
 
 def _refined(step: StepResponse, edge: float, guess: Crossing, index: int) -> Crossing:
     first = step.landed if not step.resolved else 0
-    if index <= first:  # within the jump
-        return between_samples(
+    if not step.resolved:
+        read = between_samples(
             step.time, step.rise, edge, index, step.noise, step.origin, step.samples_a_rise
         )
+        within_the_jump = index <= first
+        if within_the_jump or step.noise.sd < _STEEP * abs(read.slope) * read.span:
+            return read
     widest = max(round(step.passage), 3)
     found = refined(step.time[first:], step.rise[first:], edge, guess, step.noise, widest)
     return step.between_samples(edge, index) if found is None else found
