@@ -2,7 +2,8 @@
 
 import sys
 from collections.abc import Callable
-from importlib.metadata import EntryPoint
+from dataclasses import replace
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar, Literal
@@ -18,8 +19,9 @@ from eha_bench.core.plugin_class import check_class
 from eha_bench.metrics.metric import Metric
 from eha_bench.metrics.scoring import metric
 from eha_bench.plants.effect import Action, Effect, Hook, Spot, bound
+from eha_bench.plants.network.network import element_kinds
 from eha_bench.plants.parameter import Parameter
-from eha_bench.plants.plant import Plant, get_plant
+from eha_bench.plants.plant import Plant, get_plant, registered_effects
 from eha_bench.suites import load_suite
 from eha_bench.suites.signals.signal_model import SignalModel
 from eha_bench.targets.resolve import open_target
@@ -224,6 +226,37 @@ def test_a_kind_of_file_is_one(install: Install) -> None:
     install("file_kinds", object())
     with pytest.raises(PluginError, match="file kind 'own' is not a FileKind but object"):
         file_kind.kinds()
+
+
+def test_two_packages_may_not_give_one_name_to_two_things(monkeypatch: pytest.MonkeyPatch) -> None:
+    point = EntryPoint("rise_time", "mine:RiseTime", "eha_bench.metrics")
+    real = plugins._entry_points()
+    known = [
+        each for group in ("metrics", "signals") for each in real.select(group=f"eha_bench.{group}")
+    ]
+    monkeypatch.setattr(plugins, "_entry_points", lambda: EntryPoints([*known, point, point]))
+    plugins._group.cache_clear()
+    says = r"two packages provide the metric 'rise_time': .*\(mine:RiseTime\)"
+    with pytest.raises(PluginError, match=says):
+        plugins.load("metrics", "rise_time")
+    assert "step" in plugins.names("signals")
+    plugins._group.cache_clear()
+
+
+def test_a_copy_that_keeps_its_id_hides_nothing(
+    install: Install, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install("effects", _effect(id="backlash", actions={}))
+    registered_effects.cache_clear()
+    with pytest.raises(
+        PluginError, match=r"'own' of eha_bench.effects names the effect 'backlash'"
+    ):
+        registered_effects()
+    install("elements", replace(plugins.load("elements", "pump")))
+    element_kinds.cache_clear()
+    with pytest.raises(PluginError, match=r"'own' of eha_bench.elements names the element 'pump'"):
+        element_kinds()
+    element_kinds.cache_clear()
 
 
 def _effect(**more: Any) -> Effect:

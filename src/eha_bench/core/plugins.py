@@ -28,8 +28,26 @@ def _entry_points() -> Any:
 
 @cache
 def _group(name: str) -> dict[str, EntryPoint]:
-    found = _entry_points().select(group=f"eha_bench.{name}")
-    return {point.name: point for point in sorted(found)}
+    """Return the entry points of a group by name.
+
+    Raises:
+        PluginError: two packages give one name to different things: neither may hide the other.
+    """
+    found: dict[str, EntryPoint] = {}
+    for point in sorted(_entry_points().select(group=f"eha_bench.{name}")):
+        other = found.setdefault(point.name, point)
+        if other.value != point.value:
+            raise PluginError(
+                f"two packages provide the {name[:-1].replace('_', ' ')} '{point.name}': "
+                f"{_provider(other)} and {_provider(point)}",
+                hint="uninstall one of them, or rename what is yours",
+            )
+    return found
+
+
+def _provider(point: EntryPoint) -> str:
+    package = point.dist.name if point.dist is not None else "an unknown package"
+    return f"{package} ({point.value})"
 
 
 def names(group: str) -> tuple[str, ...]:
@@ -56,6 +74,22 @@ def load(group: str, name: str, *, where: Place | None = None) -> Any:
             where=where,
             hint=f"check the package that provides {point.value}",
         ) from error
+
+
+def check_id(what: str, name: str, found: str) -> None:
+    """Refuse a plug-in whose entry point has another name than it: it could hide one that ships.
+
+    Args:
+        what: `effect`, `element`. name: of the entry point. found: what the plug-in says.
+
+    Raises:
+        PluginError: they differ.
+    """
+    if found != name:
+        raise PluginError(
+            f"the entry point '{name}' of eha_bench.{what}s names the {what} '{found}'",
+            hint=f"give the entry point and the {what} one id",
+        )
 
 
 _unseen: ContextVar[list[str] | None] = ContextVar("unseen", default=None)

@@ -472,6 +472,7 @@ def registered_effects() -> tuple[Effect, ...]:
         effect = plugins.load("effects", name)
         if not isinstance(effect, Effect):
             raise PluginError(f"effect '{name}' is not an Effect but {type(effect).__name__}")
+        plugins.check_id("effect", name, effect.id)
         found.append(effect)
     return tuple(sorted(found, key=lambda effect: effect.id))
 

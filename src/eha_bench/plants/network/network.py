@@ -124,5 +124,6 @@ def element_kinds() -> Mapping[str, ElementKind]:
         kind = plugins.load("elements", name)
         if not isinstance(kind, ElementKind):
             raise PluginError(f"element '{name}' is not an ElementKind but {type(kind).__name__}")
+        plugins.check_id("element", name, kind.id)
         found[kind.id] = kind
     return found
