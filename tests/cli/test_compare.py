@@ -43,6 +43,26 @@ def test_a_slower_candidate_is_a_regression(cli: Cli, ran: Path, tmp_path: Path)
     assert "worse" in done.stderr
 
 
+def test_a_comparison_that_decides_nothing_is_not_green(
+    cli: Cli, ran: Path, tmp_path: Path
+) -> None:
+    content = json.loads((ran / "result.json").read_text(encoding="utf-8"))
+    content["trials"] = [trial for trial in content["trials"] if trial["id"] == "sine"]
+    for side, factor in (("a", 1.0), ("b", 1.02)):
+        for trial in content["trials"]:
+            trial["scores"] = [score for score in trial["scores"] if score["value"]]
+            for score in trial["scores"]:
+                score["value"] *= factor
+        (tmp_path / side).mkdir()
+        (tmp_path / side / "result.json").write_text(json.dumps(content), encoding="utf-8")
+    done = cli("compare", tmp_path / "a", tmp_path / "b", "--markdown", check=0)
+    assert "no regression shown: All " in done.stderr
+    assert "metrics are undecided" in done.stderr
+    assert done.stdout.startswith("## ❔ tiny: no regression shown")
+    page = Path("reports/comparison/comparison.html").read_text(encoding="utf-8")
+    assert 'class="verdict undecided"' in page
+
+
 def test_limits_that_became_stricter_are_no_green_verdict(cli: Cli, ran: Path, suite: Path) -> None:
     suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
     cli("run", suite, "--out", "strict", check=1)

@@ -10,7 +10,13 @@ from eha_bench.report.comparison_report import headline, limits_turned, verdict_
 from eha_bench.report.comparison_rows import Row, rows_of
 from eha_bench.report.markdown import as_text, table
 
-_SIGNS: Final = {"failed": "❌", "passed": "✅", "warned": "⚠️", "incomplete": "⚠️"}
+_SIGNS: Final = {
+    "failed": "❌",
+    "passed": "✅",
+    "warned": "⚠️",
+    "undecided": "❔",
+    "incomplete": "⚠️",
+}
 _HEADING: Final = ("Trial", "Metric", "Baseline", "Candidate", "Difference (95 %)", "Verdict")
 
 

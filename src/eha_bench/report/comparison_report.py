@@ -95,6 +95,9 @@ def verdict_of(comparison: Comparison) -> tuple[str, str]:
     if missed and comparison.status == "no_regression":
         plural = "" if missed == 1 else "s"
         return "warned", f"{word}, but {missed} limit{plural} newly missed"
+    open_ones = comparison.of(ComparisonVerdict.UNDECIDED)
+    if len(open_ones) == comparison.compared and comparison.status == "no_regression":
+        return "undecided", f"{word} shown"  # nor its absence
     return look, word
 
 
