@@ -14,6 +14,7 @@ import eha_bench as eb
 from eha_bench.bench.store import set_aside
 from eha_bench.comparison.compare import compare_sides
 from eha_bench.comparison.comparison import Compared, Comparison
+from eha_bench.comparison.direction import direction_of
 from eha_bench.comparison.sequential import shares
 from eha_bench.comparison.side import Side, load_side
 from eha_bench.comparison.verdict import ComparisonVerdict
@@ -74,6 +75,20 @@ def test_a_limit_tells_the_direction_of_an_unknown_metric() -> None:
     ):
         found = compare(result(BASE, "own", limit=limit), result(worse, "own", limit=limit))
         assert only(found).verdict is verdict
+
+
+@pytest.mark.parametrize(
+    ("limit", "aim"),
+    [
+        ("0.5 s .. 2 s", 1.25),
+        ("1 s +- 0.2 s", 1.0),
+        ("95 % .. 105 % of baseline (0.04 s)", math.nan),
+        ("<= 2 s", math.nan),
+        ("", math.nan),
+    ],
+)
+def test_a_limit_on_both_sides_is_aimed_at_its_middle(limit: str, aim: float) -> None:
+    assert direction_of("own", "s", limit).aim == pytest.approx(aim, nan_ok=True)
 
 
 def test_the_suite_says_what_matters() -> None:

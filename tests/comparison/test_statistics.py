@@ -11,11 +11,11 @@ from scipy.signal import lfilter
 
 from eha_bench.comparison.correction import holm
 from eha_bench.comparison.dependence import learned
-from eha_bench.comparison.evidence import dependence_of, evidence, exact
+from eha_bench.comparison.evidence import dependence_of, evidence, exact, ratios_of
 from eha_bench.comparison.permutation import p_greater, p_greater_paired
-from eha_bench.comparison.planning import more_repeats
+from eha_bench.comparison.planning import MOST, more_repeats
 from eha_bench.comparison.sample import Sample
-from eha_bench.comparison.scatters import RATIOS, learned_ratios
+from eha_bench.comparison.scatters import RATIOS, _independent, learned_ratios
 from eha_bench.comparison.sequential import sequential, shares, spent
 from eha_bench.comparison.skewness import wider_of_pairs, wider_of_samples
 from eha_bench.comparison.student_mixture import StudentMixture
@@ -204,6 +204,24 @@ def test_one_metric_alone_learns_nothing() -> None:
     assert (prior == 1.0).all()
 
 
+def test_metrics_count_as_many_as_are_independent() -> None:
+    one, other = np.array([1.0, -1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, -1.0])
+    assert _independent([(one, one), (other, other)]) == pytest.approx(2.0)
+    assert _independent([(one, other), (-3.0 * one, -3.0 * other), (one, other)]) == pytest.approx(
+        1.0
+    )
+
+
+def test_without_a_word_on_dependence_runs_are_independent() -> None:
+    rng = np.random.default_rng(4)
+    sides = Sample.of(rng.normal(size=6)), Sample.of(rng.normal(0.0, 3.0, 6))
+    unknown, independent, alike = (
+        ratios_of(*sides, prior) for prior in (None, np.ones(1), np.array([0.5, 0.5]))
+    )
+    assert unknown == pytest.approx(independent, rel=1e-12)
+    assert unknown != pytest.approx(alike, rel=1e-3)
+
+
 def test_counts_scatter_even_where_they_do_not() -> None:
     few = evidence(Sample.of([0.0] * 3), Sample.of([1.0] * 3), 0.5, counted=True)
     assert few.p_difference > 0.05
@@ -217,6 +235,16 @@ def test_more_repeats_are_told_as_far_as_they_can_be() -> None:
     assert more_repeats(0.5, 0.4, 0.0, 5, alpha=0.05) == 1
     assert more_repeats(1e-6, 1e-6, 1.0, 5, alpha=0.05) is None
     assert more_repeats(1.0, 0.5, math.nan, 5, alpha=0.05) is None
+
+
+def test_the_most_repeats_are_the_last_that_are_asked_for() -> None:
+    low, high = 1.0, 1e3
+    while high - low > 1e-9:
+        middle = (low + high) / 2.0
+        needed = more_repeats(1.0, 0.5, middle, 5, alpha=0.05)
+        low, high = (low, middle) if needed is None else (middle, high)
+    assert more_repeats(1.0, 0.5, low, 5, alpha=0.05) == MOST
+    assert more_repeats(1.0, 0.5, high, 5, alpha=0.05) is None
 
 
 @pytest.mark.parametrize(("difference", "margin"), [(1.0, 0.5), (0.8, 0.5), (0.0, 1.0), (0.5, 1.0)])
