@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +16,9 @@ from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.candidates import effect_starts
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.search.periodic import best_counts, in_parts, scan
+from eha_bench.diagnosis.search.periodic import best_counts, in_parts, least_count, scan
 from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive
+from eha_bench.plants.plant import Drive, get_plant
 
 NOISE = {"current": 0.05, "motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
 COUNT, PHASE, AMPLITUDE = 7, 0.8, 0.05
@@ -95,3 +98,30 @@ def test_the_right_phase_explains_where_the_model_turns_at_another_speed(problem
     opposite = change(short, PHASE + np.pi) @ left
     # the right phase takes from the residual, the opposite one adds to it
     assert held < 0.0 < opposite
+
+
+@pytest.mark.parametrize(
+    ("at", "travel", "least"),
+    [
+        # a quarter of a turn holds two periods of eight a turn and more
+        ("output", math.pi / 2, 8.0),
+        ("output", 4.0 * math.pi, 1.0),
+        # the rotor's own angle is not measured: any count
+        ("motor", math.pi / 2, 0.0),
+    ],
+)
+def test_a_period_has_to_come_twice(at: str, travel: float, least: float) -> None:
+    layout = get_plant("geared_servo").layout
+    places = layout.effect("cogging_torque").parameter("at").choices
+    start = next(
+        item
+        for item in effect_starts(layout, layout.effect("cogging_torque"))
+        if dict(item.settings)[layout.index["cogging_torque.at"]] == places.index(at)
+    )
+    angle = np.array([np.nan, 0.3, 0.3 + travel, 0.5])
+    runs = [
+        SimpleNamespace(run=SimpleNamespace(name=name), column={"angle": values}.get)
+        for name, values in (("far", angle), ("near", 0.1 * angle))
+    ]
+    problem: Any = SimpleNamespace(windows=[SimpleNamespace(measured=item) for item in runs])
+    assert least_count(problem, layout, start) == pytest.approx(least)

@@ -164,6 +164,7 @@ class Spot:
         vocabulary: choice of an effect -> its words in this plant.
         follows: form in which something unknown may act here -> variables that it may follow.
         sensors: channels that it changes without changing what goes on; none for a balance.
+        angle: channel of the angle that something periodic follows there; "" where none shows it.
     """
 
     name: str
@@ -178,6 +179,7 @@ class Spot:
     vocabulary: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     sensors: tuple[str, ...] = ()
+    angle: str = ""
 
 
 Spots = Mapping[str, Sequence[Spot]]

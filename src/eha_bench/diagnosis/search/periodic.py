@@ -33,6 +33,8 @@ from eha_bench.plants.layout import Layout
 
 _COUNTS = (*range(1, 49), 54, 56, 60, 66, 72, 80, 84, 90, 96)
 _KEEP = 2
+_SEEN = 2.0
+"""Periods that a run has to go through: what comes once only is no period."""
 _TOLD = 1e-10
 """What a run says of its phase at least, relative to the one that says most."""
 
@@ -167,7 +169,9 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
 
     found: list[Wave] = []
     for form in _forms(layout, starts):
+        least = least_count(problem, layout, form.template)
         counts = sorted({*_COUNTS, *(int(dict(s.settings)[form.at_count]) for s in starts)})
+        counts = [count for count in counts if count >= least]
         waves = [(float(count), phase) for count in counts for phase in (0.0, 0.5 * math.pi)]
         columns = side_by_side(moved, [form.at(count, phase) for count, phase in waves])
         for count, sine, cosine in zip(counts, columns[::2], columns[1::2], strict=True):
@@ -182,6 +186,18 @@ def scan(problem: Problem, fit: Fit, layout: Layout, starts: Sequence[Start]) ->
                 right = np.hstack([target[rows] @ x for x, rows in zip(own, places, strict=True)])
                 found.append(Wave(form, float(count), *best, runs, normal, right))
     return found
+
+
+def least_count(problem: Problem, layout: Layout, start: Start) -> float:
+    """Return the least count of which a run shows enough periods, where its angle is measured."""
+    effect = layout.effect(start.candidate)
+    values = {p.name: dict(start.settings)[layout.index[f"{effect.id}.{p.name}"]]
+              for p in effect.parameters}  # fmt: skip
+    names = {spot.angle for spot in effect.spots_at(values)}
+    runs = {window.measured.run.name: window.measured for window in problem.windows}
+    angles = [item.column(name) for item in runs.values() for name in names if name]
+    spans = [float(np.nanmax(a) - np.nanmin(a)) for a in angles if a is not None and a.size]
+    return _SEEN * 2.0 * math.pi / max(spans) if spans and max(spans) > 0.0 else 0.0
 
 
 def best_counts(waves: Sequence[Wave]) -> list[Start]:

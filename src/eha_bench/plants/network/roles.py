@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 
 from eha_bench.core.errors import PluginError
 from eha_bench.core.near_miss import suggest
@@ -274,7 +275,9 @@ def _turning_motor(system: System) -> Iterator[Spot]:
         node = part.element.ports["on"]
         item = system.leader_of(node)
         if item.name != node and item.node.kind is NodeKind.ROTATION:
-            yield _spot(system, item, {"angle": f"X[{item.position}]", "ratio": "1.0"})
+            shown_at = [out.channel for out in system.outputs if out.state == item.position]
+            names = {"angle": f"X[{item.position}]", "ratio": "1.0"}
+            yield replace(_spot(system, item, names), angle=next(iter(shown_at), ""))
 
 
 def _motor(system: System) -> Iterator[Spot]:
