@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import Fit
-from eha_bench.diagnosis.search.refit import starting_point
+from eha_bench.diagnosis.search.refit import Near, Nearby, starting_point
 from eha_bench.diagnosis.search.screen import Screened
 
 
@@ -34,3 +36,19 @@ def test_a_fit_never_begins_where_it_is_worse_than_without(predicted: float) -> 
         assert float(residual @ residual) < fit.cost
     if predicted < 0.42:  # good as it was
         assert vector[0] == predicted
+
+
+@pytest.mark.parametrize(("behind", "chosen"), [(2.0, 1), (4.0, 2)])
+def test_a_form_needs_its_further_numbers_or_goes(behind: float, chosen: int) -> None:
+    """Of 100 that a form of two numbers gains, one number may leave 3."""
+    none = np.zeros(0)
+    nothing = Fit(none, (), none, np.zeros((0, 0)), 1000.0)
+    one = Start("effect", (), 0, 0.0, 1.0, 0.0, 1e3, ("effect.strength",), "force")
+    two = replace(one, keys=("effect.strength", "effect.damping"))
+    near = object.__new__(Near)
+    near.fit = nothing
+    forms = [
+        Nearby((two,), replace(nothing, cost=900.0)),
+        Nearby((one,), replace(nothing, cost=900.0 + behind)),
+    ]
+    assert len(near._simplest(forms).starts[0].keys) == chosen

@@ -33,6 +33,8 @@ _POOR = 1.02
 _NOISE = 1.003
 _KEEP = 3
 _HOPEFUL = 0.3
+_TIED = 0.03
+"""Share of the best form's gain by which a simpler one may be behind."""
 BENT = 0.3
 """Excess, as a share of the noise's cost, from which calibrated parameters imitate it."""
 _BEGAN_WRONGLY = 1.5
@@ -249,9 +251,20 @@ class Near:
             for item in unlike(tried[name])[: _KEEP if number < 3 else 1]
         ]
         found = side_by_side(self._refitted_from, chosen)
-        found.sort(key=lambda item: item.fit.cost)
-        best = {item.starts[-1].candidate: item for item in reversed(found)}
-        return sorted(best.values(), key=lambda item: item.fit.cost)
+        forms: dict[str, list[Nearby]] = {}
+        for item in found:
+            forms.setdefault(item.starts[-1].candidate, []).append(item)
+        best = [self._simplest(own) for own in forms.values()]
+        return sorted(best, key=lambda item: item.fit.cost)
+
+    def _simplest(self, forms: Sequence[Nearby]) -> Nearby:
+        """Return the form with the fewest numbers of those that gain about as much as the best.
+
+        One that hardly needs its further numbers is caught by them over long windows.
+        """
+        most = max(self.gain(item) for item in forms)
+        as_much = [item for item in forms if self.gain(item) >= most - _TIED * abs(most)]
+        return min(as_much, key=lambda item: (len(item.starts[-1].keys), item.fit.cost))
 
     def trials(self, most: int) -> list[Refit]:
         """Return the best of the screened refitted, first over short windows, then long ones.
