@@ -98,7 +98,7 @@ def searched(runs: Sequence[Measured]) -> tuple[Search, Near]:
     fit = levenberg_marquardt(problem, vector, free, iterations=2)
     dataset = Dataset(Model("eha_knee", {}), ("current_command",), tuple(r.run for r in runs))
     search = begin(Baseline(dataset, tuple(runs), problem, fit, keys, (), 0.0))
-    return search, Near.here(search, problem)
+    return search, Near.of(search, problem)
 
 
 def cogging(search: Search) -> list[Start]:
@@ -141,7 +141,7 @@ def test_a_search_begins_apart_also_a_run_that_had_no_say() -> None:
     before = search.problem.residual(search.fit.vector)
     found = with_own_angles(search, near, cogging(search))
     assert found is not near
-    assert Near.here(search, search.problem) is found
+    assert Near.of(search, search.problem) is found
     angles = angles_of(search.problem)
     assert angles["one"] == 0.0
     for name, angle in angles.items():

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from eha_bench.core.moment import seconds_of
 from eha_bench.core.recording import Recording
 
 _SANE = datetime(1990, 1, 1, tzinfo=UTC).timestamp()
@@ -22,7 +23,7 @@ class Circumstances:
 
     def add(self, recording: Recording) -> None:
         """Take what a recording says: when its run started, else its own clock; its oil."""
-        instant = _instant(recording.metadata.get("started", ""))
+        instant = seconds_of(recording.metadata.get("started", ""))
         if math.isnan(instant) and recording.epoch_ns / 1e9 > _SANE:
             instant = recording.epoch_ns / 1e9
         if not math.isnan(instant):
@@ -44,11 +45,3 @@ class Circumstances:
             return {}
         mean = math.fsum(self._temperatures) / len(self._temperatures)
         return {"oil_temperature": f"{mean:.2f}"}
-
-
-def _instant(text: str) -> float:
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        return math.nan
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

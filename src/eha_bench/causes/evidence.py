@@ -267,7 +267,7 @@ class _Night:
     def evidence(self, oil: float) -> NightEvidence:
         """Return what the night says."""
         columns: list[FloatArray] = [np.zeros(0)] * len(self._causes)
-        self._calibrate(self._begun())
+        self._calibrate(self._moved_by_one())
         for k, cause in enumerate(self._causes):
             columns[k] = self._slope(cause)
         further = self._best(self._outstanding(columns)) if self._extra is None else None
@@ -313,7 +313,7 @@ class _Night:
             rows.setdefault(run, []).append(np.arange(piece.rows.start, piece.rows.stop))
         return {run: np.concatenate(found) for run, found in rows.items()}
 
-    def _begun(self) -> Cause | None:
+    def _moved_by_one(self) -> Cause | None:
         """Move to where the cause that explains most alone has its minimum, if much moved.
 
         Far off, all parameters together find another minimum, which says nothing. Returns

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
@@ -34,6 +33,7 @@ from eha_bench.causes.wearing import (
 )
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
+from eha_bench.core.moment import seconds_of
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.fit.baseline import COARSE, calibrated
 from eha_bench.diagnosis.fit.side_by_side import one_thread_of_algebra
@@ -343,7 +343,7 @@ def _night_numbers(nights: Sequence[Night]) -> FloatArray:
     Rigs that run every day miss some: what wears goes on in between.
     """
     places = np.arange(len(nights), dtype=np.float64)
-    moments = np.array([_instant(night.started) for night in nights])
+    moments = np.array([seconds_of(night.started) for night in nights])
     if moments.size < 2 or not np.isfinite(moments).all():
         return places
     usual = float(np.median(np.diff(moments)))
@@ -351,14 +351,6 @@ def _night_numbers(nights: Sequence[Night]) -> FloatArray:
         return places
     usual = _DAY if usual < 1.5 * _DAY else usual
     return np.asarray((moments - moments[0]) / usual)
-
-
-def _instant(text: str) -> float:
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        return math.nan
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 __all__ = ["Cause", "causes_behind"]

@@ -70,7 +70,7 @@ def _beside(search: Search, item: Accepted) -> Improvement:
 def _best(search: Search) -> Nearby | None:
     """Return the best pair refitted to the end, None where none is worth it."""
     layout = search.problem.plant.layout
-    near = Near.here(search, search.problem.at_step(COARSE))
+    near = Near.of(search, search.problem.at_step(COARSE))
     starts = all_starts(layout, search.fit.vector, search.declared, search.keys)
     turning = [effect.id for effect in layout.effects if is_periodic(effect)]
     # effects of the shaft's angle are scanned for at length: only where that was worth it before

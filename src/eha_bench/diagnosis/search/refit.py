@@ -156,7 +156,7 @@ class Near:
         self.coarse = coarse
         self.problem = medium_problem(search.problem.at_step(COARSE))
         self._from = (search.problem, search.fit, *search.accepted)
-        self.fit = self._begun_again() if is_bent(search.excess_left) else self._from_here()
+        self.fit = self._from_declared() if is_bent(search.excess_left) else self._from_found()
         self._asked: list[Start] = []
         self._screened: dict[str, list[Screened]] = {}
         self._fits: dict[int, list[Nearby]] = {}
@@ -164,7 +164,7 @@ class Near:
         self._turned: dict[str, tuple[list[Start], list[Nearby]]] = {}
 
     @classmethod
-    def here(cls, search: Search, coarse: Problem) -> Near:
+    def of(cls, search: Search, coarse: Problem) -> Near:
         """Return the one that began from where the search is, and what it has found; or begin."""
         kept = search.near
         at = (search.problem, search.fit, *search.accepted)
@@ -173,7 +173,7 @@ class Near:
         kept.coarse = coarse
         return kept
 
-    def _begun_again(self) -> Fit:
+    def _from_declared(self) -> Fit:
         index = self.search.problem.places.index
         vector = self.search.fit.vector.copy()
         for key in self.search.keys:
@@ -187,7 +187,7 @@ class Near:
         )
         return friction_at_rest(self.problem, fit)
 
-    def _from_here(self) -> Fit:
+    def _from_found(self) -> Fit:
         """Stay with parameters that are hardly bent; what fits worse than they do began wrongly."""
         vector = self.search.fit.vector
         self._weigh(vector)

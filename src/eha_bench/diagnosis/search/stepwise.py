@@ -146,7 +146,7 @@ def look(search: Search, *, first: bool) -> list[Refit]:
     coarse = search.problem.coarser(COARSE, search.fit.vector, search.fit.residual)
     # what is small must not drown in the instants of sticking that a coarser step shifts
     much = is_bent(search.excess_left)
-    near = Near.here(search, coarse) if much else None
+    near = Near.of(search, coarse) if much else None
     if near is not None:
         # over long windows only what promised most over short ones
         still = near.promising(still, _PROMISING)
@@ -158,7 +158,7 @@ def look(search: Search, *, first: bool) -> list[Refit]:
     if _worth_a_look(search) and reached > floor + max(_MOSTLY * search.excess_left.total, 30.0):
         own = [start for start in starts if start.candidate in turning]
         if own:
-            near = with_own_angles(search, near or Near.here(search, coarse), own)
+            near = with_own_angles(search, near or Near.of(search, coarse), own)
             finals += _finished(search, _best_of_each(near.turning(own, _TURNING)), afresh=False)
     best: dict[str, Screened] = {}
     for item in screened:
