@@ -6,6 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eha_bench.core.score import Measure
+from eha_bench.metrics.coverage import NORMAL, type_b
+from eha_bench.metrics.tracking import with_sensor
+
 
 def followed(kit, error):
     """A sine whose measurement misses the reference by `error(time)`."""
@@ -52,6 +56,27 @@ def test_noise_gives_the_rms_an_interval(kit):
         found = kit.measure("tracking_rms", kit.noisy(recording, 0.05, seed), trial)
         inside += found.low <= truth <= found.high
     assert inside >= 34
+
+
+def test_a_sensors_calibration_widens_both_sides():
+    # noise of 3 and a calibration of 4 make 5
+    noise = Measure(10.0, 10.0 - 3.0 * NORMAL, 10.0 + 3.0 * NORMAL, "why")
+    found = with_sensor(noise, type_b("calibration", 4.0))
+    assert (found.low, found.high) == pytest.approx((10.0 - 5.0 * NORMAL, 10.0 + 5.0 * NORMAL))
+    parts = {part.source: part.standard for part in found.budget.parts}
+    assert parts == pytest.approx({"calibration": 4.0, "noise": 3.0})
+    assert (found.value, found.reason) == (10.0, "why")
+    assert with_sensor(Measure(1.0, 0.5, 1.5), type_b("calibration", 4.0)).low == 0.0
+
+
+def test_what_is_measured_is_said(kit):
+    recording, trial = followed(kit, lambda t: np.full(t.size, 0.5))
+    reasons = {
+        name: kit.measure(name, recording, trial).reason
+        for name in ("tracking_rms", "tracking_p95")
+    }
+    assert "measured error, sensor noise included" in reasons["tracking_rms"]
+    assert "95 % of the samples are within it" in reasons["tracking_p95"]
 
 
 def test_another_channel_does_not_follow_the_reference(kit):
