@@ -292,3 +292,17 @@ def test_clipping_of_coarse_readings_is_said_and_a_round_peak_is_not(kit, noisy_
     top = 20e6 + share * 5e5
     cut = recording.with_values({kit.channel: np.minimum(values, top)})
     assert "clipped" in kit.measure("peak", cut, trial).reason
+
+
+def test_the_corner_of_what_stops_all_at_once_is_no_spike():
+    """Fast up to a stop that a lag rounds: without one neighbour the others agree, but move."""
+    places = np.arange(375) - 75.0
+    for length in np.linspace(12.0, 30.0, 40):
+        lag = 0.04 * length
+        moved = [
+            np.where(t > 0.0, t + lag * np.expm1(-np.maximum(t, 0.0) / lag), 0.0)
+            for t in (places, places - length)
+        ]
+        shape = (moved[0] - moved[1]) / length
+        noise = 7e-4 * np.random.default_rng(int(100 * length)).normal(size=shape.size)
+        assert spikes(places, shape + noise, 0.0).size == 0

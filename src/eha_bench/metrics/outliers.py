@@ -104,7 +104,9 @@ def _instead(values: FloatArray, index: int, least: float) -> float | None:
         parabola = operator @ around[kept]
         away = abs(sample - float(parabola[0]))
         rest = float(np.max(np.abs(around[kept] - design @ parabola)))
-        steps = np.abs(np.diff(around[kept]))[np.diff(_NEAR[kept]) == 1.0]
+        # where a neighbour is left out, its side is still as steep as from the one before it
+        apart = np.diff(_NEAR[kept])
+        steps = (np.abs(np.diff(around[kept])) / apart)[_NEAR[kept][1:] * _NEAR[kept][:-1] > 0.0]
         alone = away > least and away > _STEEP * float(np.max(steps))
         if alone and rest < max(_AGREE * away, 0.5 * least):
             break
