@@ -20,7 +20,7 @@ from eha_bench.cli import (
     sweeping,
     tuning,
 )
-from eha_bench.cli.help import Command
+from eha_bench.cli.help import WordedCommand
 
 _WELCOME = """\
 eha-bench tests, scores and explains electro-hydrostatic actuators.
@@ -72,4 +72,4 @@ rig.register(app)
 serving.register(app)
 
 for command in app.registered_commands:
-    command.cls = Command
+    command.cls = WordedCommand

@@ -94,7 +94,7 @@ WORDS_OF: Mapping[tuple[str, str], str] = {
 _RANGE = re.compile(r"(?:(-?[\d.]+)<=)?\bx(?:<=(-?[\d.]+)|>=(-?[\d.]+))")
 
 
-class Command(TyperCommand):
+class WordedCommand(TyperCommand):
     """A command whose help says in words what its options and arguments take."""
 
     def __init__(self, name: str | None, **options: Any) -> None:
