@@ -21,11 +21,12 @@ from test_accessibility import serious
 from test_browser import quiet
 
 from eha_bench.diagnosis.data.dataset import Use
+from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
 from eha_bench.plants.model import DeclaredEffect
 from eha_bench.report.curve_figure import learned_curve
 from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.report.diagnosis_scene import diagnosis_scene
-from eha_bench.report.diagnosis_text import headline, share, times
+from eha_bench.report.diagnosis_text import headline, share, times, unknown_place
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
 
@@ -63,6 +64,33 @@ def test_the_sentence_gives_the_error_on_held_out_runs_beside_the_noise() -> Non
     plain = sentence.replace("\N{NO-BREAK SPACE}", " ")
     assert "pressure A on runs that were never fitted falls from 0.5000 MPa to 31.00" in plain
     assert "noise there is 30.00 kPa" in plain
+
+
+def test_an_error_that_stays_is_not_said_to_grow() -> None:
+    found = nothing_found()
+    same = {name: replace(item, after=1.0002 * item.before) for name, item in found.holdout.items()}
+    text = "something acts in held-out runs"
+    _, _, sentence = headline(
+        replace(
+            found, verdict=Verdict.UNKNOWN, unknown=Unknown("actuation", (), text), holdout=same
+        )
+    )
+    assert "stays at" in sentence
+
+
+def test_an_unknown_that_follows_nothing_is_not_said_to(tmp_path: Path) -> None:
+    text = "something acts in the actuation balance in held-out runs"
+    found = replace(
+        nothing_found(), verdict=Verdict.UNKNOWN, unknown=Unknown("actuation", (), text)
+    )
+    page = write_diagnosis_report(tmp_path, found, "dataset.yaml", DECLARED).read_text()
+    assert text[1:] in page
+    assert "It depends on" not in page
+
+
+def test_the_place_of_an_unknown_is_named() -> None:
+    assert unknown_place(Unknown("flow", ("time",), "", at="supply")).endswith(", at supply")
+    assert unknown_place(Unknown(None, (), "")) == ""
 
 
 def test_names_are_text(page: Path) -> None:

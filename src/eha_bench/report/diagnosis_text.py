@@ -21,6 +21,8 @@ from eha_bench.report.engineering import (
 _NOTHING = "\N{EN DASH}"
 _SHORT_GAP = 0.02
 _TIMES = 12
+_ALIKE = 0.005
+"""Relative difference of two errors that nobody sees in three digits."""
 _WHERE = {
     "torque": "the torque balance of the shaft",
     "flow": "the flow balances of the chambers",
@@ -103,6 +105,9 @@ def _rests_on(found: Diagnosis) -> str:
             f"Recalibrated, its error in {_channel(name)} on {kind} is "
             f"{amount(item.after, item.unit)} RMS; {noise}."
         )
+    if abs(item.after - item.before) < _ALIKE * item.before:
+        size = amount(item.after, item.unit)
+        return f"The error in {_channel(name)} on {kind} stays at {size} RMS; {noise}."
     word = "falls" if item.after <= item.before else "grows"
     return (
         f"The error in {_channel(name)} on {kind} {word} from "
@@ -217,6 +222,15 @@ def times(when: Iterable[tuple[float, float]]) -> str:
     named = [f"{number(start, 3)} … {number(stop, 3)} s" for start, stop in merged[:_TIMES]]
     more = len(merged) - len(named)
     return ", ".join(named) + (f" and {more} more stretches" if more else "")
+
+
+def unknown_place(found: Unknown) -> str:
+    """Say in which balance something unknown acts, and where; "" where it was not located."""
+    if found.equation is None:
+        return ""
+    return (
+        f"{where(found.equation)}, at {words_of(found.at)}" if found.at else where(found.equation)
+    )
 
 
 def unknown_text(found: Unknown) -> str:
