@@ -80,11 +80,14 @@ def test_a_sensor_of_channels_yaml_is_in_the_budget_and_on_the_page(scored, tmp_
     assert "resolution" in page
 
 
-def test_clipped_readings_have_no_interval(scored):
+def test_clipped_readings_have_an_interval_without_an_end(scored):
     time, reference, values = step()
     overshoot = scored(time, reference, np.minimum(values, 15.4))["overshoot"]
     assert "clipped: " in overshoot["reason"]
-    assert (overshoot["low"], overshoot["high"]) == (None, None)
+    assert overshoot["open"] == "above"
+    assert overshoot["high"] is None
+    # of 15 MPa, clipped at 15.4: less than it truly is
+    assert 0.0 < overshoot["low"] <= scored(time, reference, values)["overshoot"]["value"]
 
 
 def test_outliers_losses_and_impossible_values_are_said(scored):

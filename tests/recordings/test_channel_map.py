@@ -54,7 +54,7 @@ def test_the_reference_takes_any_unit(tmp_path: Path, unit: str, si: str) -> Non
         ("channels:\n  current: {topic: /a, field: 'a..b', unit: A}", "not a field path", 2),
         (
             "channels:\n  current: {topic: /a, field: d, unit: A, clock: wall}",
-            "'log', 'publish'",
+            "known: log, publish",
             2,
         ),
         ("channels:\n  current: {topic: /a, feld: d, unit: A}", "unknown key|feld", 2),
@@ -66,7 +66,7 @@ def test_the_reference_takes_any_unit(tmp_path: Path, unit: str, si: str) -> Non
         ("time: {column: t, unit: bar}\nchannels: {current: {column: c, unit: A}}", "dimension", 1),
         ("sample_rate: -1 Hz\nchannels: {current: {column: c, unit: A}}", "positive", 1),
         ("channels: {time: {topic: /a, field: d, unit: s}}", "cannot be the name", 1),
-        ("repair: {gaps: fill}\nchannels: {current: {column: c, unit: A}}", "'nan'", 1),
+        ("repair: {gaps: fill}\nchannels: {current: {column: c, unit: A}}", "known: nan", 1),
         ("channels:\n  current: {topic: /a, field: d, unit: A, scale: .nan}", "finite", 2),
         ("channels:\n  current: {topic: /a, field: d, unit: 9**9**9**9}", "unit", 1),
         ("channels:\n  probe: {topic: /a, field: d, unit: 9**9**9**9}", "unit", 1),
