@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -38,15 +39,18 @@ def test_a_fit_never_begins_where_it_is_worse_than_without(predicted: float) -> 
         assert vector[0] == predicted
 
 
-@pytest.mark.parametrize(("behind", "chosen"), [(2.0, 1), (4.0, 2)])
-def test_a_form_needs_its_further_numbers_or_goes(behind: float, chosen: int) -> None:
-    """Of 100 that a form of two numbers gains, one number may leave 3."""
+@pytest.mark.parametrize(
+    ("behind", "rows", "chosen"), [(2.0, 10_000, 1), (4.0, 10_000, 2), (2.0, 500, 2)]
+)
+def test_a_form_needs_its_further_numbers_or_goes(behind: float, rows: int, chosen: int) -> None:
+    """Of 100 that a form of two numbers gains, one number may leave 3, and 0.3 % of the noise."""
     none = np.zeros(0)
     nothing = Fit(none, (), none, np.zeros((0, 0)), 1000.0)
     one = Start("effect", (), 0, 0.0, 1.0, 0.0, 1e3, ("effect.strength",), "force")
     two = replace(one, keys=("effect.strength", "effect.damping"))
     near = object.__new__(Near)
     near.fit = nothing
+    near.problem = SimpleNamespace(size=rows)
     forms = [
         Nearby((two,), replace(nothing, cost=900.0)),
         Nearby((one,), replace(nothing, cost=900.0 + behind)),

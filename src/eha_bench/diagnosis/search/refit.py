@@ -33,8 +33,8 @@ _POOR = 1.02
 _NOISE = 1.003
 _KEEP = 3
 _HOPEFUL = 0.3
-_TIED = 0.03
-"""Share of the best form's gain by which a simpler one may be behind."""
+_TIED, _AT_NOISE = 0.03, 0.003
+"""Share of the best form's gain by which a simpler one may be behind, and of the noise's cost."""
 BENT = 0.3
 """Excess, as a share of the noise's cost, from which calibrated parameters imitate it."""
 _BEGAN_WRONGLY = 1.5
@@ -263,7 +263,9 @@ class Near:
         One that hardly needs its further numbers is caught by them over long windows.
         """
         most = max(self.gain(item) for item in forms)
-        as_much = [item for item in forms if self.gain(item) >= most - _TIED * abs(most)]
+        # what a form leaves of the noise's size is left to be explained by something else
+        behind = min(_TIED * abs(most), _AT_NOISE * self.problem.size)
+        as_much = [item for item in forms if self.gain(item) >= most - behind]
         return min(as_much, key=lambda item: (len(item.starts[-1].keys), item.fit.cost))
 
     def trials(self, most: int) -> list[Refit]:
