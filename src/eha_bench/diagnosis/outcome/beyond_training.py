@@ -9,8 +9,8 @@ a note.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from math import isfinite
+from collections.abc import Callable
+from math import isfinite, nan
 
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -24,8 +24,8 @@ _REPLAY = 5.0
 
 def beyond_training(found: Diagnosis) -> str:
     """Say what held-out runs show that training runs do not, or nothing."""
-    windows = _worst(found.train, found.holdout, "after_windows", _WINDOWS)
-    replays = _worst(found.train, found.holdout, "after", _REPLAY)
+    windows = _worst(found, _over_windows, _WINDOWS)
+    replays = _worst(found, _over_replays, _REPLAY)
     worst = windows or replays
     if worst is None:
         return ""
@@ -38,25 +38,22 @@ def beyond_training(found: Diagnosis) -> str:
 
 
 def _worst(
-    train: Mapping[str, ChannelError],
-    holdout: Mapping[str, ChannelError],
-    kind: str,
-    limit: float,
+    diagnosis: Diagnosis, in_floors: Callable[[ChannelError], float], limit: float
 ) -> tuple[str, float, float] | None:
     """Return the channel whose error grows most, in noise floors there and in training."""
     found: list[tuple[float, str, float, float]] = []
-    for name, item in holdout.items():
-        if name not in train:
+    for name, item in diagnosis.holdout.items():
+        if name not in diagnosis.train:
             continue
-        seen, trained = (_in_floors(error, kind) for error in (item, train[name]))
+        seen, trained = in_floors(item), in_floors(diagnosis.train[name])
         if isfinite(trained) and seen > limit * max(trained, 1.0):
             found.append((seen / max(trained, 1.0), name, seen, trained))
     return max(found)[1:] if found else None
 
 
-def _in_floors(error: ChannelError, kind: str) -> float:
-    """Return an error in units of the noise, or of what its first sample moves where more."""
-    start = error.start if kind == "after" and isfinite(error.start) else 0.0
-    floor = max(error.noise_floor, start)
-    value = float(getattr(error, kind))
-    return value / floor if floor > 0.0 else float("nan")
+def _over_windows(error: ChannelError) -> float:
+    return error.after_windows / error.noise_floor if error.noise_floor > 0.0 else nan
+
+
+def _over_replays(error: ChannelError) -> float:
+    return error.after / error.replay_floor if error.replay_floor > 0.0 else nan

@@ -125,7 +125,7 @@ def _growth(errors: Mapping[str, ChannelError]) -> float:
     for name, item in errors.items():
         if name == "pressure_difference" and {"pressure_a", "pressure_b"} <= errors.keys():
             continue
-        floor = max(item.noise_floor, item.start if isfinite(item.start) else 0.0)
+        floor = item.replay_floor
         if floor > 0.0:
             before += (item.before / floor) ** 2
             after += (item.after / floor) ** 2

@@ -114,8 +114,6 @@ def scores_of(
     """
     noise = base.problem.noise
     held_out, notes = _read(dataset, base.measured)
-    held_out = [coloured_like(item, base.measured) for item in held_out]
-    held_out = [like_clocks(item, base.measured) for item in held_out]
     starts = starts_of(base.problem)
     if starts and counts_on(dataset.model.plant.layout, vectors[-1]):
         seen = angles_of(base.problem)
@@ -160,7 +158,6 @@ def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem 
     noise = base.problem.noise
     runs, _ = _read(dataset, base.measured)
     runs = [item for item in runs if item.run.use is Use.HOLDOUT]
-    runs = [like_clocks(coloured_like(item, base.measured), base.measured) for item in runs]
     own = [first_part(item, model, noise).values for item in runs]
     known = [item.knowing(values) for item, values in zip(runs, own, strict=True)]
     return _windows_of(dataset, known, noise)
@@ -175,17 +172,16 @@ def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured],
     for run in dataset.held_out:
         try:
             recording = on_ticks(run.topics(), dataset.inputs, compared)
-            found.append(
-                admit(
-                    run,
-                    recording,
-                    dataset.inputs,
-                    compared,
-                    strict=False,
-                    restful=restful,
-                    roles=dataset.model.plant.roles,
-                )
+            item = admit(
+                run,
+                recording,
+                dataset.inputs,
+                compared,
+                strict=False,
+                restful=restful,
+                roles=dataset.model.plant.roles,
             )
+            found.append(like_clocks(coloured_like(item, fitted), fitted))
         except EhaBenchError as error:
             notes.append(f"held-out run {run.name} is not scored: {error}")
     return found, notes

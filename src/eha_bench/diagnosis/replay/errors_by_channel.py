@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, nan
+from math import inf, isfinite, nan
 
 import numpy as np
 
@@ -47,6 +47,11 @@ class ChannelError:
     before_windows: float = nan
     after_windows: float = nan
     start: float = nan
+
+    @property
+    def replay_floor(self) -> float:
+        """What no whole replay goes below: the noise, or what its first sample's noise moves."""
+        return max(self.noise_floor, self.start if isfinite(self.start) else 0.0)
 
 
 def replay_errors(

@@ -14,6 +14,19 @@ _LITTLE = 0.05
 _CHANCE = 0.02
 """Probability from which resampling takes what it is behind by for chance."""
 
+_TIED, _TIED_AT_NOISE = 0.03, 0.003
+"""Share of the best one's gain by which a tie may be behind, and of the rows: what is left of the
+noise's size is left to be explained by something else."""
+
+
+def tie(gain: float, rows: int) -> float:
+    """Return by how much less than the best one a tie may lower the cost.
+
+    Args:
+        gain: of the best one. rows: of the residual.
+    """
+    return min(_TIED * gain, _TIED_AT_NOISE * rows)
+
 
 def is_as_good(other: Fit, chosen: Fit, gain: float, groups: Groups) -> bool:
     """Return whether a fit is not worse than the chosen one beyond resampling noise.

@@ -24,6 +24,7 @@ from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.short_windows import medium_problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import angles_of, is_periodic
+from eha_bench.diagnosis.search.equivalent import tie
 from eha_bench.diagnosis.search.periodic import Wave, best_counts, in_parts, scan
 from eha_bench.diagnosis.search.screen import Screen, Screened, starting_point, unlike
 from eha_bench.diagnosis.search.state import Refit, Search, rival_share
@@ -33,8 +34,6 @@ _POOR = 1.02
 _NOISE = 1.003
 _KEEP = 3
 _HOPEFUL = 0.3
-_TIED, _AT_NOISE = 0.03, 0.003
-"""Share of the best form's gain by which a simpler one may be behind, and of the noise's cost."""
 BENT = 0.3
 """Excess, as a share of the noise's cost, from which calibrated parameters imitate it."""
 _BEGAN_WRONGLY = 1.5
@@ -263,9 +262,8 @@ class Near:
         One that hardly needs its further numbers is caught by them over long windows.
         """
         most = max(self.gain(item) for item in forms)
-        # what a form leaves of the noise's size is left to be explained by something else
-        behind = min(_TIED * abs(most), _AT_NOISE * self.problem.size)
-        as_much = [item for item in forms if self.gain(item) >= most - behind]
+        least = most - tie(abs(most), self.problem.size)
+        as_much = [item for item in forms if self.gain(item) >= least]
         return min(as_much, key=lambda item: (len(item.starts[-1].keys), item.fit.cost))
 
     def trials(self, most: int) -> list[Refit]:

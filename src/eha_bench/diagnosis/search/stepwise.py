@@ -22,7 +22,7 @@ from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import drop, release, review, without_idle
-from eha_bench.diagnosis.search.equivalent import is_as_good
+from eha_bench.diagnosis.search.equivalent import is_as_good, tie
 from eha_bench.diagnosis.search.exchange import CLOSE, exchange
 from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.refit import Near, is_bent, polish_afresh, polish_at_rest, refit
@@ -47,7 +47,6 @@ _NEAREST = 4
 _FINALISTS = 3
 _TURNING = 3
 _PROMISING = 3
-_TIED, _AT_NOISE = 0.03, 0.003
 _NEARLY = 0.1
 _WORTH = 0.02
 """Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
@@ -291,7 +290,7 @@ def _choose(trials: Sequence[Refit], limits: Thresholds, share: float) -> Refit 
         behind = item.fit.cost - chosen.fit.cost
         if item.start.mundane and behind < 0.02 * chosen.comparison.gain:
             return item
-    tied = min(_TIED * chosen.comparison.gain, _AT_NOISE * chosen.fit.residual.size)
+    tied = tie(chosen.comparison.gain, chosen.fit.residual.size)
     alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
     # of those that leave equally little, the one with the fewest numbers to choose is the likeliest
     return min(alike, key=lambda item: len(item.start.keys))

@@ -70,6 +70,11 @@ def shown(system: System, expression: str) -> str:
     return _TIME.sub("S[1]", text)
 
 
+def _shown_by(system: System, state: int) -> str:
+    """Return the channel that shows a state, "" where none does."""
+    return next((out.channel for out in system.outputs if out.state == state), "")
+
+
 def _balance(item: Coordinate) -> Equation:
     return Equation.TORQUE if item.node.kind is NodeKind.ROTATION else Equation.FORCE
 
@@ -275,9 +280,8 @@ def _turning_motor(system: System) -> Iterator[Spot]:
         node = part.element.ports["on"]
         item = system.leader_of(node)
         if item.name != node and item.node.kind is NodeKind.ROTATION:
-            shown_at = [out.channel for out in system.outputs if out.state == item.position]
             names = {"angle": f"X[{item.position}]", "ratio": "1.0"}
-            yield replace(_spot(system, item, names), angle=next(iter(shown_at), ""))
+            yield replace(_spot(system, item, names), angle=_shown_by(system, item.position))
 
 
 def _motor(system: System) -> Iterator[Spot]:
@@ -612,17 +616,14 @@ def _joint(system: System, kind: NodeKind) -> Iterator[Spot]:
     for item in system.coordinates:
         if not system.inertias(item) or item.node.kind is not kind:
             continue
-        shown_at = {
-            key: next((out.channel for out in system.outputs if out.state == place), "")
-            for key, place in (("position", item.position), ("speed", item.speed))
-        }
-        if not shown_at["position"]:
+        position, speed = _shown_by(system, item.position), _shown_by(system, item.speed)
+        if not position:
             continue
         hooks = {
             **_coordinate_hooks(item),
-            "read_position": (Hook(f"reading:{shown_at['position']}"),),
-            "initial_position": (Hook(f"initial:{shown_at['position']}"),),
-            "read_speed": (Hook(f"reading:{shown_at['speed']}"),) if shown_at["speed"] else (),
+            "read_position": (Hook(f"reading:{position}"),),
+            "initial_position": (Hook(f"initial:{position}"),),
+            "read_speed": (Hook(f"reading:{speed}"),) if speed else (),
             "longest": (Hook("longest"),),
         }
         call = ", ".join([*system.state_names, "t", "X", "P", "S"])
