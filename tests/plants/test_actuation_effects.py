@@ -86,6 +86,28 @@ def test_delayed_command_is_the_mean_of_the_shifted_staircase(delay, start, part
     assert got == pytest.approx(float(np.mean(held)), abs=2e-3)
 
 
+@given(
+    spans=st.lists(st.floats(1e-5, 3e-3), min_size=1, max_size=40),
+    delay=st.floats(0.0, 0.08),
+    share=st.floats(0.0, 1.0),
+    h=st.floats(1e-5, 2e-3),
+    data=st.data(),
+)
+def test_delayed_command_is_that_of_looking_back_tick_by_tick(spans, delay, share, h, data) -> None:
+    times = np.cumsum(spans)
+    commands = np.cos(np.arange(times.size))
+    k = data.draw(st.integers(0, times.size - 1))
+    t = float(times[k]) + share * 1e-3
+    upper, expected, j = t - delay + h, 0.0, k
+    while j >= 0 and times[j] >= upper:
+        j -= 1
+    while upper > t - delay:
+        lower = t - delay if j < 0 else max(t - delay, float(times[j]))
+        expected += (upper - lower) * (3.0 if j < 0 else commands[j])
+        upper, j = lower, j - 1
+    assert command_delay.delayed(0.0, k, t, h, times, commands, delay, 3.0) == expected / h
+
+
 def test_delay_is_continuous(knee, effect) -> None:
     """Across a whole number of steps nothing jumps: small changes of the delay are small."""
     time = np.arange(0.0, 0.05, 1e-3)

@@ -8,7 +8,7 @@ rig, FMU, report) knows a plant by what is declared here, never by its name.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from types import MappingProxyType
@@ -85,6 +85,28 @@ class Drive:
         return kept
 
 
+@dataclass(frozen=True)
+class Drives:
+    """Drives that are simulated together, with the same parameters.
+
+    Attributes:
+        items: the drives.
+    """
+
+    items: tuple[Drive, ...]
+    laid_out: dict[str, object] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """What a plant keeps of them between simulations, by its id."""
+
+    @property
+    def first_ticks(self) -> Drives:
+        """The drives ended at the tick where each starts."""
+        kept = self.laid_out.get(_FIRST_TICK)
+        if not isinstance(kept, Drives):
+            kept = Drives(tuple(drive.first_tick for drive in self.items))
+            self.laid_out[_FIRST_TICK] = kept
+        return kept
+
+
 class Parametrised:
     """A plant with its parameters set: what depends on them alone is looked up once.
 
@@ -103,6 +125,24 @@ class Parametrised:
         Args and result are those of `Plant.simulate`.
         """
         return self.plant.simulate(self.vector, drive.starting(initial), step)
+
+    def simulate_each(
+        self,
+        drives: Drives,
+        which: Sequence[int],
+        initials: Sequence[Mapping[str, float]],
+        step: float,
+    ) -> list[FloatArray]:
+        """Return what the sensors would read in several simulations, (n, outputs) each, SI.
+
+        Args:
+            drives: what drives them. which: number of the drive of each simulation.
+            initials: first state of each simulation. step: largest integration step, s.
+        """
+        return [
+            self.simulate(drives.items[k], initial, step)
+            for k, initial in zip(which, initials, strict=True)
+        ]
 
     def following(self, reference: str) -> Parametrised:
         """Return it driven by what a controller inside the plant follows, in place of its command.

@@ -34,14 +34,15 @@ from eha_bench.diagnosis.data.windows import Window, restarted
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.beliefs import Belief, believed_residual
 from eha_bench.diagnosis.fit.effort import simulated
+from eha_bench.diagnosis.fit.groups import Group, groups_of
 from eha_bench.diagnosis.fit.input_noise import shaken
 from eha_bench.diagnosis.fit.instants import instants_of
 from eha_bench.diagnosis.fit.lost_inputs import lost
 from eha_bench.diagnosis.fit.own_parameters import places_of
 from eha_bench.diagnosis.fit.prepared import Prepared, best_start
-from eha_bench.diagnosis.fit.start_state import start_of
+from eha_bench.diagnosis.fit.start_state import starts_of
 from eha_bench.diagnosis.fit.whitening import whitening
-from eha_bench.plants.plant import Parametrised, Plant
+from eha_bench.plants.plant import Drive, Drives, Parametrised, Plant
 
 T = TypeVar("T")
 
@@ -120,6 +121,7 @@ class Problem:
         self._outputs = {name: at for at, name in enumerate(plant.outputs)}
         self.places = places_of(plant.layout, (window.measured for window in windows))
         self._parts = [self._ready(window) for window in windows]
+        self._kept_groups: tuple[Group, ...] | None = None
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
         self._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
         self.size = int(offsets[-1])
@@ -148,6 +150,8 @@ class Problem:
         other.places = self.places
         other.windows = tuple(self.windows[k] for k in keep)
         other._parts = [self._parts[k] for k in keep]
+        is_whole = [*keep] == [*range(len(self._parts))]
+        other._kept_groups = self._kept_groups if is_whole else None
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in other._parts])])
         other._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
         other.size = int(offsets[-1])
@@ -249,9 +253,18 @@ class Problem:
         self._carry(vector, rough.step)
         in_run = self._in_runs(vector)
         seconds = sum((1 + len(part.window.spread)) * part.length for part in self._parts)
-        further = sum(
-            self._each(lambda part: rough._linearise(part, in_run(part), vector), seconds)
-        )
+
+        def linearised(group: Group) -> list[float]:
+            parts, drives = [self._parts[k] for k in group.members], group.drives
+            for part in parts:
+                rough._look_at_starts(part)
+            slopes = rough._slopes(parts, drives, in_run)
+            return [
+                rough._linearise(part, in_run(part), vector, *own)
+                for part, own in zip(parts, slopes, strict=True)
+            ]
+
+        further = sum(self._of_groups(linearised, seconds))
         loud = {*self._loud([part.cost for part in self._parts])}
         for k, part in enumerate(self._parts):
             if k not in loud and part.moved is None:
@@ -260,8 +273,8 @@ class Problem:
         if further:
             simulated(further)
 
-    def _linearise(self, part: Prepared, at: _At, vector: FloatArray) -> float:
-        """Take a window's U about its start; return what was simulated beyond its states, s."""
+    def _look_at_starts(self, part: Prepared) -> None:
+        """Find the states that are uncertain at a window's start."""
         starts = tuple(
             name
             for name, spread in part.window.spread.items()
@@ -269,7 +282,11 @@ class Problem:
         )
         if starts != part.starts:
             part.starts, part.moved = starts, None
-        base, columns = self._slopes(part, at)
+
+    def _linearise(
+        self, part: Prepared, at: _At, vector: FloatArray, base: FloatArray, columns: FloatArray
+    ) -> float:
+        """Take a window's U about its start; return what was simulated beyond its states, s."""
         part.offset = columns @ part.moved if part.moved is not None else None
         further = 0.0
         if (noise := part.window.measured.input_noise) and part.shaken is None:
@@ -278,7 +295,7 @@ class Problem:
                 noise,
                 part.window.measured.colours,
                 vector,
-                lambda drive: self._weighted(replace(part, drive=drive), at, {}),
+                lambda drive: self._of_drive(part, drive, at),
             )
             further = part.shaken.simulations * part.length
         if (unsure := part.window.measured.unsure) and part.lost is None:
@@ -288,7 +305,7 @@ class Problem:
                 part.window.first - part.drive.first,
                 part.drive.time[part.drive.first + part.pick // part.columns.size],
                 vector,
-                lambda drive: self._weighted(replace(part, drive=drive), at, {}),
+                lambda drive: self._of_drive(part, drive, at),
             )
             further += part.lost.simulations * part.length
         self._span(part, columns)
@@ -300,15 +317,37 @@ class Problem:
         zeros = self._wandering(part)
         part.span(np.column_stack([slopes, *part.of_inputs, *zeros]), of_many=bool(zeros))
 
-    def _slopes(self, part: Prepared, at: _At) -> tuple[FloatArray, FloatArray]:
-        """Return a window's weighted residual, and what each uncertain state does to it, (N, k)."""
-        base = self._weighted(part, at, {})
-        # a fifth of a spread: a compromise between noise of stick events and curvature
-        columns = [
-            (self._weighted(part, at, {name: 0.2 * part.window.spread[name]}) - base) / 0.2
-            for name in part.starts
-        ]
-        return base, np.array(columns).T if columns else np.zeros((base.size, 0))
+    def _slopes(
+        self, parts: Sequence[Prepared], drives: Drives, in_run: Callable[[Prepared], _At]
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Return windows' weighted residuals, and what each uncertain state does to them, (N, k).
+
+        Args:
+            parts: windows of runs with the same parameters. drives: what drives them.
+            in_run: what a window is simulated with.
+        """
+        plant = in_run(parts[0]).plant
+        which: list[int] = []
+        starts: list[dict[str, float]] = []
+        for number, (part, start) in enumerate(
+            zip(parts, self._starts(parts, drives, plant), strict=True)
+        ):
+            # a fifth of a spread: a compromise between noise of stick events and curvature
+            moved = [
+                {**start, name: start.get(name, 0.0) + 0.2 * part.window.spread[name]}
+                for name in part.starts
+            ]
+            starts += [start, *moved]
+            which += [number] * (1 + len(moved))
+        simulated = iter(plant.simulate_each(drives, which, starts, self.step))
+        found = []
+        for part in parts:
+            at = in_run(part)
+            base = self._compared(part, at, next(simulated))
+            moved_by = [self._compared(part, at, next(simulated)) - base for _ in part.starts]
+            columns = np.array(moved_by).T / 0.2 if moved_by else np.zeros((base.size, 0))
+            found.append((base, columns))
+        return found
 
     def _loud(self, squares: Sequence[float]) -> list[int]:
         """Return which windows stand out, by the sum of squares of each one's residual."""
@@ -326,12 +365,13 @@ class Problem:
             return 0.0
         others = np.column_stack([np.zeros((part.pick.size, 0)), *part.of_inputs])
         moved = np.zeros(len(part.starts)) if part.moved is None else part.moved
-        base, slopes = self._slopes(part, at)
+        drives = Drives((part.drive,))
+        ((base, slopes),) = self._slopes([part], drives, lambda _: at)
         for share in _HORIZONS:
             rows = part.pick // part.columns.size < share * (part.window.last - part.window.first)
             best, before = best_start(base, slopes, others, moved, rows)
             trial = replace(part, moved=best)
-            there, its = self._slopes(trial, at)
+            ((there, its),) = self._slopes([trial], drives, lambda _: at)
             if best_start(there, its, others, best, rows)[1] < before:
                 moved, base, slopes = best, there, its
         trial = replace(part, moved=moved, offset=slopes @ moved)
@@ -366,20 +406,18 @@ class Problem:
 
     def raw(self, vector: FloatArray) -> FloatArray:
         """Return the weighted residual as it is, start states and all, (size,)."""
-        in_run = self._in_runs(vector)
-        return np.concatenate(self._each(lambda part: self._weighted(part, in_run(part), {})))
+        return np.concatenate(self._each(vector, self._compared))
 
     def residual(self, vector: FloatArray) -> FloatArray:
         """Return the whitened weighted residual: white, variance 1 where the model is complete.
 
         (size,) of the readings, and behind them one of each belief.
         """
-        in_run = self._in_runs(vector)
 
-        def one(part: Prepared) -> FloatArray:
-            return part.white(part.from_start(self._weighted(part, in_run(part), {})))
+        def one(part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
+            return part.white(part.from_start(self._compared(part, at, simulated)))
 
-        found = np.concatenate([*self._each(one), believed_residual(self.beliefs, vector)])
+        found = np.concatenate([*self._each(vector, one), believed_residual(self.beliefs, vector)])
         return found if self._defect is None else found + self._defect
 
     def with_best_start(self, vector: FloatArray) -> FloatArray:
@@ -387,12 +425,11 @@ class Problem:
 
         The noise of measured inputs is at its best too. Needs `prepare` at this vector.
         """
-        in_run = self._in_runs(vector)
 
-        def one(part: Prepared) -> FloatArray:
-            return part.at_best(part.from_start(self._weighted(part, in_run(part), {})))
+        def one(part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
+            return part.at_best(part.from_start(self._compared(part, at, simulated)))
 
-        return self.in_readings(np.concatenate(self._each(one)))
+        return self.in_readings(np.concatenate(self._each(vector, one)))
 
     def in_readings(self, residual: FloatArray) -> FloatArray:
         """Return what a residual is of each reading, in its noise: the same where that is white."""
@@ -407,8 +444,7 @@ class Problem:
 
         Each is (ticks, outputs of the plant).
         """
-        in_run = self._in_runs(vector)
-        return self._each(lambda part: self._simulated(part, in_run(part), {})[part.drive.first :])
+        return self._each(vector, lambda part, _, simulated: simulated[part.drive.first :])
 
     def _in_runs(self, vector: FloatArray) -> Callable[[Prepared], _At]:
         """Return what gives a window the plant with the parameters that its run has."""
@@ -425,23 +461,41 @@ class Problem:
             {**part.window.measured.lateness, **late} if part.instants else late,
         )
 
-    def _each(self, function: Callable[[Prepared], T], seconds: float | None = None) -> list[T]:
-        """Do something with every window; `seconds` are simulated by it (default: each once)."""
+    @property
+    def _groups(self) -> tuple[Group, ...]:
+        """Windows that are simulated in one call; a few groups a processor."""
+        if self._kept_groups is None:
+            self._kept_groups = groups_of(self._parts, 2 * side_by_side.PROCESSORS)
+        return self._kept_groups
+
+    def _each(
+        self, vector: FloatArray, function: Callable[[Prepared, _At, FloatArray], T]
+    ) -> list[T]:
+        """Simulate every window, and do something with each and what was simulated, in order."""
+        in_run = self._in_runs(vector)
+
+        def several(group: Group) -> list[T]:
+            parts = [self._parts[k] for k in group.members]
+            plant = in_run(parts[0]).plant
+            starts = self._starts(parts, group.drives, plant)
+            simulated = plant.simulate_each(group.drives, range(len(parts)), starts, self.step)
+            return [
+                function(part, in_run(part), values)
+                for part, values in zip(parts, simulated, strict=True)
+            ]
+
+        return self._of_groups(several)
+
+    def _of_groups(
+        self, function: Callable[[Group], list[T]], seconds: float | None = None
+    ) -> list[T]:
+        """Do something with every group; `seconds` are simulated by it (default: all once)."""
         checkpoint()
         simulated(sum(part.length for part in self._parts) if seconds is None else seconds)
+        groups = self._groups
         threads = 1 if side_by_side.is_one_of_several() else side_by_side.PROCESSORS
-        if len(self._parts) < 2 or threads == 1:
-            return [function(part) for part in self._parts]
-        # a few tasks of about the same length each: handing over every window costs more
-        lengths = np.array([part.drive.time.size for part in self._parts])
-        tasks = min(2 * threads, len(self._parts))
-        edges = np.searchsorted(np.cumsum(lengths), lengths.sum() * np.arange(1, tasks) / tasks)
-        groups = np.split(np.arange(len(self._parts)), edges)
-
-        def several(group: IndexArray) -> list[T]:
-            return [function(self._parts[k]) for k in group]
-
-        return [item for items in _pool(threads).map(several, groups) for item in items]
+        each = map if threads == 1 or len(groups) < 2 else _pool(threads).map
+        return [item for items in each(function, groups) for item in items]
 
     def _wandering(self, part: Prepared) -> list[FloatArray]:
         """Return what zeros that wander do in a window, a column for each of their cosines."""
@@ -496,17 +550,24 @@ class Problem:
             ),
         )
 
-    def _simulated(self, part: Prepared, at: _At, shift: Mapping[str, float]) -> FloatArray:
-        initial = start_of(at.plant, part.drive, part.window.initial)
-        if part.moved is not None:
-            for name, z in zip(part.starts, part.moved, strict=True):
-                initial[name] = initial.get(name, 0.0) + float(z) * part.window.spread[name]
-        for name, change in shift.items():
-            initial[name] = initial.get(name, 0.0) + change
-        return at.plant.simulate(part.drive, initial, self.step)
+    def _starts(
+        self, parts: Sequence[Prepared], drives: Drives, plant: Parametrised
+    ) -> list[dict[str, float]]:
+        """Return where windows start that are simulated with the same parameters."""
+        starts = starts_of(plant, drives, [part.window.initial for part in parts])
+        for part, start in zip(parts, starts, strict=True):
+            if part.moved is not None:
+                for name, z in zip(part.starts, part.moved, strict=True):
+                    start[name] = start.get(name, 0.0) + float(z) * part.window.spread[name]
+        return starts
 
-    def _weighted(self, part: Prepared, at: _At, shift: Mapping[str, float]) -> FloatArray:
-        simulated = self._simulated(part, at, shift)
+    def _of_drive(self, part: Prepared, drive: Drive, at: _At) -> FloatArray:
+        """Return a window's weighted residual under another drive, (N,)."""
+        (start,) = self._starts([part], Drives((drive,)), at.plant)
+        return self._compared(part, at, at.plant.simulate(drive, start, self.step))
+
+    def _compared(self, part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
+        """Return the weighted residual of a window of which this was simulated, (N,)."""
         out = simulated.ravel()[part.places]
         if part.instants is not None:
             out[part.instants.rows] = part.instants.read(simulated, at.lateness)

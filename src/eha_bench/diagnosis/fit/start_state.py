@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from eha_bench.plants.plant import Drive, Parametrised
+from eha_bench.plants.plant import Drive, Drives, Parametrised
 
 
 def start_of(at: Parametrised, drive: Drive, measured: Mapping[str, float]) -> dict[str, float]:
@@ -15,14 +15,27 @@ def start_of(at: Parametrised, drive: Drive, measured: Mapping[str, float]) -> d
     A sensor with an offset reads another value than the state has: one tick is simulated, and the
     state is moved by what the sensor adds.
     """
+    return starts_of(at, Drives((drive,)), [measured])[0]
+
+
+def starts_of(
+    at: Parametrised, drives: Drives, measured: Sequence[Mapping[str, float]]
+) -> list[dict[str, float]]:
+    """Return the start states of several drives, each as `start_of` does."""
     plant = at.plant
-    implied = plant.through_cells(at.vector, {**drive.first_values, **measured})
-    measured = {name: value for name, value in measured.items() if name in plant.states}
-    initial = {**implied, **plant.at_rest(measured), **measured}
+    starts, readings = [], []
+    for drive, first in zip(drives.items, measured, strict=True):
+        implied = plant.through_cells(at.vector, {**drive.first_values, **first})
+        read = {name: value for name, value in first.items() if name in plant.states}
+        starts.append({**implied, **plant.at_rest(read), **read})
+        readings.append(read)
     if at.sensors_are_ideal:
-        return initial
-    reads = at.simulate(drive.first_tick, initial, 1.0)[drive.first]
-    for place, name in enumerate(plant.outputs):
-        if name in measured and name not in plant.roles.acting and np.isfinite(reads[place]):
-            initial[name] += measured[name] - reads[place]
-    return initial
+        return starts
+    ticks = drives.first_ticks
+    simulated = at.simulate_each(ticks, range(len(starts)), starts, 1.0)
+    for start, read, tick, values in zip(starts, readings, ticks.items, simulated, strict=True):
+        reads = values[tick.first]
+        for place, name in enumerate(plant.outputs):
+            if name in read and name not in plant.roles.acting and np.isfinite(reads[place]):
+                start[name] += read[name] - reads[place]
+    return starts

@@ -31,10 +31,21 @@ def delayed(
     """Return the mean of the delayed command over [t, t + h], A; t lies in [times[k], ...]."""
     first = t - delay
     last = first + h
-    # the newest command that has arrived at the end of the step
-    j = k
+    # The newest command that has arrived at the end of the step, -1 where none has: back in strides
+    # that double, then by halving, as half a second is hundreds of ticks.
+    late = k + 1
+    j, stride = k, 1
     while j >= 0 and times[j] >= last:
-        j -= 1
+        late = j
+        j -= stride
+        stride *= 2
+    j = max(j, -1)
+    while late - j > 1:
+        middle = (j + late) // 2
+        if times[middle] >= last:
+            late = middle
+        else:
+            j = middle
     total = 0.0
     upper = last
     while upper > first:

@@ -316,8 +316,9 @@ class LaneWriter(Writer):
             '"""Advance LANES sets from tick `first` to the last; see `NetworkPlant.sweep`."""',
             f"block, memory, shown = np.zeros({self.rows * LANES}), np.zeros({signals}), "
             f"np.zeros({size + 1})",
-            f"state, is_imposed = np.zeros({size}), np.zeros({size + 1}, dtype=np.bool_)",
+            f"state, imposes = np.zeros({size}), np.zeros({size + 1}, dtype=np.uint8)",
             "B, S, X, Y = pointer(block), pointer(memory), pointer(shown), pointer(state)",
+            "is_imposed = pointer(imposes)",
             f"for lane in range({LANES}):",
             f"    for row in range({size}):",
             f"        B[row * {LANES} + lane] = states[lane, row]",

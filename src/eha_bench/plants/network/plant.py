@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from types import ModuleType
 from typing import Any
 
@@ -28,7 +29,7 @@ from eha_bench.plants.network.reach import determined_nodes
 from eha_bench.plants.network.roles import refuse_unknown_roles, roles_of
 from eha_bench.plants.network.source import kernel_source
 from eha_bench.plants.network.system import BoundElement, System
-from eha_bench.plants.plant import Drive, Parametrised, Plant
+from eha_bench.plants.plant import Drive, Drives, Parametrised, Plant
 
 _WORTH_A_BLOCK = 3
 """Least number of sets that a sweep in step gains on."""
@@ -52,6 +53,31 @@ class Inputs:
     given: BoolArray
     imposed: FloatArray
     is_imposed: BoolArray
+
+
+@dataclass(frozen=True)
+class ManyInputs:
+    """The inputs of many drives as arrays, their ticks one behind the other.
+
+    Attributes:
+        kinds: a drive of each set of inputs, and the period of the controller inside the plant.
+        ticks: of each drive, None where every sample is one. edges: (drives + 1,) where its ticks
+            begin.
+        firsts: (drives,) tick of each that it starts at. times, values, imposed: of all ticks.
+        given, imposes, locked, bypass_open: of each drive.
+    """
+
+    kinds: tuple[tuple[Drive, float], ...]
+    ticks: tuple[IndexArray | None, ...]
+    edges: IndexArray
+    firsts: IndexArray
+    times: FloatArray
+    values: FloatArray
+    imposed: FloatArray
+    given: BoolArray
+    imposes: BoolArray
+    locked: BoolArray
+    bypass_open: BoolArray
 
 
 class NetworkPlant(Plant):
@@ -279,23 +305,38 @@ class NetworkPlant(Plant):
         Raises:
             InputError: a channel that is not a state of this plant.
         """
+        state, read = self._as_read([initial], parameters)
+        shown = np.zeros(self.system.size + 1)
+        kernel.settle(read[0], parameters, memory, shown, state[0])
+        self._charge(parameters, state[0], read[0])
+        settled: FloatArray = state[0]
+        return settled
+
+    def _as_read(
+        self, initials: Sequence[Mapping[str, float]], parameters: FloatArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return states as their sensors read them first, and which were read, a row each.
+
+        Raises:
+            InputError: a channel that is not a state of this plant.
+        """
         size = self.system.size
-        state = np.zeros(size + len(self._imposable))
-        state[size:] = self._resting_signals
+        states = np.zeros((len(initials), size + len(self._imposable)))
+        states[:, size:] = self._resting_signals
         pressures, places = self._resting_pressures
-        state[pressures] = parameters[places]
-        read = np.zeros(state.size, dtype=np.bool_)
-        for name, value in initial.items():
-            if name not in self.state_places:
-                raise InputError(
-                    f"'{name}' is not a state of {self.id}",
-                    hint=f"it has: {', '.join(self.states)}",
-                )
-            state[self.state_places[name]] = value
-            read[self.state_places[name]] = True
-        kernel.settle(read, parameters, memory, np.zeros(size + 1), state)
-        self._charge(parameters, state, read)
-        return state
+        states[:, pressures] = parameters[places]
+        read = np.zeros(states.shape, dtype=np.bool_)
+        for row, initial in enumerate(initials):
+            for name, value in initial.items():
+                place = self.state_places.get(name)
+                if place is None:
+                    raise InputError(
+                        f"'{name}' is not a state of {self.id}",
+                        hint=f"it has: {', '.join(self.states)}",
+                    )
+                states[row, place] = value
+                read[row, place] = True
+        return states, read
 
     @cached_property
     def _resting_pressures(self) -> tuple[IndexArray, IndexArray]:
@@ -442,6 +483,21 @@ class NetworkPlant(Plant):
         kept = drive.laid_out.get(key)
         if not isinstance(kept, Inputs) or kept.period != period:
             kept = drive.laid_out[key] = self._laid_out(drive, period)
+        return kept
+
+    def inputs_of_each(self, drives: Drives, vector: FloatArray) -> ManyInputs:
+        """Return the inputs of several drives, laid out once.
+
+        Raises:
+            InputError: an input that this plant does not have.
+        """
+        key = f"{self.id}:{id(self)}"
+        kept = drives.laid_out.get(key)
+        if not isinstance(kept, ManyInputs) or any(
+            self._period(drive, vector) != period for drive, period in kept.kinds
+        ):
+            each = [self.inputs_of(drive, vector) for drive in drives.items]
+            kept = drives.laid_out[key] = _one_behind_the_other(each, drives.items)
         return kept
 
     def _period(self, drive: Drive, vector: FloatArray) -> float:
@@ -772,6 +828,43 @@ class _Fastest(Parametrised):
         )  # fmt: skip
         return out if inputs.period == 0.0 else out[inputs.ticks]
 
+    def simulate_each(
+        self,
+        drives: Drives,
+        which: Sequence[int],
+        initials: Sequence[Mapping[str, float]],
+        step: float,
+    ) -> list[FloatArray]:
+        """Return what `simulate` does for each simulation, by one call of compiled code."""
+        from eha_bench.plants.network import many  # imports Numba
+
+        if not initials:
+            return []
+        plant = self.plant
+        parameters = np.require(self._parameters, np.float64, ["C", "W"])
+        inputs = plant.inputs_of_each(drives, self.vector)
+        settle, simulate = many.addresses(self._kernel)
+        chosen = np.asarray(which, dtype=np.intp)
+        ends = np.concatenate(([0], np.cumsum(np.diff(inputs.edges)[chosen])))
+        out = np.empty((int(ends[-1]), len(plant.outputs)))
+        memories = np.zeros((chosen.size, self._memory))
+        shown = np.zeros((chosen.size, self._shown.size))
+        states, read = plant._as_read(initials, parameters)
+        many.settle_each(settle, read, parameters, memories, shown, states)
+        if plant._closed_circuits:
+            for state, own in zip(states, read, strict=True):
+                plant._charge(parameters, state, own)
+        many.simulate_each(
+            simulate, chosen, inputs.edges, inputs.firsts, inputs.times, inputs.values,
+            bool(plant.system.loops), inputs.given, inputs.imposed, inputs.imposes, inputs.locked,
+            inputs.bypass_open, step, parameters, memories, np.zeros_like(shown), states, ends, out,
+        )  # fmt: skip
+        rows = zip(which, pairwise(ends.tolist()), strict=True)
+        return [
+            out[here:there] if (ticks := inputs.ticks[k]) is None else out[here:there][ticks]
+            for k, (here, there) in rows
+        ]
+
     @property
     def look_back(self) -> float:
         """The delay of the command, s."""
@@ -840,6 +933,27 @@ class _Fastest(Parametrised):
             self._shown, state, shown,
         )  # fmt: skip
         inputs[k], out[k], out[k + 1] = values[k], shown[k], shown[-1]
+
+
+def _one_behind_the_other(each: Sequence[Inputs], drives: Sequence[Drive]) -> ManyInputs:
+    """Return many drives' inputs as one."""
+    kinds = {
+        frozenset(drive.inputs): (drive, item.period)
+        for drive, item in zip(drives, each, strict=True)
+    }
+    return ManyInputs(
+        tuple(kinds.values()),
+        tuple(item.ticks if item.period > 0.0 else None for item in each),
+        np.cumsum([0, *(item.time.size for item in each)]),
+        np.array([item.ticks[drive.first] for item, drive in zip(each, drives, strict=True)]),
+        np.concatenate([item.time for item in each]),
+        np.concatenate([item.values for item in each]),
+        np.concatenate([item.imposed for item in each]),
+        np.array([item.given for item in each]),
+        np.array([item.is_imposed for item in each]),
+        np.array([drive.locked for drive in drives], dtype=np.bool_),
+        np.array([drive.bypass_open for drive in drives], dtype=np.bool_),
+    )
 
 
 def _controller_clock(time: FloatArray, period: float) -> tuple[FloatArray, IndexArray]:

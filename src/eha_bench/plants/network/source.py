@@ -730,7 +730,8 @@ class Writer:
     def _settle(self) -> None:
         """Write how first readings become the states behind them."""
         system = self.system
-        body = ["P = pointer(parameters)", "S = pointer(memory)", "X = pointer(shown)", "t = 0.0"]
+        body = ["P = pointer(parameters)", "S = pointer(memory)", "X = pointer(shown)"]
+        body += ["Y = pointer(state)", "t = 0.0"]
         body += self._activate()
         body += self._show_y()
         for item in system.outputs:
@@ -739,7 +740,7 @@ class Writer:
                 value = self.hooks.apply(hook, f"Y[{item.state}]", ())
                 body += [f"if read[{item.state}]:", f"    Y[{item.state}] = {value}"]
         self.function(
-            "settle", "read, parameters, memory, shown, Y", body, mark="@njit(cache=True)"
+            "settle", "read, parameters, memory, shown, state", body, mark="@njit(cache=True)"
         )
 
     def _activate(self) -> list[str]:
@@ -821,6 +822,7 @@ class Writer:
         body = ['"""Advance from tick `first` to tick `last`; see `NetworkPlant.advance`."""',
                 "if fresh:", "    memory[:] = 0.0",
                 "P = pointer(parameters)", "S = pointer(memory)", "X = pointer(shown)",
+                "Y = pointer(state)", "is_imposed = pointer(imposes.view(np.uint8))",
                 *self._activate(), f"S[{system.signals[BYPASS]}] = 1.0 if bypass_open else 0.0",
                 "t = times[first]"]  # fmt: skip
         for number, column in self._commands:
@@ -833,8 +835,8 @@ class Writer:
         body += [f"    {line}" for line in self._tick()]
         self.function(
             "simulate",
-            "first, last, times, inputs, given, imposed, is_imposed, locked, bypass_open, h_max, "
-            "fresh, parameters, memory, shown, Y, out",
+            "first, last, times, inputs, given, imposed, imposes, locked, bypass_open, h_max, "
+            "fresh, parameters, memory, shown, state, out",
             body,
             mark="@njit(cache=True, nogil=True)",
         )
@@ -959,7 +961,7 @@ class Writer:
                     lines += [*self._show_y(), f"inputs[k, {number}] = {hooked}"]
                 lines.append(f"out[k, {place}] = {value}")
         lines += [
-            "measure(t, X, P, S, Y, out[k])",
+            "measure(t, X, P, S, Y, pointer(out[k]))",
             "if k == last:",
             "    break",
             "span = times[k + 1] - t",

@@ -1,0 +1,45 @@
+"""Windows that are simulated in one call: neighbours whose runs have the same parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from eha_bench.diagnosis.fit.prepared import Prepared
+from eha_bench.plants.plant import Drives
+
+
+@dataclass(frozen=True)
+class Group:
+    """Windows that are simulated in one call.
+
+    Attributes:
+        members: numbers of the windows, one after the other. drives: what drives them.
+    """
+
+    members: range
+    drives: Drives
+
+
+def groups_of(parts: Sequence[Prepared], count: int) -> tuple[Group, ...]:
+    """Return windows in about `count` groups of the same length, in their order."""
+    ticks = np.cumsum([part.drive.time.size for part in parts])
+    shares = [int((count * (end - 1)) // ticks[-1]) for end in ticks]
+
+    def key(number: int) -> tuple[int, str]:
+        run = parts[number].window.measured.run
+        return shares[number], run.name if run.parameters or run.own else ""
+
+    return tuple(
+        Group(members, Drives(tuple(parts[k].drive for k in members)))
+        for members in _stretches(groupby(range(len(parts)), key))
+    )
+
+
+def _stretches(found: Iterator[tuple[object, Iterator[int]]]) -> Iterator[range]:
+    for _, numbers in found:
+        members = [*numbers]
+        yield range(members[0], members[-1] + 1)
