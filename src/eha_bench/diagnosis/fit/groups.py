@@ -13,7 +13,7 @@ from eha_bench.plants.plant import Drives
 
 
 @dataclass(frozen=True)
-class Group:
+class WindowGroup:
     """Windows that are simulated in one call.
 
     Attributes:
@@ -24,7 +24,7 @@ class Group:
     drives: Drives
 
 
-def groups_of(parts: Sequence[Prepared], count: int) -> tuple[Group, ...]:
+def groups_of(parts: Sequence[Prepared], count: int) -> tuple[WindowGroup, ...]:
     """Return windows in about `count` groups of the same length, in their order."""
     ticks = np.cumsum([part.drive.time.size for part in parts])
     shares = [int((count * (end - 1)) // ticks[-1]) for end in ticks]
@@ -34,7 +34,7 @@ def groups_of(parts: Sequence[Prepared], count: int) -> tuple[Group, ...]:
         return shares[number], run.name if run.parameters or run.own else ""
 
     return tuple(
-        Group(members, Drives(tuple(parts[k].drive for k in members)))
+        WindowGroup(members, Drives(tuple(parts[k].drive for k in members)))
         for members in _stretches(groupby(range(len(parts)), key))
     )
 

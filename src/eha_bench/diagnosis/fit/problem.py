@@ -34,7 +34,7 @@ from eha_bench.diagnosis.data.windows import Window, restarted
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.beliefs import Belief, believed_residual
 from eha_bench.diagnosis.fit.effort import simulated
-from eha_bench.diagnosis.fit.groups import Group, groups_of
+from eha_bench.diagnosis.fit.groups import WindowGroup, groups_of
 from eha_bench.diagnosis.fit.input_noise import shaken
 from eha_bench.diagnosis.fit.instants import instants_of
 from eha_bench.diagnosis.fit.lost_inputs import lost
@@ -121,7 +121,7 @@ class Problem:
         self._outputs = {name: at for at, name in enumerate(plant.outputs)}
         self.places = places_of(plant.layout, (window.measured for window in windows))
         self._parts = [self._ready(window) for window in windows]
-        self._kept_groups: tuple[Group, ...] | None = None
+        self._kept_groups: tuple[WindowGroup, ...] | None = None
         offsets = np.concatenate([[0], np.cumsum([part.pick.size for part in self._parts])])
         self._rows = [slice(int(a), int(b)) for a, b in pairwise(offsets)]
         self.size = int(offsets[-1])
@@ -254,7 +254,7 @@ class Problem:
         in_run = self._in_runs(vector)
         seconds = sum((1 + len(part.window.spread)) * part.length for part in self._parts)
 
-        def linearised(group: Group) -> list[float]:
+        def linearised(group: WindowGroup) -> list[float]:
             parts, drives = [self._parts[k] for k in group.members], group.drives
             for part in parts:
                 rough._look_at_starts(part)
@@ -462,7 +462,7 @@ class Problem:
         )
 
     @property
-    def _groups(self) -> tuple[Group, ...]:
+    def _groups(self) -> tuple[WindowGroup, ...]:
         """Windows that are simulated in one call; a few groups a processor."""
         if self._kept_groups is None:
             self._kept_groups = groups_of(self._parts, 2 * side_by_side.PROCESSORS)
@@ -474,7 +474,7 @@ class Problem:
         """Simulate every window, and do something with each and what was simulated, in order."""
         in_run = self._in_runs(vector)
 
-        def several(group: Group) -> list[T]:
+        def several(group: WindowGroup) -> list[T]:
             parts = [self._parts[k] for k in group.members]
             plant = in_run(parts[0]).plant
             starts = self._starts(parts, group.drives, plant)
@@ -487,7 +487,7 @@ class Problem:
         return self._of_groups(several)
 
     def _of_groups(
-        self, function: Callable[[Group], list[T]], seconds: float | None = None
+        self, function: Callable[[WindowGroup], list[T]], seconds: float | None = None
     ) -> list[T]:
         """Do something with every group; `seconds` are simulated by it (default: all once)."""
         checkpoint()
