@@ -239,3 +239,17 @@ def test_a_formula_keeps_one_input_for_what_is_named_twice():
     names = list(formula.inputs)
     assert formula.value(dict(zip(names, (2.0, 3.0), strict=True))) == 8.0
     assert math.isnan(Formula.parse("1 / rise_time").value({"input_0": 0.0}))
+
+
+def test_a_limit_of_a_mistaken_metric_is_no_further_mistake(suite):
+    with pytest.raises(InputError) as caught:
+        suite("slow: {expression: maen(pressure_a), unit: MPa}", accept='{slow: "<= 5 MPa"}')
+    assert "unknown metric 'maen'" in str(caught.value)
+    assert caught.value.also == ()
+
+
+def test_a_name_that_is_taken_stays_what_it_was(suite):
+    with pytest.raises(InputError) as caught:
+        suite("overshoot: mean(pressure_a)", accept='{overshoot: "<= 5 %"}')
+    assert "already the name of something else" in str(caught.value)
+    assert caught.value.also == ()

@@ -74,11 +74,9 @@ def _parsed(text: str, path: Path) -> Suite:
     # a user-defined metric is checked where it is read, mistake by mistake
     whole = content.without("metrics").value if isinstance(content.value, dict) else content.value
     form = validate(SuiteFile, whole, str(path), places=content.place, kind="suite")
-    own: dict[str, OwnMetric] = {}
     defaults = content.at("defaults").mapping("keys and values")
     mistakes = Mistakes()
-    with mistakes:
-        own = own_metrics(content.at("metrics"))
+    own = own_metrics(content.at("metrics"), mistakes)
     known = [key for key in TrialFile.model_fields if key not in ("id", "matrix")]
     # every trial asks it for its places
     defaults = _known_keys(defaults, known, mistakes).apart()

@@ -45,21 +45,45 @@ class OwnMetricFile(StrictModel):
     stop: Moment | None = Field(default=None, alias="to", description="end of the statistics, s")
 
 
-def own_metrics(metrics: Located) -> dict[str, OwnMetric]:
+def own_metrics(metrics: Located, mistakes: Mistakes) -> dict[str, OwnMetric]:
     """Return the suite's own metrics by id, in their order.
 
-    Raises:
-        InputError: a name that is taken, no formula, a metric that does not exist or is defined
-            further down, a misspelt channel, an unknown unit; further ones in `also`.
+    A mistaken one is among them with any formula: a limit of it is no further mistake.
+
+    Args:
+        metrics: the block. mistakes: takes a name that is taken, no formula, a metric that does not
+            exist or is defined further down, a misspelt channel, an unknown unit.
     """
     found: dict[str, OwnMetric] = {}
-    mistakes = Mistakes()
-    written = metrics.mapping("formulas by metric")
+    written: Located = metrics
+    with mistakes:
+        written = metrics.mapping("formulas by metric")
+    if not isinstance(written.value, dict):
+        return found
     for name, entry in written.items():
         with mistakes:
             found[name] = _own(name, entry, found, list(written.value))
-    mistakes.tell()
+        if name not in found and not _is_taken(name):
+            found[name] = _with_any_formula(name, entry)
     return found
+
+
+def _is_taken(name: str) -> bool:
+    from eha_bench.core.expression import FUNCTIONS
+
+    return name in METRICS or name in plugins.names("metrics") or name in (*STATISTICS, *FUNCTIONS)
+
+
+def _with_any_formula(name: str, entry: Located) -> OwnMetric:
+    """Return a mistaken metric with its unit, so that its limits can be read."""
+    from eha_bench.core.formula import Formula
+
+    unit = entry.value.get("unit", "") if isinstance(entry.value, dict) else ""
+    try:
+        unit = base_unit(unit) if unit else ""
+    except (UnitError, TypeError):
+        unit = ""
+    return OwnMetric(name, Formula.parse("peak"), unit, "", -math.inf, math.inf)
 
 
 def needed(own: Mapping[str, OwnMetric], asked: Iterable[str]) -> tuple[OwnMetric, ...]:
@@ -74,14 +98,13 @@ def needed(own: Mapping[str, OwnMetric], asked: Iterable[str]) -> tuple[OwnMetri
 
 
 def _own(name: object, entry: Located, before: dict[str, OwnMetric], all_: list[str]) -> OwnMetric:
-    from eha_bench.core.expression import FUNCTIONS
     from eha_bench.core.formula import Formula
 
     if not isinstance(name, str) or not re.match(NAME, name):
         raise entry.error(
             f"'{name}' is not a name for a metric", hint="letters, digits and _, no digit first"
         )
-    if name in METRICS or name in plugins.names("metrics") or name in (*STATISTICS, *FUNCTIONS):
+    if _is_taken(name):
         raise entry.error(
             f"'{name}' is already the name of something else", hint="choose another name"
         )
