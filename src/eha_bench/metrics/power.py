@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,8 +18,14 @@ from eha_bench.core.trial import Trial
 from eha_bench.metrics.known import known
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import white_noise
+from eha_bench.metrics.samples import samples
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import timeline
+
+_FAR = 100.0
+"""How far beyond a sensor's end readings are tried, in spans of the channel."""
+_OF_SHAFT = ("current", "motor_speed")
+_OF_ROD = ("pressure_difference", "pressure_a", "pressure_b")
 
 
 @dataclass(frozen=True)
@@ -34,6 +41,8 @@ class DerivedMetric(Metric):
     """Scores a quantity that follows from several channels, over the scored time."""
 
     by_default = False
+    reads: tuple[str, ...]
+    """Channels that a sensor's end may cut off."""
 
     def applies(self, trial: Trial) -> bool:
         """Whether the signal lasts at all."""
@@ -48,7 +57,30 @@ class DerivedMetric(Metric):
         values = self.quantity(recording)
         require_finite(line, values, window)
         inside = values[window]
-        return self.of(_Scored(line.time[window], inside, white_noise(inside)))
+        scored = _Scored(line.time[window], inside, white_noise(inside))
+        found = self.of(scored)
+        for name, beyond in self._cut_off(recording, trial, window):
+            change = self.quantity(recording.with_values({name: beyond}))[window] - inside
+            if np.any(change):
+                found = self.open(found, scored, change)
+                reason = f"{name}: the sensor's end cut readings off; {found.reason}"
+                found = replace(found, reason=reason)
+        return found
+
+    def _cut_off(
+        self, recording: Recording, trial: Trial, window: slice
+    ) -> Iterator[tuple[str, FloatArray]]:
+        """Yield channels that a sensor's end cut off, with readings far beyond that end."""
+        for name in self.reads:
+            data = samples(recording, trial, name) if name in recording else None
+            if data is None or data.parts:  # which are looked at themselves
+                continue
+            for cut in data.clippings(window):
+                if cut.left:
+                    beyond = recording[name].copy()
+                    far = _FAR * float(np.ptp(beyond[window]))
+                    beyond[window][cut.at] += far if cut.above else -far
+                    yield name, beyond
 
     @abstractmethod
     def quantity(self, recording: Recording) -> FloatArray:
@@ -57,6 +89,25 @@ class DerivedMetric(Metric):
     @abstractmethod
     def of(self, scored: _Scored) -> Measure:
         """Return the value from the quantity over the scored time."""
+
+    @abstractmethod
+    def open(self, found: Measure, scored: _Scored, change: FloatArray) -> Measure:
+        """Return a measure that holds what a sensor's end hid.
+
+        Args:
+            found: without that. scored: the quantity. change: (n,) what readings far beyond the
+                sensor's end would do to it.
+        """
+
+
+class LargestMagnitude(DerivedMetric):
+    """Scores the largest magnitude of a quantity."""
+
+    def open(self, found: Measure, scored: _Scored, change: FloatArray) -> Measure:
+        """Return it without an upper end, and from what is certain on."""
+        certain = (change == 0.0) | (np.sign(change) == np.sign(scored.values))
+        least = largest(replace(scored, values=np.where(certain, scored.values, 0.0)), "")
+        return replace(found, low=min(found.low, least.low), high=math.inf)
 
 
 def shaft_power(recording: Recording) -> FloatArray:
@@ -100,6 +151,7 @@ class Energy(DerivedMetric):
     """Net mechanical energy in J that the motor gives to the shaft."""
 
     spec = MetricSpec("energy", "net energy given to the motor's shaft", "J", "")
+    reads = _OF_SHAFT
 
     def quantity(self, recording: Recording) -> FloatArray:
         """Return the shaft power in W."""
@@ -112,11 +164,21 @@ class Energy(DerivedMetric):
         reach = 1.96 * scored.noise * period * math.sqrt(scored.time.size)
         return Measure(value, value - reach, value + reach, "integral of K_T I omega, net")
 
+    def open(self, found: Measure, scored: _Scored, change: FloatArray) -> Measure:
+        """Return it open to the side on which the hidden readings may have been."""
+        if not float(np.max(change)) * float(np.min(change)) >= 0.0:
+            raise NotScored("may be anything: a sensor's end cut readings off in both directions")
+        del scored
+        if np.any(change > 0.0):
+            return replace(found, high=math.inf)
+        return replace(found, low=-math.inf)
 
-class PeakPower(DerivedMetric):
+
+class PeakPower(LargestMagnitude):
     """Largest magnitude of the shaft power in W."""
 
     spec = MetricSpec("peak_power", "largest magnitude of the motor's shaft power", "W", "")
+    reads = _OF_SHAFT
 
     def quantity(self, recording: Recording) -> FloatArray:
         """Return the shaft power in W."""
@@ -127,10 +189,11 @@ class PeakPower(DerivedMetric):
         return largest(scored, "largest |K_T I omega|")
 
 
-class PeakForce(DerivedMetric):
+class PeakForce(LargestMagnitude):
     """Largest magnitude of the pressures' force on the piston, N."""
 
     spec = MetricSpec("peak_force", "largest force of the pressures on the piston", "N", "")
+    reads = _OF_ROD
 
     def quantity(self, recording: Recording) -> FloatArray:
         """Return the rod force in N."""
@@ -141,10 +204,11 @@ class PeakForce(DerivedMetric):
         return largest(scored, "largest |A_a P_1 - A_b P_2|")
 
 
-class PeakJointTorque(DerivedMetric):
+class PeakJointTorque(LargestMagnitude):
     """Largest magnitude of the rod force's torque about the joint, N*m."""
 
     spec = MetricSpec("peak_joint_torque", "largest torque about the joint, Eq. (9)", "N*m", "")
+    reads = _OF_ROD
 
     def quantity(self, recording: Recording) -> FloatArray:
         """Return the joint torque in N*m."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eha_bench.core.arrays import FloatArray
+from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.core.metric import Better, MetricSpec
 from eha_bench.core.recording import Recording
@@ -21,6 +21,9 @@ from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.samples import samples
 from eha_bench.metrics.step_response import require_finite
 from eha_bench.metrics.window import timeline
+
+_FAR = (1e3, 1e6)
+"""How far beyond a sensor's end a reading is tried, in units of the largest value."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,7 @@ class TrackingError:
         how: where the reference comes from, for the reason of a score.
         offset: standard uncertainty of the sensor that all samples share, in units of `scale`.
         gain: the same as a share of the reading.
+        cut: samples (n,) at the sensor's end and whether what was cut off lies above, for each end.
     """
 
     error: FloatArray
@@ -48,6 +52,7 @@ class TrackingError:
     how: str
     offset: float = 0.0
     gain: float = 0.0
+    cut: tuple[tuple[BoolArray, bool], ...] = ()
 
     def sensor(self, weights: FloatArray) -> Budget:
         """Return what the sensor's calibration does to sum(weights * error), in SI."""
@@ -55,6 +60,21 @@ class TrackingError:
         offset = self.offset * float(np.sum(weights))
         gain = self.gain * float(weights @ readings)
         return type_b("sensor", self.scale * math.hypot(offset, gain))
+
+    def least(self) -> TrackingError:
+        """Return the least error that readings may have had that the sensor's end cut off."""
+        error = self.error.copy()
+        for at, above in self.cut:
+            # a reading that was higher leaves an error that is lower
+            error[at] = np.minimum(error[at], 0.0) if above else np.maximum(error[at], 0.0)
+        return replace(self, error=error, cut=())
+
+    def beyond(self, far: float) -> TrackingError:
+        """Return the error with readings that were cut off `far` beyond the sensor's end."""
+        error = self.error.copy()
+        for at, above in self.cut:
+            error[at] -= far if above else -far
+        return replace(self, error=error, cut=())
 
 
 def tracking_error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
@@ -106,7 +126,13 @@ def _error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
         how,
         data.uncertainty / scale,
         data.relative,
+        tuple((item.at, item.above) for item in data.clippings(window) if item.left),
     )
+
+
+def _ends(found: Measure) -> tuple[float, float]:
+    """Return the ends of a measure's interval, its value where it has none."""
+    return (found.value, found.value) if math.isnan(found.high) else (found.low, found.high)
 
 
 class TrackingMetric(Metric):
@@ -120,8 +146,23 @@ class TrackingMetric(Metric):
         """Return the value from the error over the scored time."""
         error = tracking_error(recording, trial, channel)
         found = self.of(error)
+        if error.cut:
+            found = self._open(found, error)
         reason = "; ".join(part for part in (found.reason, error.how) if part)
         return replace(found, reason=reason)
+
+    def _open(self, found: Measure, error: TrackingError) -> Measure:
+        """Return a measure that holds what the sensor's end hid: no error is too large for that."""
+        low, _ = _ends(self.of(error.least()))
+        (_, high), (_, farther) = (_ends(self.of(error.beyond(far))) for far in _FAR)
+        grows = not farther <= high * (1.0 + 1e-6)
+        now = _ends(found)
+        return replace(
+            found,
+            low=min(now[0], low),
+            high=math.inf if grows else max(now[1], high),
+            reason=f"the sensor's end cut readings off; {found.reason}",
+        )
 
     @abstractmethod
     def of(self, error: TrackingError) -> Measure:
