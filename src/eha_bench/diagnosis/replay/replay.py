@@ -5,7 +5,7 @@ The errors of a diagnosis are those of these replays, so that anyone can compute
 from, and where a small change of the start lasts or grows, its error says more about that sample
 than about the model. So each run is replayed once more from a start one standard deviation of the
 sensors' noise away; where that shows, the run is replayed from the start within three standard
-deviations that fits it best (one Gauss-Newton step). Commands that were lost are taken likewise, as
+deviations that fits it best. Commands that were lost are taken likewise, as
 far off as they may be. Both errors are kept.
 """
 
@@ -37,6 +37,8 @@ COARSE = 2e-4
 
 _LOOSE = 0.3
 _FURTHEST = 3.0
+_PARTS = (0.1, 0.25, 0.5, 1.0, 1.0)
+"""Parts of a run that say one after the other where its start is."""
 _WORKERS = max(1, min(4, os.cpu_count() or 1))
 
 
@@ -243,29 +245,48 @@ def _from_best_start(
     own: Columns,
     noise: Mapping[str, float],
 ) -> Columns:
-    """Replay from the start that fits best within the noise of the first sample."""
+    """Replay from the start that fits best within the noise of the first sample.
+
+    Its first part tells it first: over a whole run, what sticks elsewhere or swings in another
+    phase makes many minima. Gauss-Newton steps, a tenth of the run and then more of it.
+    """
     weights = {name: size for name, size in noise.items() if name in own and size > 0.0}
     target = _stacked(own, values, weights)
     if not weights or not np.isfinite(target).all():
         return values
     spreads = _spreads(measured, start, noise)
-    base = _simulated(measured, model, start, COARSE)
-    columns = []
-    for name, size in spreads.items():
-        moved = _simulated(measured, model, {**start, name: start[name] + size}, COARSE)
-        columns.append(_stacked(moved, base, weights, where=own))
-    matrix = np.column_stack(columns)
-    if not np.isfinite(matrix).all():
-        return values
-    # a start is as likely off by one standard deviation as a sample is by its noise
-    normal = matrix.T @ matrix + np.eye(len(columns))
-    step = np.clip(np.linalg.solve(normal, matrix.T @ target), -_FURTHEST, _FURTHEST)
-    better = dict(start)
-    for (name, size), share in zip(spreads.items(), step, strict=True):
-        better[name] += float(share) * size
-    found = _simulated(measured, model, better, STEP)
-    after = _stacked(own, found, weights)
-    return found if float(after @ after) < float(target @ target) else values
+    times = np.concatenate([measured.time[np.isfinite(own[name])] for name in weights])
+
+    def off(shares: FloatArray, step: float) -> Columns:
+        moved = dict(start)
+        for (name, size), share in zip(spreads.items(), shares, strict=True):
+            moved[name] += float(share) * size
+        return _simulated(measured, model, moved, step)
+
+    shares, best, least = np.zeros(len(spreads)), values, float(target @ target)
+    for part in _PARTS:
+        rows = times - measured.time[0] <= part * (measured.time[-1] - measured.time[0])
+        base = off(shares, COARSE)
+        left = _stacked(own, base, weights)[rows]
+        columns = [_stacked(off(shares + unit, COARSE), base, weights, where=own)[rows]
+                   for unit in np.eye(len(spreads))]  # fmt: skip
+        matrix = np.column_stack(columns)
+        if not (np.isfinite(matrix).all() and np.isfinite(left).all()):
+            break
+        # a start is as likely off by one standard deviation as a sample is by its noise
+        normal = matrix.T @ matrix + np.eye(len(columns))
+        change = np.linalg.solve(normal, matrix.T @ left - shares)
+        for length in (1.0, 0.3):
+            trial = np.clip(shares + length * change, -_FURTHEST, _FURTHEST)
+            there = _stacked(own, off(trial, COARSE), weights)[rows]
+            if there @ there + trial @ trial < left @ left + shares @ shares:
+                shares = trial
+                break
+        found = off(shares, STEP)
+        after = _stacked(own, found, weights)
+        if float(after @ after) < least:
+            best, least = found, float(after @ after)
+    return best
 
 
 def _stacked(
