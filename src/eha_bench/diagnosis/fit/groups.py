@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -20,7 +20,7 @@ class WindowGroup:
         members: numbers of the windows, one after the other. drives: what drives them.
     """
 
-    members: range
+    members: tuple[int, ...]
     drives: Drives
 
 
@@ -33,13 +33,8 @@ def groups_of(parts: Sequence[Prepared], count: int) -> tuple[WindowGroup, ...]:
         run = parts[number].window.measured.run
         return shares[number], run.name if run.parameters or run.own else ""
 
+    stretches = [tuple(numbers) for _, numbers in groupby(range(len(parts)), key)]
     return tuple(
         WindowGroup(members, Drives(tuple(parts[k].drive for k in members)))
-        for members in _stretches(groupby(range(len(parts)), key))
+        for members in stretches
     )
-
-
-def _stretches(found: Iterator[tuple[object, Iterator[int]]]) -> Iterator[range]:
-    for _, numbers in found:
-        members = [*numbers]
-        yield range(members[0], members[-1] + 1)

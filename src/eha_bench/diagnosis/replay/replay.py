@@ -5,8 +5,8 @@ The errors of a diagnosis are those of these replays, so that anyone can compute
 from, and where a small change of the start lasts or grows, its error says more about that sample
 than about the model. So each run is replayed once more from a start one standard deviation of the
 sensors' noise away; where that shows, the run is replayed from the start within three standard
-deviations that fits it best. Commands that were lost are taken likewise, as
-far off as they may be. Both errors are kept.
+deviations that fits it best. Commands that were lost are taken likewise, as far off as they may be.
+Both errors are kept.
 """
 
 from __future__ import annotations
@@ -282,6 +282,8 @@ def _from_best_start(
             if there @ there + trial @ trial < left @ left + shares @ shares:
                 shares = trial
                 break
+        else:
+            continue
         found = off(shares, STEP)
         after = _stacked(own, found, weights)
         if float(after @ after) < least:

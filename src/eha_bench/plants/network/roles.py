@@ -70,11 +70,6 @@ def shown(system: System, expression: str) -> str:
     return _TIME.sub("S[1]", text)
 
 
-def _shown_by(system: System, state: int) -> str:
-    """Return the channel that shows a state, "" where none does."""
-    return next((out.channel for out in system.outputs if out.state == state), "")
-
-
 def _balance(item: Coordinate) -> Equation:
     return Equation.TORQUE if item.node.kind is NodeKind.ROTATION else Equation.FORCE
 
@@ -281,7 +276,7 @@ def _turning_motor(system: System) -> Iterator[Spot]:
         item = system.leader_of(node)
         if item.name != node and item.node.kind is NodeKind.ROTATION:
             names = {"angle": f"X[{item.position}]", "ratio": "1.0"}
-            yield replace(_spot(system, item, names), angle=_shown_by(system, item.position))
+            yield replace(_spot(system, item, names), angle=system.shown_by(item.position))
 
 
 def _motor(system: System) -> Iterator[Spot]:
@@ -616,7 +611,7 @@ def _joint(system: System, kind: NodeKind) -> Iterator[Spot]:
     for item in system.coordinates:
         if not system.inertias(item) or item.node.kind is not kind:
             continue
-        position, speed = _shown_by(system, item.position), _shown_by(system, item.speed)
+        position, speed = system.shown_by(item.position), system.shown_by(item.speed)
         if not position:
             continue
         hooks = {

@@ -899,9 +899,7 @@ class Writer:
             number = system.column_for(driven, command)
             node = part.element.ports[loop.reads]
             coordinate = system.leader_of(node)
-            shown = next(
-                (item.channel for item in system.outputs if item.state == coordinate.position), ""
-            )
+            shown = system.shown_by(coordinate.position)
             reading = system.position(node).replace(
                 f"x{coordinate.number}", f"Y[{coordinate.position}]"
             )

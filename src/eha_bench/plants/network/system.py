@@ -504,6 +504,10 @@ class System:
             and column.signal == self.signals[f"{column.part.name}.{loop.reference}"]
         )
 
+    def shown_by(self, state: int) -> str:
+        """Return the channel that shows a state, "" where none does."""
+        return next((item.channel for item in self.outputs if item.state == state), "")
+
     def column_for(self, part: BoundElement, command: Command) -> int:
         """Return the input column of a command.
 
