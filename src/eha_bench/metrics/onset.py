@@ -69,14 +69,27 @@ class Shape(ABC):
     def rounded(self, x: FloatArray, lags: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the straight line that a lag rounds, and its slope, at times since the corner."""
 
+    def curve(
+        self, x: FloatArray, lags: FloatArray, coefficients: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the responses of (k, 3) coefficients and their slopes, each at its time, (k,)."""
+        line, slope = self.rounded(x, lags)
+        after = np.maximum(x, 0.0)
+        if not lags.any():
+            line = after
+        square, (first, second, third) = after * after, coefficients.T
+        height = line * first + square * second + square * after * third
+        return height, slope * first + 2.0 * after * second + 3.0 * square * third
+
     def columns(self, x: FloatArray, lags: FloatArray) -> FloatArray:
         """Return what a response is made of at times since its corner, (..., 3)."""
         found = np.empty((*x.shape, 3))
         after = np.maximum(x, 0.0)
         # an exponential is much slower than a product
-        found[..., 0] = self.rounded(x, lags)[0] if np.any(lags) else after
-        np.multiply(after, after, out=found[..., 1])
-        np.multiply(found[..., 1], after, out=found[..., 2])
+        found[..., 0] = self.rounded(x, lags)[0] if lags.any() else after
+        square = after * after
+        found[..., 1] = square
+        np.multiply(square, after, out=found[..., 2])
         return found
 
     def slopes(self, x: FloatArray, lags: FloatArray) -> FloatArray:
@@ -150,12 +163,12 @@ class Corner:
         lags, coefficients = self.lags[kept], self.coefficients[kept]
         away = level / np.maximum(coefficients[:, 0], 1e-9) + self.shape.later * lags
         for _ in range(12):  # Newton
-            height = np.sum(self.shape.columns(away, lags) * coefficients, axis=-1)
-            steep = np.sum(self.shape.slopes(away, lags) * coefficients, axis=-1)
+            height, steep = self.shape.curve(away, lags, coefficients)
             step = (height - level) / np.where(steep > 0.0, steep, np.inf)
-            away = np.clip(away - step, -self.shape.before, 1.0)
-        columns = self.shape.columns(away, lags)
-        height = np.sum(columns * coefficients, axis=-1)
+            before, away = away, np.minimum(np.maximum(away - step, -self.shape.before), 1.0)
+            if np.array_equal(before, away):
+                break
+        height, _ = self.shape.curve(away, lags, coefficients)
         good = (np.abs(height - level) < 1e-6) & (steep > 0.0)
         mine = int(np.searchsorted(kept, best))
         if not good[mine]:
@@ -163,7 +176,8 @@ class Corner:
         places = self.starts[kept] + away
         place = float(places[mine])
         apart = float(np.max(np.abs(places[good] - place))) / NORMAL
-        own = columns[mine] @ self.inverse[best] @ columns[mine] * self.variance
+        columns = self.shape.columns(away, lags)[mine]
+        own = columns @ self.inverse[best] @ columns * self.variance
         whole = _CORNERED * (float(own) + (apart * float(steep[mine])) ** 2)
         slope = float(steep[mine]) / self.span
         return Crossing(self.origin + place * self.span, slope, whole, span=self.span)
@@ -248,18 +262,19 @@ def _tried(
     lags = _LAGS * (1.0 - place)
     places = place + 5.0 * width * _ROWS + lags[:, None] * (0.5 * _ROWS)
     found: list[Corner] = []
+    least = math.inf
     reach_place, reach_lag = math.nan, math.nan
     for number in range(_MOST_ZOOMS):
-        late, slow = (part.ravel() for part in np.broadcast_arrays(places, lags[:, None]))
+        late, slow = places.ravel(), np.repeat(lags, _ROWS.size)
         # nothing answers before it is asked
         found.append(
             _fitted(clock, values, np.maximum(late - shape.later * slow, 0.0), slow, shape)
         )
-        best = int(np.argmin(found[-1].left))
-        likely = (
-            found[-1].left <= min(float(one.left.min()) for one in found) + NORMAL**2 * variance
-        )
-        if number + 1 >= _ZOOMS and np.count_nonzero(likely) >= _LIKELY:
+        left = found[-1].left
+        best = int(left.argmin())
+        least = min(least, float(left[best]))
+        likely = np.count_nonzero(left <= least + NORMAL**2 * variance)
+        if number + 1 >= _ZOOMS and likely >= _LIKELY:
             break
         lag = float(slow[best])
         at = float(found[-1].starts[best]) + shape.later * lag
@@ -280,12 +295,13 @@ def _fitted(
     transposed = np.swapaxes(design, 1, 2)
     normal = transposed @ design
     # of a corner behind the last samples they are singular; an inverse is much quicker than pinv
-    size = np.trace(normal, axis1=1, axis2=2) + 1e-300
-    normal += (_REGULAR * size)[:, None, None] * np.eye(3)
+    diagonal = np.einsum("kii->ki", normal)
+    diagonal += _REGULAR * (diagonal.sum(axis=1)[:, None] + 1e-300)
     inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
-    coefficients = np.squeeze(inverse @ (transposed @ values)[..., None], -1)
-    rest = values - np.squeeze(design @ coefficients[..., None], -1)
-    return Corner(shape, starts, lags, coefficients, inverse, np.sum(rest**2, axis=1))
+    coefficients = (inverse @ (transposed @ values)[..., None])[..., 0]
+    rest = values - (design @ coefficients[..., None])[..., 0]
+    rest *= rest
+    return Corner(shape, starts, lags, coefficients, inverse, rest.sum(axis=1))
 
 
 def _jacobian(

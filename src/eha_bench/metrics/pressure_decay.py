@@ -132,9 +132,9 @@ def _noise(time: FloatArray, values: FloatArray) -> Noise:
     place = time / float(np.max(np.abs(time)))
     bends = powers(place)
     # slow noise looks like bends, sample by sample: means of blocks tell the two apart
-    blocks = np.array_split(np.arange(values.size), min(values.size // 4, _BLOCKS))
-    means, places = (np.array([part[block].mean() for block in blocks]) for part in (values, place))
-    most = min(HIGHEST_ORDER, len(blocks) // 4)
+    blocks = min(values.size // 4, _BLOCKS)
+    means, places = _means(values, blocks), _means(place, blocks)
+    most = min(HIGHEST_ORDER, blocks // 4)
     count = order(means, powers(places)[:, : most + 1]) + 1
     curve = bends[:, :count]
     noise = estimate([values - curve @ np.linalg.lstsq(curve, values)[0]])
@@ -144,3 +144,14 @@ def _noise(time: FloatArray, values: FloatArray) -> Noise:
     alike = noise.variance_of_mean(values.size) / noise.sd**2
     taken = min((count - 2) * alike, _TAKEN)
     return Noise(noise.autocovariance / (1.0 - taken), noise.freedom, noise.slow)
+
+
+def _means(values: FloatArray, count: int) -> FloatArray:
+    """Return the means of `count` blocks of (n,) values that are as long as each other, or one off.
+
+    The first n mod `count` are the longer ones.
+    """
+    size, longer = divmod(values.size, count)
+    head = values[: longer * (size + 1)].reshape(longer, size + 1)
+    tail = values[longer * (size + 1) :].reshape(count - longer, size)
+    return np.concatenate([head.mean(axis=1), tail.mean(axis=1)])

@@ -91,15 +91,29 @@ def _modes(
     safe = np.maximum(np.sqrt(np.abs(squares)), 1e-9)[:, None]
     fall = np.minimum(decay * time[None, :], 300.0)
     angle = safe * time[None, :]
-    c, s = np.empty_like(angle), np.empty_like(angle)
     two = squares > 0.0
-    envelope = np.exp(-fall[two])
-    c[two], s[two] = envelope * np.cos(angle[two]), envelope * np.sin(angle[two])
-    # two real poles: no faster growth than decay
-    real = np.minimum(angle[~two], fall[~two])
-    up, down = np.exp(real - fall[~two]), np.exp(-real - fall[~two])
-    c[~two], s[~two] = 0.5 * (up + down), 0.5 * (up - down)
+    if two.all():
+        c, s = _ringing(fall, angle)
+    elif not two.any():
+        c, s = _creeping(fall, angle)
+    else:
+        c, s = np.empty_like(angle), np.empty_like(angle)
+        c[two], s[two] = _ringing(fall[two], angle[two])
+        c[~two], s[~two] = _creeping(fall[~two], angle[~two])
     return c, s / safe
+
+
+def _ringing(fall: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both modes of two conjugate poles, the second times its frequency."""
+    envelope = np.exp(-fall)
+    return envelope * np.cos(angle), envelope * np.sin(angle)
+
+
+def _creeping(fall: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both modes of two real poles, no faster growth than decay."""
+    real = np.minimum(angle, fall)
+    up, down = np.exp(real - fall), np.exp(-real - fall)
+    return 0.5 * (up + down), 0.5 * (up - down)
 
 
 def _settled(parameters: FloatArray, grid: FloatArray, band: float) -> FloatArray:
@@ -127,7 +141,9 @@ def _fit(step: StepResponse) -> SettlingTail:
 
     def design(logs: float, square: float) -> FloatArray:
         c, s = _modes(np.array([logs]), np.array([square]), time)
-        matrix: FloatArray = np.column_stack([c[0], s[0] / width, np.ones(time.size)])
+        matrix = np.ones((time.size, 3))
+        matrix[:, 0] = c[0]
+        np.divide(s[0], width, out=matrix[:, 1])
         return matrix
 
     def rest(x: FloatArray) -> FloatArray:
