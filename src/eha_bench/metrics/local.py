@@ -93,7 +93,8 @@ class LocalFit:
         scale: half the window, s; the polynomial is in (t - origin) / scale.
         coefficients: ascending.
         operator: (order + 1, m): coefficients = operator @ samples.
-        rest: (m,) what it leaves of the samples.
+        design: (m, order + 1) the weight of every coefficient in each sample.
+        samples: (m,) that it was fitted to.
         first: index of the first sample in the window.
     """
 
@@ -101,7 +102,8 @@ class LocalFit:
     scale: float
     coefficients: FloatArray
     operator: FloatArray
-    rest: FloatArray
+    design: FloatArray
+    samples: FloatArray
     first: int = 0
 
     def apart(self, other: LocalFit, time: float, noise: Noise) -> tuple[float, float]:
@@ -143,7 +145,8 @@ class LocalFit:
         free = self.operator.shape[1] - self.coefficients.size
         correlation = noise.autocovariance / max(noise.sd**2, 1e-300)
         spread = math.sqrt(2.0 * free * (2.0 * float(correlation @ correlation) - 1.0))
-        left = float(np.sum(np.minimum(self.rest**2, (_FARTHEST * noise.sd) ** 2)))
+        rest = self.samples - self.design @ self.coefficients
+        left = float(np.sum(np.minimum(rest**2, (_FARTHEST * noise.sd) ** 2)))
         return bool(left <= noise.sd**2 * (free + 4.0 * spread))
 
     def value(self, time: float) -> float:
@@ -195,14 +198,15 @@ def _inverse(design: FloatArray) -> FloatArray:
         inverse = np.linalg.inv(squares)
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.pinv(design), dtype=np.float64)
-    if float(np.abs(squares).max() * np.abs(inverse).max()) < _WELL:
+    # the largest of the squares is that of the constant
+    if float(squares[0, 0]) * float(np.abs(inverse).max()) < _WELL:
         return np.asarray(inverse @ design.T, dtype=np.float64)
     return np.asarray(np.linalg.pinv(design), dtype=np.float64)
 
 
 def _window(time: FloatArray, centre: float, half: int, order: int) -> slice:
     """Return the samples within `half` samples of `centre` (s), at least order + 1 of them."""
-    index = int(np.searchsorted(time, centre))
+    index = int(time.searchsorted(centre))
     first, last = max(0, index - half), min(time.size, index + half)
     while last - first < min(order + 1, time.size):
         first, last = max(0, first - 1), min(time.size, last + 1)
@@ -213,12 +217,11 @@ def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: i
     """Fit the samples within `half` samples of `centre` (s), at least order + 1 of them."""
     window = _window(time, centre, half, order)
     stamps = time[window] - centre
-    scale = float(np.max(np.abs(stamps))) or 1.0
+    scale = max(abs(float(stamps[0])), abs(float(stamps[-1]))) or 1.0
     design = _powers(stamps / scale, min(order, stamps.size - 1) + 1)
     operator = _inverse(design)
     coefficients = operator @ values[window]
-    rest = values[window] - design @ coefficients
-    return LocalFit(centre, scale, coefficients, operator, rest, window.start)
+    return LocalFit(centre, scale, coefficients, operator, design, values[window], window.start)
 
 
 def _line(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
@@ -85,7 +85,7 @@ class Noise:
         if math.isnan(self.slow):
             object.__setattr__(self, "slow", self.freedom)
 
-    @property
+    @cached_property
     def sd(self) -> float:
         """Standard deviation of one sample."""
         return math.sqrt(float(self.autocovariance[0]))
@@ -263,36 +263,41 @@ def _burg(residuals: Sequence[FloatArray], count: int) -> FloatArray:
 
     All stretches lie in one array; what has no neighbour in its own stretch is 0.
     """
-    stops = np.cumsum([residual.size for residual in residuals])
-    starts = np.concatenate([[0], stops[:-1]])
+    stops = np.cumsum([residual.size for residual in residuals]).tolist()
+    starts = [0, *stops[:-1]]
     forward = np.concatenate(residuals)
-    backward = np.empty_like(forward)
+    backward, later = np.empty_like(forward), np.empty_like(forward)
     backward[1:] = forward[:-1]
     power = float(forward @ forward) / count
-    forward[starts] = backward[starts] = 0.0
-    coefficients = np.zeros(0)
-    best, lowest = coefficients, count * math.log(power)
+    for start in starts:
+        forward[start] = backward[start] = 0.0
+    reflections: list[float] = []
+    best, lowest = 0, count * math.log(power)
     for order in range(1, max(1, min(_HIGHEST_ORDER, count // 10)) + 1):
         energy = float(forward @ forward) + float(backward @ backward)
         if not energy > 0.0:
             break
         reflection = 2.0 * float(forward @ backward) / energy
-        coefficients = np.concatenate(
-            [coefficients - reflection * coefficients[::-1], [reflection]]
-        )
+        reflections.append(reflection)
         power *= 1.0 - reflection**2
         if not power > 0.0:
             break
-        later = backward - reflection * forward
+        np.subtract(backward[:-1], reflection * forward[:-1], out=later[1:])
         forward -= reflection * backward
-        backward[1:] = later[:-1]
-        backward[starts] = 0.0
-        first = starts + order
-        forward[first[first < stops]] = 0.0
+        backward, later = later, backward
+        for start, stop in zip(starts, stops, strict=True):
+            backward[start] = 0.0
+            if start + order < stop:
+                forward[start + order] = 0.0
         penalty = _PENALTY * order * count / max(count - order - 2, 1)
         if count * math.log(power) + penalty < lowest:
-            best, lowest = coefficients, count * math.log(power) + penalty
-    return best
+            best, lowest = order, count * math.log(power) + penalty
+    coefficients = np.zeros(0)
+    for reflection in reflections[:best]:
+        coefficients = np.concatenate(
+            [coefficients - reflection * coefficients[::-1], [reflection]]
+        )
+    return coefficients
 
 
 def _correlation(coefficients: FloatArray) -> FloatArray:
@@ -315,4 +320,15 @@ def white_noise(values: FloatArray) -> float:
     """
     if values.size < 8:
         return 0.0
-    return float(np.median(np.abs(np.diff(values, 3)))) / (0.6744897501960817 * math.sqrt(20.0))
+    apart = np.diff(values, 3)
+    return _median(np.abs(apart, out=apart)) / (0.6744897501960817 * math.sqrt(20.0))
+
+
+def _median(values: FloatArray) -> float:
+    """Return the median of (n,) values as `numpy.median` does, at the cost of one partition."""
+    half = values.size // 2
+    values = np.partition(values, half)
+    upper, largest = float(values[half]), float(values[half:].max())
+    if math.isnan(largest):
+        return math.nan
+    return upper if values.size % 2 else 0.5 * (float(values[:half].max()) + upper)

@@ -22,6 +22,8 @@ _HIDDEN = 0.5  # of the span: where less is left without spikes, more are looked
 _NEAR = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
 _BESIDE = ((2, 1), (3, 4))  # neighbours on either side, the near and the far one
 _MOST = 0.03  # share of samples that may be spikes; more are not exceptions
+_REACH = 9  # samples that one is told by, at most
+_ROUNDING = 1e-9  # by which two ways to compute the same may differ
 _MIDDLE = np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0  # of the cubic through two on either side
 LONGEST_FILLED = 3
 """Samples in a row without a value that neighbours may stand for."""
@@ -74,17 +76,54 @@ def _spikes(
     period = float(np.median(steps))
     largest_first = [0, values.size - 1, *candidates[np.argsort(-bend[candidates - 1])].tolist()]
     clean = np.array(values)
+    doubtful = np.zeros(values.size, dtype=np.bool_)
+    doubtful[[0, values.size - 1]] = True
+    doubtful[candidates] = _contradicted(values, candidates, least)
     found: list[int] = []
     for index in largest_first:
+        if not doubtful[index]:
+            continue
         if np.any(steps[max(index - 3, 0) : index + 3] > 1.5 * period):
             continue
         instead = _instead(clean, index, least)
         if instead is not None:
             found.append(index)
             clean[index] = instead
+            doubtful[max(index - _REACH, 0) : index + _REACH + 1] = True  # a neighbour has changed
     if len(found) > _MOST * values.size:
         return none
     return np.array(sorted(found), dtype=np.intp), clean
+
+
+def _contradicted(values: FloatArray, places: IndexArray, least: float) -> BoolArray:
+    """Return which samples at (k,) places their neighbours may contradict, (k,).
+
+    All at once, for there may be as many as noise has tails; `_instead` has the last word on few.
+    """
+    found = ~((places >= 3) & (places < values.size - 3))
+    inner = np.flatnonzero(~found)
+    samples = values[places[inner]]
+    around = values[places[inner][:, None] + _NEAR.astype(np.intp)]
+    likely = np.zeros(inner.size, dtype=np.bool_)
+    for operator, design, kept in _FITS:
+        near = around[:, kept]
+        parabolas = near @ operator.T
+        away = np.abs(samples - parabolas[:, 0]) * (1.0 + _ROUNDING)
+        rest = np.max(np.abs(near - parabolas @ design.T), axis=1) * (1.0 - _ROUNDING)
+        steps = np.max(_steps(near, kept), axis=1) * (1.0 - _ROUNDING)
+        alone = (away > least) & (away > _STEEP * steps)
+        likely |= alone & (rest < np.maximum(_AGREE * away, 0.5 * least) * (1.0 + _ROUNDING))
+    found[inner] = likely
+    return found
+
+
+def _steps(near: FloatArray, kept: IndexArray) -> FloatArray:
+    """Return how steep neighbours (..., k) are on their own side of a sample, per sample.
+
+    Where a neighbour is left out, its side is still as steep as from the one before it.
+    """
+    beside = _NEAR[kept][1:] * _NEAR[kept][:-1] > 0.0
+    return np.asarray((np.abs(np.diff(near)) / np.diff(_NEAR[kept]))[..., beside])
 
 
 def _instead(values: FloatArray, index: int, least: float) -> float | None:
@@ -104,10 +143,8 @@ def _instead(values: FloatArray, index: int, least: float) -> float | None:
         parabola = operator @ around[kept]
         away = abs(sample - float(parabola[0]))
         rest = float(np.max(np.abs(around[kept] - design @ parabola)))
-        # where a neighbour is left out, its side is still as steep as from the one before it
-        apart = np.diff(_NEAR[kept])
-        steps = (np.abs(np.diff(around[kept])) / apart)[_NEAR[kept][1:] * _NEAR[kept][:-1] > 0.0]
-        alone = away > least and away > _STEEP * float(np.max(steps))
+        steps = float(np.max(_steps(around[kept], kept)))
+        alone = away > least and away > _STEEP * steps
         if alone and rest < max(_AGREE * away, 0.5 * least):
             break
     else:
