@@ -15,9 +15,9 @@ _POLISHED = 1e-3  # of a root, what Newton's method may move it by: at a double 
 _PENALTY = 4.0  # times log(samples) per order: noise that is correlated must not look like a bend
 
 
-def powers(place: FloatArray) -> FloatArray:
-    """Return Chebyshev's polynomials up to `HIGHEST_ORDER` at (n,) places in -1 .. 1, (n, 13)."""
-    return np.asarray(np.polynomial.chebyshev.chebvander(place, HIGHEST_ORDER), np.float64)
+def powers(place: FloatArray, highest: int = HIGHEST_ORDER) -> FloatArray:
+    """Return Chebyshev's polynomials up to an order at (n,) places in -1 .. 1, (n, order + 1)."""
+    return np.asarray(np.polynomial.chebyshev.chebvander(place, highest), np.float64)
 
 
 def order(values: FloatArray, candidates: FloatArray, beside: FloatArray | None = None) -> int:

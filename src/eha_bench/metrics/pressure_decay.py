@@ -130,13 +130,12 @@ def _fall(line: Timeline, data: Samples, window: slice) -> _Fall | None:
 def _noise(time: FloatArray, values: FloatArray) -> Noise:
     """Return the noise about the curve that the values follow, (n,) s from the middle and (n,)."""
     place = time / float(np.max(np.abs(time)))
-    bends = powers(place)
     # slow noise looks like bends, sample by sample: means of blocks tell the two apart
     blocks = min(values.size // 4, _BLOCKS)
     means, places = _means(values, blocks), _means(place, blocks)
     most = min(HIGHEST_ORDER, blocks // 4)
-    count = order(means, powers(places)[:, : most + 1]) + 1
-    curve = bends[:, :count]
+    count = order(means, powers(places, most)) + 1
+    curve = powers(place, count - 1)
     noise = estimate([values - curve @ np.linalg.lstsq(curve, values)[0]])
     if not noise.sd > 0.0:
         return noise

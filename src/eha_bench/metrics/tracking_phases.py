@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 
 import numpy as np
-from scipy.signal import fftconvolve
+from scipy.fft import irfft, next_fast_len, rfft
 
 from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.metric import Better, MetricSpec
@@ -68,7 +68,8 @@ def _rms_of_lags(reference: FloatArray, measured: FloatArray, longest: int) -> F
     r, m = reference - middle, measured - middle
     count = r.size
     lags = np.arange(longest + 1)
-    together = fftconvolve(m, r[::-1])[count - 1 :][: longest + 1]
+    size = next_fast_len(count + longest, real=True)  # further lags may wrap around
+    together = irfft(rfft(m, size) * np.conj(rfft(r, size)), size)[: longest + 1]
     powers_r = np.concatenate([[0.0], np.cumsum(r * r)])[count - lags]
     powers_m = np.concatenate([[0.0], np.cumsum(m * m)])
     squares = powers_r + powers_m[count] - powers_m[lags] - 2.0 * together
