@@ -78,7 +78,7 @@ class Command:
         ]
         for reader in self._readers:
             reader.start()
-        channel.settimeout(60.0)
+        channel.settimeout(300.0)  # the first one waits for what the process imports
         self.pid = int(channel.recv(64))
         self.returncode: int | None = None
 

@@ -4,9 +4,6 @@ import os
 import random
 import resource
 import signal
-import subprocess
-import sys
-import textwrap
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,6 +16,7 @@ from eha_bench.core.errors import RecordingError, TargetFault
 from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status
 from eha_bench.recordings import LiveWriter
+from forked import Forked
 
 AT_RISK = 0.25
 
@@ -41,11 +39,13 @@ with LiveWriter(sys.argv[1], ["current", "pressure_a"], epoch_ns=0) as writer:
 """
 
 
-def killed_run(folder: Path, number: int, choice: random.Random) -> tuple[Path, float, int]:
+def killed_run(
+    forked: Forked, folder: Path, number: int, choice: random.Random
+) -> tuple[Path, float, int]:
     """Start a writer and kill it; return its file, when it was killed, and its ticks."""
     path, page = folder / f"{number}.mcap", folder / f"{number}.page"
     page.write_bytes(bytes(4096))
-    process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(WRITER), path, page])
+    process = forked.start(path, page, folder=folder, code=WRITER)
     try:
         deadline = time.monotonic() + 60
         while not int.from_bytes(page.read_bytes()[:8], "little"):
@@ -54,15 +54,14 @@ def killed_run(folder: Path, number: int, choice: random.Random) -> tuple[Path, 
         time.sleep(choice.uniform(0.0, 1.2))
     finally:
         moment = time.monotonic()
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        process.kill()
     return path, moment, int.from_bytes(page.read_bytes()[:8], "little")
 
 
-def check_killed_runs(folder: Path, count: int) -> None:
+def check_killed_runs(forked: Forked, folder: Path, count: int) -> None:
     choice = random.Random(5)
     for number in range(count):
-        path, moment, ticks = killed_run(folder, number, choice)
+        path, moment, ticks = killed_run(forked, folder, number, choice)
         handed_over = moment - AT_RISK
         try:
             back = recordings.read(path)
@@ -79,13 +78,13 @@ def check_killed_runs(folder: Path, count: int) -> None:
             assert ticks <= AT_RISK * 1000 + 50
 
 
-def test_kill_9(tmp_path: Path) -> None:
-    check_killed_runs(tmp_path, 3)
+def test_kill_9(forked: Forked, tmp_path: Path) -> None:
+    check_killed_runs(forked, tmp_path, 3)
 
 
 @pytest.mark.slow(39)
-def test_kill_9_at_50_random_moments(tmp_path: Path) -> None:
-    check_killed_runs(tmp_path, 50)
+def test_kill_9_at_50_random_moments(forked: Forked, tmp_path: Path) -> None:
+    check_killed_runs(forked, tmp_path, 50)
 
 
 @contextmanager
