@@ -199,6 +199,7 @@ def test_a_controller_that_cannot_begin_is_a_fault(suite: Path, tmp_path: Path) 
     assert_all_say_fault(tmp_path / "out", "cannot run 'first': ZeroDivisionError")
 
 
+@pytest.mark.slow  # starts processes
 def test_a_crash_in_another_process_is_the_same_fault(suite: Path, tmp_path: Path) -> None:
     target = controlled(tmp_path, step="1 / 0")
     here, there = (

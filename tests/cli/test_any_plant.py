@@ -91,6 +91,7 @@ effects:
 """
 
 
+@pytest.mark.slow  # a diagnosis each
 @pytest.mark.parametrize(
     ("hidden", "effects", "unknown"),
     [

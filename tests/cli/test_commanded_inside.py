@@ -27,7 +27,7 @@ trials:
 """
 
 
-@pytest.mark.parametrize("rate", ["1 kHz", "50 Hz"])
+@pytest.mark.parametrize("rate", [pytest.param("1 kHz", marks=pytest.mark.slow), "50 Hz"])
 def test_a_smart_servo_is_commanded_through_its_own_loop(cli, tmp_path: Path, rate: str) -> None:
     plant = shipped("plants/position_servo.yaml")
     (tmp_path / "suite.yaml").write_text(SUITE.format(plant=plant, rate=rate))

@@ -134,6 +134,7 @@ main()
 """
 
 
+@pytest.mark.slow
 def test_ab_that_is_interrupted_keeps_what_ran_and_goes_on(
     cli: Cli, forked: Forked, suite: Path, tmp_path: Path
 ) -> None:

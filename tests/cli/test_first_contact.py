@@ -16,7 +16,9 @@ from eha_bench.core.shipped import shipped
 from .conftest import Cli
 
 
-@pytest.mark.parametrize("plant", ["eha_knee", "linear_drive"])
+@pytest.mark.parametrize(
+    "plant", ["eha_knee", pytest.param("linear_drive", marks=pytest.mark.slow)]
+)
 def test_a_new_project_runs_scores_and_diagnoses_at_once(
     cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plant: str
 ) -> None:

@@ -86,6 +86,7 @@ def test_a_certain_machine_passes_or_fails_for_certain(cli: Cli, files: Path) ->
     assert probability(files / "lost")["suite"]["value"] == 0.0
 
 
+@pytest.mark.slow  # starts processes
 def test_processes_and_seeds_give_the_same(cli: Cli, files: Path) -> None:
     cli(*RUN, "--draws", 6, "--out", "a")
     cli(*RUN, "--draws", 6, "--out", "b", "--workers", "2")
@@ -108,6 +109,7 @@ def test_draws_have_the_covariance(files: Path) -> None:
     assert draws[7].model.value("torque_constant") == draws[7].values["torque_constant"]
 
 
+@pytest.mark.slow
 def test_what_is_left_unexplained_lowers_the_probability(cli: Cli, files: Path) -> None:
     (files / "revised.yaml").write_text(MODEL)
     (files / "hold.yaml").write_text(SUITE.replace("LIMIT", "18.5"), encoding="utf-8")
@@ -127,6 +129,7 @@ def test_what_is_left_unexplained_lowers_the_probability(cli: Cli, files: Path) 
     assert kept[1] < 0.9
 
 
+@pytest.mark.slow
 def test_conditions_are_drawn_beside_what_was_fitted(cli: Cli, files: Path) -> None:
     (files / "cold.yaml").write_text(
         "over:\n  parameters:\n    viscous_torque: {from: 0.001 N*m*s/rad, to: 0.1 N*m*s/rad}\n"

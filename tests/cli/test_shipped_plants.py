@@ -6,8 +6,15 @@ from pathlib import Path
 import pytest
 
 
+# each compiles a kernel of its own on a new machine
 @pytest.mark.parametrize(
-    "name", ["valve_cylinder", "single_rod_eha", "geared_servo", "position_servo"]
+    "name",
+    [
+        "position_servo",
+        pytest.param("valve_cylinder", marks=pytest.mark.slow),
+        pytest.param("single_rod_eha", marks=pytest.mark.slow),
+        pytest.param("geared_servo", marks=pytest.mark.slow),
+    ],
 )
 def test_suite_of_a_shipped_plant_keeps_its_limits(
     cli, repository: Path, tmp_path: Path, name: str

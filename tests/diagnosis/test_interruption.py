@@ -67,7 +67,9 @@ def _pressed(
         pytest.param(
             "calibrate", 0.6, "unknown", "interrupted while calibrating", marks=pytest.mark.slow
         ),
-        ("search", 0.0, "unknown", "interrupted during the search"),
+        pytest.param(
+            "search", 0.0, "unknown", "interrupted during the search", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_what_was_found_is_kept(forked, dataset, tmp_path, stage, share, verdict, says) -> None:
@@ -109,6 +111,7 @@ def test_a_calibration_keeps_its_values(forked, dataset, tmp_path) -> None:
     assert load_model(tmp_path / "calibrated.yaml").parameters["mass"] != 95.0
 
 
+@pytest.mark.slow  # starts processes
 def test_the_same_input_gives_the_same_output_also_by_processes(
     dataset, diagnosed, tmp_path
 ) -> None:

@@ -84,7 +84,7 @@ def test_what_lost_messages_do_is_what_each_alone_does() -> None:
         pulse = np.zeros(TIME.size)
         pulse[tick:stop] = spread
         row[:] = np.convolve(pulse, decay)[: TIME.size]
-    assert np.linalg.norm(found.columns @ found.columns.T - expected.T @ expected, 2) < 1e-3
+    assert np.linalg.norm(found.columns @ found.columns.T - expected.T @ expected) < 1e-3
     # the first and the second die away before one another: simulated together
     assert found.simulations < 1 + 3 + 3
 

@@ -30,7 +30,14 @@ NOISE = np.random.default_rng(0).standard_normal(SIZE)
 COLUMNS = np.random.default_rng(1).standard_normal((SIZE, 2))
 
 
-@pytest.mark.parametrize("factors", [(20.0, 1.0), (0.05, 20.0), (20.0, 0.05)])
+@pytest.mark.parametrize(
+    "factors",
+    [
+        (20.0, 0.05),
+        pytest.param((20.0, 1.0), marks=pytest.mark.slow),
+        pytest.param((0.05, 20.0), marks=pytest.mark.slow),
+    ],
+)
 def test_a_start_twenty_times_off_arrives(tmp_path, factors):
     path = write_drive(tmp_path, friction=0.0, seconds=2.0)
     text = "model: linear_drive\nparameters: {{mass: {} kg, viscous_friction: {} N*s/m}}\n"

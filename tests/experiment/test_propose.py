@@ -101,6 +101,7 @@ def test_a_dataset_takes_what_the_suite_records(proposed: Path):
     assert "pressure_a" in dataset.training[0].read()
 
 
+@pytest.mark.slow
 def test_what_nothing_measured_tells_apart_asks_for_a_sensor(tmp_path: Path):
     # a sensor's offset moves nothing but its own reading
     offsets = [rival("pressure_sensor_offset", {"offset": 1e5}), rival(None)]
@@ -138,6 +139,7 @@ def test_the_same_seed_proposes_the_same(proposed: Path, tmp_path: Path):
     assert again.odds is not None
 
 
+@pytest.mark.slow
 def test_a_plant_of_channels_that_nobody_knows_gets_an_experiment_too(tmp_path: Path):
     servo = {"model": "geared_servo"}
     known = ("gear_friction.viscous", "gear_friction.coulomb")

@@ -153,6 +153,7 @@ def test_models_of_cases_that_change_the_declaration(tmp_path: Path) -> None:
     assert "coulomb_torque" not in text.split("calibrate:")[1]
 
 
+@pytest.mark.slow  # a whole case
 def test_a_messy_log_is_like_the_sample_recorded_as_one(shared_data: Path, tmp_path: Path) -> None:
     plan = make_plans(4, 0, none=1)[0]
     folder = record_case(plan, tmp_path, Conditions(transport=MESSY)).parent
@@ -294,6 +295,7 @@ def test_every_effect_has_three_growing_sizes() -> None:
         assert 0.0 < sizes[0] < sizes[1] < sizes[2], effect.key
 
 
+@pytest.mark.slow  # two runs of each effect
 def test_every_effect_moves_what_is_measured() -> None:
     levels = read_levels()
     runs = [

@@ -214,7 +214,7 @@ def test_external_force_sign() -> None:
     assert y[-1, 4] < 0.0
 
 
-@pytest.mark.parametrize("locked", [True, False])
+@pytest.mark.parametrize("locked", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_halving_the_step_changes_nothing_that_could_be_seen(locked: bool) -> None:
     from fixtures.rig.commands import build_runs
     from fixtures.rig.plant import SUBSTEPS_FREE, SUBSTEPS_LOCKED

@@ -162,12 +162,14 @@ def test_oil_in_chambers_and_reservoir_is_kept() -> None:
     plant = PLANTS["single_rod_eha"]
     stiff = Settings({"bulk_modulus": 1e11, "play": 0.0})
     machine = Machine(eq.PUMP, plant.declared() | stiff)
-    states = machine.run(plant.drives(np.random.default_rng(0))[1], step=2e-6).states
+    short = shortened(plant.drives(np.random.default_rng(0))[1])
+    states = machine.run(short, step=2e-6).states
     # nearly incompressible oil: what the gas gains is what the rod displaces
     gas = plant.declared().values["gas_volume"] + (0.0019635 - 0.0013477) * states[:, eq.X]
     assert np.abs(states[:, eq.PS] - gas).max() < 2e-7  # of 1e-3 m^3
 
 
+@pytest.mark.slow  # two runs of each effect
 @pytest.mark.parametrize("name", PLANTS)
 def test_every_effect_moves_what_is_measured_of_a_foreign_plant(name: str) -> None:
     plant = PLANTS[name]
@@ -189,6 +191,7 @@ def test_every_effect_moves_what_is_measured_of_a_foreign_plant(name: str) -> No
         assert most > 0.5, effect.key
 
 
+@pytest.mark.slow
 def test_a_size_is_found_for_each_strength() -> None:
     plant = PLANTS["geared_servo"]
     compared = excess(plant, plant.declared(), plant.drives(np.random.default_rng(0))[:2])
@@ -207,6 +210,7 @@ def one(plant: Plant, effect: str, level: str = "middle") -> Plan:
     return Plan("case_0000", "single", (hidden,), (level,), (7, 2, 0))
 
 
+@pytest.mark.slow  # a whole case, and its size
 def test_a_case_is_laid_out_as_the_samples_and_tells_nothing(
     shared_data: Path, tmp_path: Path
 ) -> None:
@@ -246,7 +250,13 @@ def test_the_same_plan_gives_the_same_bytes_of_a_foreign_plant(
         assert path.read_bytes() == (again / path.name).read_bytes(), path.name
 
 
-@pytest.mark.parametrize("name", PLANTS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name == "geared_servo" else [pytest.mark.slow])
+        for name in PLANTS
+    ],
+)
 def test_every_log_reads_back_as_it_was_measured(name: str, healthy: Callable[[str], Path]) -> None:
     plant = PLANTS[name]
     folder = healthy(name)
