@@ -21,12 +21,13 @@ from typing import Any
 
 import numpy as np
 from benchmarks.table import Row, write_rows
-from fixtures.rigs.case import measured, nearly_as_declared, sized
+from fixtures.rigs.case import nearly_as_declared, sized
 from fixtures.rigs.catalogue import PLANTS
 from fixtures.rigs.effect import Effect
 from fixtures.rigs.logs import WRITERS, channels_files
 from fixtures.rigs.machine import Drive, Machine, Settings
 from fixtures.rigs.plant import Plant
+from fixtures.rigs.sensors import Sensors
 from fixtures.rigs.sheet import write_plant
 from fixtures.rigs.strength import TARGET, excess
 
@@ -91,13 +92,14 @@ class Rig:
         target = TARGET[LEVELS[number % 2]]
         form, size, _ = sized(excess(plant, base, drives), effect, target, self.rng)
         self.machine = Machine(plant.kind, base | form.settings(size))
+        self.sensors = Sensors.drawn(plant, self.rng)
         self.first = next(drive for drive in drives if drive.name == "slow_triangle")
 
     def record(self, drive: Drive, path: Path) -> np.ndarray:
         """Run, write a log as its sensors have it, and return what they read, (n, channels)."""
         recorded = self.machine.run(drive)
         inputs = recorded.inputs[:, : self.plant.inputs]
-        values = np.column_stack([inputs, measured(self.plant, recorded.readings, self.rng)])
+        values = np.column_stack([inputs, self.sensors.read(recorded.readings, self.rng)])
         WRITERS["csv"](path, self.plant, drive.time, values)
         return values
 

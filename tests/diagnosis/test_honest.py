@@ -117,11 +117,17 @@ def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
 
 
 @pytest.mark.parametrize(
-    ("noise", "significance", "stands"),
-    [(0.05, 4.0, True), (8.0, 4.0, False), (8.0, 40.0, True)],
+    ("noise", "significance", "p_value", "stands"),
+    [
+        (0.05, 4.0, 1e-5, True),
+        (8.0, 4.0, 1e-5, False),
+        (8.0, 40.0, 1e-5, True),
+        # outputs that move like a root of the size: only the gain says how far it is from nothing
+        (8.0, 4.0, 1e-9, True),
+    ],
 )
 def test_an_effect_that_may_as_well_be_nothing_needs_an_error_with_structure(
-    noise, significance, stands
+    noise, significance, p_value, stands
 ):
     """y = a x + noise over 400 samples: a is known to noise / sqrt(sum of x^2)."""
     import numpy as np
@@ -137,7 +143,7 @@ def test_an_effect_that_may_as_well_be_nothing_needs_an_error_with_structure(
     fit = Fit(np.array([size]), free, left, (x / noise)[:, None], float(left @ left))
     start = Start("entrained_air", (), 0, 0.0, 0.02, 0.0, 5.0, ("entrained_air.air_fraction",),
                   "flow")  # fmt: skip
-    item = Accepted(start, GOOD, ())
+    item = Accepted(start, replace(GOOD, p_value=p_value), ())
     search = SimpleNamespace(
         effects=[item],
         fit=fit,

@@ -7,7 +7,12 @@ import pytest
 from scipy.signal import lfilter
 
 from eha_bench.diagnosis.data.colour import Colour
-from eha_bench.diagnosis.fit.residual_colour import noise_of_stretches, same_noise, swings
+from eha_bench.diagnosis.fit.residual_colour import (
+    noise_of_stretches,
+    same_noise,
+    share_shown,
+    swings,
+)
 
 STRETCHES, SAMPLES = 200, 64
 
@@ -63,6 +68,15 @@ def test_what_follows_a_run_is_louder_in_some_runs() -> None:
     own[:70] += 1.4 * error[:70]
     own[70:130] += 0.7 * error[70:130]
     assert not same_noise([list(own[:70]), list(own[70:130]), list(own[130:])], None)
+
+
+def test_a_few_stretches_of_one_run_do_not_show_the_noise_of_all() -> None:
+    """A log that loses samples at 100 Hz: whole stretches are left in the run that stands still."""
+    own = list(_noise(np.random.default_rng(6), 0.0))
+    samples = {"hold": 700, "chirp": 1300, "steps": 2000}
+    few = {"hold": own[:7], "chirp": own[7:9], "steps": own[9:12]}
+    assert share_shown(few, samples) == pytest.approx(700 / 4000)
+    assert share_shown({**few, "steps": own[9:20]}, samples) == pytest.approx(2700 / 4000)
 
 
 def test_a_filter_does_not_swing_and_a_resonance_does() -> None:

@@ -12,11 +12,12 @@ from fixtures.rig.__main__ import parser, set_from
 from fixtures.rig.case import Plan
 from fixtures.rigs import equations as eq
 from fixtures.rigs import tables as tb
-from fixtures.rigs.case import answers, measured, record_case, write_answers
+from fixtures.rigs.case import answers, record_case, write_answers
 from fixtures.rigs.catalogue import PLANTS
 from fixtures.rigs.effects import tabled
 from fixtures.rigs.machine import STEP, Drive, Machine, Settings
 from fixtures.rigs.plant import Plant
+from fixtures.rigs.sensors import Sensors
 from fixtures.rigs.signals import drive, ticks
 from fixtures.rigs.strength import TARGET, excess, size_for
 from ruamel.yaml import YAML
@@ -287,11 +288,20 @@ def test_what_a_user_declares_covers_the_sheet(name: str) -> None:
     assert {c.name for c in PLANTS[name].measured} == set(facts["measured"])
 
 
-def test_noise_is_as_the_sheet_says() -> None:
+def test_noise_is_as_the_sheet_says_and_a_sensor_remembers_alike_in_every_run() -> None:
     plant = PLANTS["valve_cylinder"]
-    true = np.random.default_rng(1).uniform(0.0, 1e6, (20000, 4)) * np.array([1, 1, 1, 1e-6])
-    noise = measured(plant, true, np.random.default_rng(0)) - true
-    assert np.std(noise, axis=0) == pytest.approx(plant.floor, rel=0.08)
+    rng = np.random.default_rng(0)
+    sensors = Sensors.drawn(plant, rng)
+    correlations = []
+    for seed in (1, 2):
+        true = np.random.default_rng(seed).uniform(0.0, 1e6, (20000, 4)) * np.array([1, 1, 1, 1e-6])
+        noise = sensors.read(true, rng) - true
+        assert np.std(noise, axis=0) == pytest.approx(plant.floor, rel=0.08)
+        correlations.append([np.corrcoef(own[1:], own[:-1])[0, 1] for own in noise.T])
+    assert correlations[0] == pytest.approx(correlations[1], abs=0.04)
+    # a step of a quarter of the noise takes a little of the correlation
+    expected = [sensors.correlation.get(channel.name, 0.0) for channel in plant.measured]
+    assert correlations[0] == pytest.approx(expected, abs=0.06)
 
 
 def test_a_knees_option_is_refused_for_another_plant(tmp_path: Path) -> None:

@@ -41,6 +41,8 @@ _NOT_BY_CHANCE = 4.0
 """And by how many standard errors."""
 _FEWEST = 4
 """Least number of a run's stretches that say how loud its noise is."""
+_MOST_SAMPLES = 0.5
+"""Share of the samples that is most of them."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,8 @@ def steady_noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:
     """Return the noise of the channels whose residual is a sensor's noise and nothing else.
 
     A sensor is as noisy in every run, and at rest, and its noise does not swing; what a model lacks
-    follows what a run asks for.
+    follows what a run asks for. Where most samples are of runs that hardly have an unbroken
+    stretch (losses at a low rate), nothing shows that; a resolution alone is quieter at rest.
 
     Args:
         problem: the runs' windows. vector: of the fitted model.
@@ -93,16 +96,36 @@ def steady_noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:
     stretches = _stretches(problem, vector)
     seen = _seen(problem, stretches)
     at_rest = _at_rest(problem)
+    samples = _samples(problem)
     steady = {
         name
         for name in seen.levels
-        if not swings(seen.colours.get(name))
+        if share_shown(stretches[name], samples[name]) > _MOST_SAMPLES
+        and not swings(seen.colours.get(name))
         and same_noise([*stretches[name].values(), at_rest.get(name, [])], seen.colours.get(name))
     }
     return SeenNoise(
         {name: colour for name, colour in seen.colours.items() if name in steady},
         {name: level for name, level in seen.levels.items() if name in steady},
     )
+
+
+def _samples(problem: Problem) -> dict[str, dict[str, int]]:
+    """Return how many samples of each channel a fit has, by run."""
+    names = problem.plant.outputs
+    found: dict[str, dict[str, int]] = {}
+    for piece in problem.pieces:
+        run = problem.windows[piece.window].measured.run.name
+        for channel, mask in piece.by_channel():
+            by_run = found.setdefault(names[channel], {})
+            by_run[run] = by_run.get(run, 0) + int(np.count_nonzero(mask))
+    return found
+
+
+def share_shown(stretches: Mapping[str, Sequence[FloatArray]], samples: Mapping[str, int]) -> float:
+    """Return the share of the samples that is of runs with stretches enough to tell their noise."""
+    told = sum(samples[run] for run, own in stretches.items() if len(own) >= _FEWEST)
+    return told / sum(samples.values())
 
 
 def swings(colour: Colour | None) -> bool:

@@ -31,6 +31,9 @@ def tie(gain: float, rows: int) -> float:
 def is_as_good(other: Fit, chosen: Fit, gain: float, groups: Groups) -> bool:
     """Return whether a fit is not worse than the chosen one beyond resampling noise.
 
+    A likelihood ratio of two models holds where one of them is right; where declared forms are off
+    by less than the noise, neither is, and one that is no better on runs left out is not better.
+
     Args:
         other: with another candidate. chosen: with the one that was chosen, which gained `gain`.
         groups: of rows, to resample and to leave out.
@@ -38,6 +41,8 @@ def is_as_good(other: Fit, chosen: Fit, gain: float, groups: Groups) -> bool:
     behind = compare(other, chosen, groups, 1.0)
     if behind.gain < _BEHIND:
         return True
+    if behind.gain >= _LITTLE * gain:
+        return False
     # down at the noise the likelihood ratio holds; above it only resampling does
     at_noise = chosen.cost < _AT_NOISE * SOFT_MEAN * chosen.residual.size
-    return not at_noise and behind.gain < _LITTLE * gain and behind.p_value > _CHANCE
+    return behind.gain_out <= 0.0 if at_noise else behind.p_value > _CHANCE

@@ -162,7 +162,7 @@ class Thresholds:
     much: float = 5.0
     p_value: float = 1e-3
     p_few: float = 0.05
-    plain: float = 300.0
+    plain: float = 150.0
     runs_better: float = 0.5
     together: float = 0.8
 

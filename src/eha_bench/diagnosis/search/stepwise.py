@@ -6,7 +6,7 @@ with every candidate; a candidate is credited only with what these cannot do.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from eha_bench.core.progress import ProgressHook
@@ -53,6 +53,8 @@ _WORTH = 0.02
 outputs move by a seventh of the noise."""
 _MOSTLY = 0.3
 """Share of the excess that may be left before effects of the shaft's angle are worth a scan."""
+_LEAST_EXCESS = 30.0
+"""Least excess, in cost, that is."""
 _LEAST = 5.0
 """Least predicted fall of the cost that is worth a refit, which gains several times as much."""
 
@@ -121,6 +123,20 @@ def _worth_a_look(search: Search) -> bool:
     return left.relative > _WORTH and left.significance > REST_SIGNIFICANCE
 
 
+def _much_stays(search: Search, finals: Sequence[Refit]) -> bool:
+    """Whether the best of those refitted leaves so much that a scan of angles is worth its time.
+
+    Where the noise was taken too large there is hardly an excess to leave; a structure in time asks
+    for a cause all the same.
+    """
+    left = search.excess_left
+    if not _worth_a_look(search):
+        return left.significance > REST_SIGNIFICANCE
+    reached = min((item.fit.cost for item in finals), default=search.fit.cost)
+    floor = search.fit.cost - left.total
+    return reached > floor + max(_MOSTLY * left.total, _LEAST_EXCESS)
+
+
 def _looked(search: Search) -> list[Refit]:
     """Return a look from where the search is, or the last one where nothing has changed since."""
     if search.looks and search.looked_from is search.fit:
@@ -152,13 +168,12 @@ def look(search: Search, *, first: bool) -> list[Refit]:
     screen = Screen(search.problem.at_step(SCREENING) if much else coarse, search.fit)
     screened = screen.all(still)
     finals = _confirm(search, coarse, screened, near)
-    reached = min((item.fit.cost for item in finals), default=search.fit.cost)
-    floor = search.fit.cost - search.excess_left.total
-    if _worth_a_look(search) and reached > floor + max(_MOSTLY * search.excess_left.total, 30.0):
+    if _much_stays(search, finals):
         own = [start for start in starts if start.candidate in turning]
         if own:
             near = with_own_angles(search, near or Near.of(search, coarse), own)
-            finals += _finished(search, _best_of_each(near.turning(own, _TURNING)), afresh=False)
+            turned = _best_of_each(near.turning(own, _TURNING))
+            finals += _finished(search, turned, {}, afresh=False)
     best: dict[str, Screened] = {}
     for item in screened:
         best.setdefault(item.start.candidate, item)
@@ -199,23 +214,33 @@ def _confirm(
     shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
     refits = side_by_side(lambda item: refit(search, coarse, item), shortlist)
     trials = _best_of_each([*trials, *refits])
-    found = _finished(search, trials, afresh=near is None)
+    promised = {name: item.gain for name, item in best.items()} if near is None else {}
+    found = _finished(search, trials, promised, afresh=near is None)
     reached = max((search.fit.cost - item.fit.cost for item in found), default=0.0)
     tried = {item.candidate for item in found}
     # a prediction is less than a refit gains: what promises more than was reached may yet win
     left = [best[name] for name in order if name not in tried and best[name].gain > reached]
     more = side_by_side(lambda item: refit(search, coarse, item), left[:_SHORTLIST])
-    return [*found, *_finished(search, _best_of_each(more), afresh=near is None)]
+    return [*found, *_finished(search, _best_of_each(more), promised, afresh=near is None)]
 
 
-def _finished(search: Search, trials: Sequence[Refit], *, afresh: bool) -> list[Refit]:
-    """Refit those to the end that may win, the best first."""
+def _finished(
+    search: Search, trials: Sequence[Refit], promised: Mapping[str, float], *, afresh: bool
+) -> list[Refit]:
+    """Refit those to the end that may win, the best first.
+
+    Args:
+        search: so far. trials: refitted roughly. promised: candidate -> gain that was predicted: a
+            rough refit that gains less has not arrived. afresh: a fit may begin elsewhere.
+    """
+    gains = {item.candidate: search.fit.cost - item.fit.cost for item in trials}
+    hopes = {name: max(gain, promised.get(name, 0.0)) for name, gain in gains.items()}
     done: list[Refit] = []
     top = 0.0
-    for number, trial in enumerate(trials):
-        rough_gain = search.fit.cost - trial.fit.cost
+    for number, trial in enumerate(sorted(trials, key=lambda item: -hopes[item.candidate])):
         least = rival_share(0.5, top, search.excess_left.total) * top
-        if rough_gain <= 0.0 or (number > 0 and (number >= _FINALISTS or rough_gain < least)):
+        hopeless = number > 0 and (number >= _FINALISTS or hopes[trial.candidate] < least)
+        if gains[trial.candidate] <= 0.0 or hopeless:
             done.append(trial)
             continue
         # where a rival has reached the noise already, a better place cannot beat it
@@ -292,8 +317,9 @@ def _choose(trials: Sequence[Refit], limits: Thresholds, share: float) -> Refit 
             return item
     tied = tie(chosen.comparison.gain, chosen.fit.residual.size)
     alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
-    # of those that leave equally little, the one with the fewest numbers to choose is the likeliest
-    return min(alike, key=lambda item: len(item.start.keys))
+    # of those that leave equally little, the one with the fewest numbers to choose is the
+    # likeliest, then the one that carries over best to runs left out
+    return min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
 
 
 def _believed(item: Refit, limits: Thresholds, share: float) -> bool:

@@ -83,6 +83,7 @@ EFFECT = Effect(
     starts=tuple(
         {"setting": setting, "route": route}
         for route in (_TANK, _PORTS)
-        for setting in (5e6, 10e6, 15e6, 20e6, 25e6, 30e6)
+        # a third apart: from a setting that is much lower or higher, no fit finds its way
+        for setting in (4e6, 5.3e6, 7.1e6, 9.5e6, 12.6e6, 16.8e6, 22.4e6, 30e6)
     ),
 )
