@@ -248,6 +248,23 @@ def test_a_limit_of_a_mistaken_metric_is_no_further_mistake(suite):
     assert caught.value.also == ()
 
 
+@pytest.mark.parametrize("limit", ["<= 5 MPaa", "<= 5 MPa", "5"])
+def test_an_unknown_unit_of_a_metric_is_named_once(suite, limit):
+    with pytest.raises(InputError) as caught:
+        suite("slow: {expression: mean(pressure_a), unit: MPaa}", accept=f"{{slow: '{limit}'}}")
+    assert "unknown unit 'MPaa'" in str(caught.value)
+    assert "metrics.slow" in str(caught.value)
+    assert caught.value.also == ()
+
+
+def test_other_limits_are_read_beside_a_metric_of_unknown_unit(suite):
+    metrics = "slow: {expression: mean(pressure_a), unit: MPaa}"
+    with pytest.raises(InputError) as caught:
+        suite(metrics, accept="{slow: '<= 5 MPa', overshoot: '<= 5 bar'}")
+    assert len(caught.value.also) == 1
+    assert "overshoot" in str(caught.value.also[0])
+
+
 def test_a_name_that_is_taken_stays_what_it_was(suite):
     with pytest.raises(InputError) as caught:
         suite("overshoot: mean(pressure_a)", accept='{overshoot: "<= 5 %"}')

@@ -321,7 +321,7 @@ def _unsettled_peak(recording: Recording, trial: Trial, channel: str, reason: st
     own = reach(budget)
     notes = "; ".join((f"extreme after the first edge; {reason}", *data.notes(line, span)))
     side = value - float(np.mean(before))
-    cut = {item.above for item in data.clippings(span) if item.left}
+    cut = {item.above for item in data.cut_off(span)}
     measure = Measure(value, value - own, value + own, notes, budget.merged())
     return _cut_off(measure, side) if (side > 0.0) in cut else measure
 

@@ -75,12 +75,11 @@ class DerivedMetric(Metric):
             data = samples(recording, trial, name) if name in recording else None
             if data is None or data.parts:  # which are looked at themselves
                 continue
-            for cut in data.clippings(window):
-                if cut.left:
-                    beyond = recording[name].copy()
-                    far = _FAR * float(np.ptp(beyond[window]))
-                    beyond[window][cut.at] += far if cut.above else -far
-                    yield name, beyond
+            for cut in data.cut_off(window):
+                beyond = recording[name].copy()
+                far = _FAR * float(np.ptp(beyond[window]))
+                beyond[window][cut.at] += far if cut.above else -far
+                yield name, beyond
 
     @abstractmethod
     def quantity(self, recording: Recording) -> FloatArray:

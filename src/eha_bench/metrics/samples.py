@@ -114,6 +114,13 @@ class Samples:
                 found.append(replace(whole, above=sign > 0.0, name=part.name))
         return tuple(found)
 
+    def cut_off(self, window: slice) -> tuple[Clipping, ...]:
+        """Return where a sensor's ends cut the samples of a window off that leave them again.
+
+        What stays at its extreme to the end of a window may as well have come to rest there.
+        """
+        return tuple(found for found in self.clippings(window) if found.left)
+
     def _clipping(self, values: FloatArray, *, above: bool) -> Clipping | None:
         if values.size < 2 * _CLIPPED:
             return None

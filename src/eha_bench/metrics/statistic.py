@@ -81,11 +81,10 @@ def measured(
         low -= max(beyond, 0.0) if sign > 0.0 else 0.0
         high += max(beyond, 0.0) if sign < 0.0 else 0.0
     for name, data in channels.items():
-        for cut in data.clippings(window):
-            if cut.left:
-                far = float(np.ptp(inside[name])) * (1.0 if cut.above else -1.0)
-                moved = of({**inside, name: inside[name] + far * cut.at}) - value
-                low, high = (-math.inf if moved < 0.0 else low, math.inf if moved > 0.0 else high)
+        for cut in data.cut_off(window):
+            far = float(np.ptp(inside[name])) * (1.0 if cut.above else -1.0)
+            moved = of({**inside, name: inside[name] + far * cut.at}) - value
+            low, high = (-math.inf if moved < 0.0 else low, math.inf if moved > 0.0 else high)
     if math.isinf(low) and math.isinf(high):
         raise NotScored("may be anything: a sensor's end cut readings off")
     return Measure(value, low, high, "; ".join(_notes(line, channels, window)), budget.merged())

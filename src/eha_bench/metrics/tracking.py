@@ -126,7 +126,7 @@ def _error(recording: Recording, trial: Trial, channel: str) -> TrackingError:
         how,
         data.uncertainty / scale,
         data.relative,
-        tuple((item.at, item.above) for item in data.clippings(window) if item.left),
+        tuple((item.at, item.above) for item in data.cut_off(window)),
     )
 
 

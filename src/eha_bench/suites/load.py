@@ -19,7 +19,6 @@ from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.located import Located
 from eha_bench.core.margin import EquivalenceMargin
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.own_metric import OwnMetric
 from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode, Setup, Trial, mode_named
 from eha_bench.core.units import base_unit, parse, unit_in
@@ -30,7 +29,7 @@ from eha_bench.suites.acceptance.limits import Judgement, judgement, safety_limi
 from eha_bench.suites.acceptance.margins import margins
 from eha_bench.suites.identifiers import check_identifier
 from eha_bench.suites.matrix import expand
-from eha_bench.suites.own_metrics import needed, own_metrics
+from eha_bench.suites.own_metrics import OwnMetrics, needed, own_metrics
 from eha_bench.suites.reach import ANYWHERE, asked_levels, check_reach
 from eha_bench.suites.signals.signal_model import SignalContext, SignalModel
 from eha_bench.suites.suite import Suite
@@ -112,7 +111,7 @@ def _trials(
     defaults: Located,
     path: Path,
     baseline: BaselineResult,
-    own: Mapping[str, OwnMetric],
+    own: OwnMetrics,
 ) -> list[tuple[Trial, Located]]:
     """Return the trials that one entry of the list stands for."""
     pattern = written.value.get("id")
@@ -132,9 +131,9 @@ def _trials(
 
 
 def _trial(
-    name: str, content: Located, path: Path, baseline: BaselineResult, own: Mapping[str, OwnMetric]
+    name: str, content: Located, path: Path, baseline: BaselineResult, own: OwnMetrics
 ) -> Trial:
-    specs = {metric.id: metric.spec for metric in own.values()}
+    specs = own.specs
     mistakes = Mistakes()
     run: RunKeys | None = None
     mode: ControlMode | None = None
@@ -153,12 +152,12 @@ def _trial(
     if run is None or signal is None:
         # what can be checked of the rest without them
         with mistakes:
-            accept, scores = content.at("accept"), content.at("scores")
+            accept, scores = own.readable(content.at("accept")), content.at("scores")
             judgement(accept, scores, mode, name, baseline, None, specs)
         with mistakes:
             safety_limits(content.at("safety"), mode)
         with mistakes:
-            margins(content.at("matters"), mode, specs)
+            margins(own.readable(content.at("matters")), mode, specs)
         mistakes.tell()
         raise AssertionError
     duration = run.duration if run.duration is not None else signal.duration
@@ -177,12 +176,12 @@ def _trial(
     initial: dict[str, float] = {}
     units: dict[str, str] = {}
     with mistakes:
-        accept, scores = content.at("accept"), content.at("scores")
+        accept, scores = own.readable(content.at("accept")), content.at("scores")
         judged = judgement(accept, scores, mode, name, baseline, reference, specs)
     with mistakes:
         safety = safety_limits(content.at("safety"), mode)
     with mistakes:
-        matters = margins(content.at("matters"), mode, specs)
+        matters = margins(own.readable(content.at("matters")), mode, specs)
     with mistakes:
         initial, units = _initial(content.at("setup", "initial"), run.setup.initial)
     trial = Trial(
@@ -200,7 +199,7 @@ def _trial(
         safety=safety,
         margins=matters,
         description=run.description.strip(),
-        own_metrics=needed(own, _asked(judged)),
+        own_metrics=needed(own.by_id, _asked(judged)),
         levels=asked_levels(mode.channel, initial, signal, content),
     )
     with mistakes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pydantic import Field
@@ -13,7 +14,7 @@ from eha_bench.core import plugins
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Mistakes, Place, UnitError
 from eha_bench.core.located import Located
-from eha_bench.core.metric import METRICS, metric_spec
+from eha_bench.core.metric import METRICS, MetricSpec, metric_spec
 from eha_bench.core.near_miss import likely
 from eha_bench.core.own_metric import STATISTICS, OwnMetric
 from eha_bench.core.units import base_unit
@@ -45,27 +46,56 @@ class OwnMetricFile(StrictModel):
     stop: Moment | None = Field(default=None, alias="to", description="end of the statistics, s")
 
 
-def own_metrics(metrics: Located, mistakes: Mistakes) -> dict[str, OwnMetric]:
-    """Return the suite's own metrics by id, in their order.
+@dataclass(frozen=True)
+class OwnMetrics:
+    """The suite's own metrics.
 
-    A mistaken one is among them with any formula: a limit of it is no further mistake.
+    Attributes:
+        by_id: in their order; a mistaken one is among them with any formula, so that what names it
+            is no further mistake.
+        without_unit: those whose unit is mistaken: no limit of them can be read.
+    """
+
+    by_id: dict[str, OwnMetric]
+    without_unit: frozenset[str]
+
+    @property
+    def specs(self) -> dict[str, MetricSpec]:
+        """Their specifications, by id."""
+        return {name: metric.spec for name, metric in self.by_id.items()}
+
+    def readable(self, limits: Located) -> Located:
+        """Return limits, or differences that matter, by metric without those that cannot be read.
+
+        The unit that they lack has been named at its metric.
+        """
+        if not isinstance(limits.value, dict):
+            return limits
+        return limits.without(*self.without_unit)
+
+
+def own_metrics(metrics: Located, mistakes: Mistakes) -> OwnMetrics:
+    """Return the suite's own metrics.
 
     Args:
         metrics: the block. mistakes: takes a name that is taken, no formula, a metric that does not
             exist or is defined further down, a misspelt channel, an unknown unit.
     """
     found: dict[str, OwnMetric] = {}
+    without_unit: set[str] = set()
     written: Located = metrics
     with mistakes:
         written = metrics.mapping("formulas by metric")
-    if not isinstance(written.value, dict):
-        return found
-    for name, entry in written.items():
+    entries = written.items() if isinstance(written.value, dict) else ()
+    for name, entry in entries:
         with mistakes:
             found[name] = _own(name, entry, found, list(written.value))
         if name not in found and not _is_taken(name):
-            found[name] = _with_any_formula(name, entry)
-    return found
+            unit = _unit(entry)
+            found[name] = _with_any_formula(name, unit or "")
+            if unit is None:
+                without_unit.add(name)
+    return OwnMetrics(found, frozenset(without_unit))
 
 
 def _is_taken(name: str) -> bool:
@@ -74,15 +104,18 @@ def _is_taken(name: str) -> bool:
     return name in METRICS or name in plugins.names("metrics") or name in (*STATISTICS, *FUNCTIONS)
 
 
-def _with_any_formula(name: str, entry: Located) -> OwnMetric:
-    """Return a mistaken metric with its unit, so that its limits can be read."""
-    from eha_bench.core.formula import Formula
-
+def _unit(entry: Located) -> str | None:
+    """Return the SI unit that a mistaken metric is given; None where that is the mistake."""
     unit = entry.value.get("unit", "") if isinstance(entry.value, dict) else ""
     try:
-        unit = base_unit(unit) if unit else ""
+        return base_unit(unit) if unit else ""
     except (UnitError, TypeError):
-        unit = ""
+        return None
+
+
+def _with_any_formula(name: str, unit: str) -> OwnMetric:
+    from eha_bench.core.formula import Formula
+
     return OwnMetric(name, Formula.parse("peak"), unit, "", -math.inf, math.inf)
 
 
