@@ -295,3 +295,17 @@ def test_nothing_settles_before_it_has_responded(kit, lag, noise):
         assert settled.value >= reached.value
         assert settled.low <= settled.value <= settled.high
     assert scored
+
+
+def test_the_tail_of_a_lag_in_few_samples_is_not_read_too_early(kit):
+    tau, rate = 0.01, 160.0  # 3.5 samples a rise
+    recording, trial = kit.step(([1.0], [tau, 1.0]), hold=0.75, period=1.0 / rate, before=0.25)
+    slope = 0.05 / tau / rate  # at 95 %, per sample
+    errors, early = [], 0
+    for seed in range(60):
+        found = kit.measure("response_time", kit.noisy(recording, 0.25 * slope, seed), trial)
+        errors.append((found.value - tau * math.log(20.0)) * rate)
+        early += found.high < tau * math.log(20.0)
+    # a cubic over as many samples as the rise takes was early by 0.2 of a sample on average
+    assert abs(float(np.mean(errors))) < 0.1
+    assert early <= 6
