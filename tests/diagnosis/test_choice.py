@@ -6,17 +6,24 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 from known_search import LinearProblem, search_of, shape, start_of
 
+from eha_bench.core.arrays import FloatArray
+from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Improvement
 from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.search import equivalent, stepwise
+from eha_bench.diagnosis.search.screen import Screen
 from eha_bench.diagnosis.search.state import Refit, Search, Thresholds
+from eha_bench.plants.model import Model
 
 FRICTION = "viscous_friction"
 RIGHT, RIVAL, THIRD = "coulomb_friction", "presliding_friction", "command_delay"
@@ -25,6 +32,7 @@ STRENGTHS = {
     RIVAL: "presliding_friction.distance",
     THIRD: "command_delay.delay",
 }
+VALVE_CYLINDER = Model("valve_cylinder")
 GAINED = Improvement(1000.0, 900.0, 1.0, 0.9, 1e-9, 1.0, 0.9)
 
 
@@ -49,7 +57,7 @@ def test_of_two_that_leave_as_little_the_one_that_carries_over_is_chosen(
     """The rival's cost is lower by 2 of 1,000, which is a tie."""
     best = search.fit.cost - 1000.0
     trials = [trial(search, RIVAL, best, outs[0]), trial(search, RIGHT, best + 2.0, outs[1])]
-    found = stepwise._choose(trials, Thresholds(), 0.25)
+    found = stepwise._choose(search, trials, Thresholds())
     assert found is not None
     assert found.candidate == chosen
 
@@ -57,9 +65,28 @@ def test_of_two_that_leave_as_little_the_one_that_carries_over_is_chosen(
 def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Search) -> None:
     best = search.fit.cost - 1000.0
     trials = [trial(search, RIVAL, best, 850.0), trial(search, RIGHT, best + 40.0, 900.0)]
-    found = stepwise._choose(trials, Thresholds(), 0.25)
+    found = stepwise._choose(search, trials, Thresholds())
     assert found is not None
     assert found.candidate == RIVAL
+
+
+@pytest.mark.parametrize(
+    ("gain", "p_value", "significance", "enough"),
+    [
+        # a fifth of the excess: too little where the excess is known, clear where it is not
+        (200.0, 1e-6, 20.0, False),
+        (200.0, 1e-6, 2.0, True),
+        (200.0, 1e-4, 2.0, False),
+        # less than a fiftieth of the noise's cost is not worth a cause
+        (100.0, 1e-6, 2.0, False),
+    ],
+)
+def test_a_share_is_asked_where_it_is_known(
+    search: Search, gain: float, p_value: float, significance: float, enough: bool
+) -> None:
+    found = replace(GAINED, gain=gain, gain_out=gain, share=0.2, share_out=0.2, p_value=p_value)
+    before = replace(search.excess_base, size=10000, significance=significance)
+    assert Thresholds().is_enough(found, before, 0) is enough
 
 
 @pytest.mark.parametrize(
@@ -126,3 +153,47 @@ def test_another_is_as_good_where_runs_left_out_do_not_prefer_the_chosen_one(
     chosen = replace(search.fit, cost=left * noise)
     other = replace(chosen, cost=chosen.cost + behind)
     assert equivalent.is_as_good(other, chosen, 1000.0, search.groups) is equal
+
+
+class Peaks:
+    """Residuals of a model without a relief valve, which opens above 7.65 MPa in the machine."""
+
+    def __init__(self) -> None:
+        layout = VALVE_CYLINDER.plant.layout
+        self.conductance = layout.index["relief_valve.valve_conductance"]
+        self.setting = layout.index["relief_valve.setting"]
+        time = np.linspace(0.0, 40.0, 4000)
+        self.pressure = 6.6e6 + 1.6e6 * np.sin(time) * np.sin(0.37 * time)
+        truth = layout.defaults()
+        truth[[self.conductance, self.setting]] = 1.4e-11, 7.65e6
+        self.missing = self.let_out(truth)
+        self.noise = np.random.default_rng(4).standard_normal(4000)
+
+    def let_out(self, vector: FloatArray) -> FloatArray:
+        """Flow through the valve, in what the readings move by."""
+        over = np.maximum(0.0, self.pressure - vector[self.setting])
+        return np.asarray(1e6 * vector[self.conductance] * over)
+
+    def residual(self, vector: FloatArray) -> FloatArray:
+        return np.asarray(self.noise + self.let_out(vector) - self.missing)
+
+
+def test_a_setting_is_found_between_those_that_are_tried() -> None:
+    """Of settings a third apart the nearest leaves most; moved, it is right within the steps."""
+    layout = VALVE_CYLINDER.plant.layout
+    problem = Peaks()
+    left = problem.residual(layout.defaults())
+    fit = Fit(layout.defaults(), (), left, np.zeros((left.size, 0)), float(left @ left))
+    screen = Screen(cast("Problem", problem), fit)
+    starts = all_starts(layout, layout.defaults(), [], ())
+    found = screen.all([item for item in starts if item.candidate == "relief_valve"])[0]
+    setting = dict(found.start.settings)[problem.setting]
+    moved = screen.refined(found, layout)
+    better = dict(moved.start.settings)[problem.setting]
+    assert abs(setting - 7.65e6) > 0.05 * 7.65e6
+    assert better == pytest.approx(7.65e6, rel=0.04)
+    assert moved.gain > 1.3 * found.gain
+    assert moved.start.candidate == found.start.candidate
+    # nothing but the setting is another one
+    others = {at: value for at, value in moved.start.settings if at != problem.setting}
+    assert others == {at: value for at, value in found.start.settings if at != problem.setting}

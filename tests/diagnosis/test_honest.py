@@ -119,9 +119,9 @@ def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
 @pytest.mark.parametrize(
     ("noise", "significance", "p_value", "stands"),
     [
-        (0.05, 4.0, 1e-5, True),
-        (8.0, 4.0, 1e-5, False),
-        (8.0, 40.0, 1e-5, True),
+        (0.05, 4.0, 1e-4, True),
+        (8.0, 4.0, 1e-4, False),
+        (8.0, 40.0, 1e-4, True),
         # outputs that move like a root of the size: only the gain says how far it is from nothing
         (8.0, 4.0, 1e-9, True),
     ],
@@ -148,7 +148,7 @@ def test_an_effect_that_may_as_well_be_nothing_needs_an_error_with_structure(
         effects=[item],
         fit=fit,
         groups=Groups(*(tuple(np.array_split(np.arange(400), parts)) for parts in (4, 40))),
-        excess_base=SimpleNamespace(relative=0.5, significance=significance),
+        excess_base=SimpleNamespace(relative=0.5, significance=significance, size=400),
     )
     text = _against(search, item, Thresholds())
     assert (text == "") is stands, text

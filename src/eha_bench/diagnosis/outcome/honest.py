@@ -13,6 +13,7 @@ from math import isfinite, isnan, sqrt
 
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
+from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.uncertainty import spreads
@@ -30,11 +31,6 @@ _LIKELY = 0.05
 _CLEAR = 4.0
 """Size of an effect, in its standard deviations, from which it is not nothing; fresh cases at the
 hardest strength had 8 and more, what forms within the noise imitate has 2."""
-_SURE = 3e-7
-"""Probability of no gain on runs left out, below which a size is not nothing: five standard
-deviations. Where outputs move by less than in proportion to a size (a presliding distance), its
-standard deviation is no measure of how far it is from nothing, but the gain is (Hauck, Donner, J.
-Am. Stat. Assoc. 72 (1977) 851, doi:10.1080/01621459.1977.10479969)."""
 
 
 def pruned(search: Search, limits: Thresholds | None = None) -> list[str]:
@@ -63,23 +59,22 @@ def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
         return "it explains nothing on runs left out of the fit"
     if found.p_value > _LIKELY:
         return f"its gain may be chance (p {found.p_value:.2g})"
-    if search.excess_base.significance <= REST_SIGNIFICANCE and not _is_clear(search, item):
+    missing = search.excess_base
+    if missing.significance <= REST_SIGNIFICANCE and not (
+        limits.is_clear(found, missing.size) or _is_distinct(search, start)
+    ):
         return (
             "its size is not distinct from zero, and the error without it has no structure in time"
         )
-    alone = len(search.effects) == 1
-    least = limits.least_share(search.excess_base, 0)
-    if alone and min(found.share, found.share_out) < least:
+    if len(search.effects) == 1 and not limits.is_enough(found, missing, 0):
         share = max(min(found.share, found.share_out), 0.0)
         return f"it explains only {per_cent(share)} of the error without it"
     return ""
 
 
-def _is_clear(search: Search, item: Accepted) -> bool:
-    """Whether a fitted strength is not nothing, by its standard deviation or by what it gains."""
-    if item.comparison.p_value < _SURE:
-        return True
-    fit, start = search.fit, item.start
+def _is_distinct(search: Search, start: Start) -> bool:
+    """Whether a fitted strength is not nothing, by its standard deviation."""
+    fit = search.fit
     key = next((item.key for item in fit.free if item.at == start.strength_at), None)
     if key is None:
         return True

@@ -7,7 +7,15 @@ from dataclasses import dataclass, field, replace
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import Baseline
 from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.evidence import Excess, Groups, Improvement, excess, groups_of
+from eha_bench.diagnosis.fit.evidence import (
+    REST_SIGNIFICANCE,
+    SOFT_MEAN,
+    Excess,
+    Groups,
+    Improvement,
+    excess,
+    groups_of,
+)
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem
 
@@ -153,6 +161,9 @@ class Thresholds:
         p_few: the same where it leaves next to nothing: what acts in a few instants (impacts) shows
             in a few blocks, however sure it is; by at least `plain`, so much in each of them.
         runs_better: least part of the runs that it changes for which it gains.
+        p_clear: the same that is clear without any share: of an excess without structure in time
+            nobody knows how much is only a wrong level of the noise.
+        worth: gain, in the noise's cost, that is worth a cause there.
         together: least part of the excess that two must explain that are looked for at once.
     """
 
@@ -164,15 +175,36 @@ class Thresholds:
     p_few: float = 0.05
     plain: float = 150.0
     runs_better: float = 0.5
+    p_clear: float = 3.2e-5
+    worth: float = 0.02
     together: float = 0.8
 
     def least_share(self, before: Excess, others: int) -> float:
         """Return the least share that an effect takes of an excess, among others."""
         return self.first if not others and self.is_much(before) else self.share
 
+    def is_enough(self, found: Improvement, before: Excess, others: int) -> bool:
+        """Whether a gain is enough of an excess, or clear where that may be the noise's level."""
+        if min(found.share, found.share_out) > self.least_share(before, others):
+            return True
+        return before.significance <= REST_SIGNIFICANCE and self.is_clear(found, before.size)
+
     def is_much(self, missing: Excess) -> bool:
         """Whether so much is missing that a remainder is to be expected."""
         return missing.relative > self.much
+
+    def is_clear(self, found: Improvement, rows: int) -> bool:
+        """Whether a gain speaks for itself: four standard deviations, and worth a cause.
+
+        Where outputs move by less than in proportion to a size (a presliding distance), its
+        standard deviation is no measure of how far it is from nothing, but the gain is (Hauck,
+        Donner, J. Am. Stat. Assoc. 72 (1977) 851, doi:10.1080/01621459.1977.10479969).
+
+        Args:
+            found: what a candidate gains. rows: of the residual.
+        """
+        least = self.worth * SOFT_MEAN * rows
+        return found.p_value < self.p_clear and min(found.gain, found.gain_out) > least
 
     def allow(self, found: Improvement) -> bool:
         """Whether something gains on runs left out as well, and no accident does as much."""

@@ -15,6 +15,7 @@ from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import (
     REST_SIGNIFICANCE,
     Groups,
+    Improvement,
     compare,
     is_unexplained,
 )
@@ -38,6 +39,7 @@ from eha_bench.diagnosis.search.state import (
     begin,
     rival_share,
 )
+from eha_bench.plants.layout import Layout
 
 __all__ = ["Search", "begin", "equivalents", "look", "run"]
 
@@ -47,6 +49,8 @@ _NEAREST = 4
 _FINALISTS = 3
 _TURNING = 3
 _PROMISING = 3
+_FORMS = 3
+"""Starts of a promising candidate whose settings are moved."""
 _NEARLY = 0.1
 _WORTH = 0.02
 """Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
@@ -97,8 +101,7 @@ def _grow(search: Search, limits: Thresholds, progress: ProgressHook) -> None:
             return
         progress("search", len(search.accepted) / (MOST_EFFECTS + 1))
         trials = _looked(search)
-        share = limits.least_share(search.excess_left, len(search.effects))
-        chosen = _choose(trials, limits, share)
+        chosen = _choose(search, trials, limits)
         if chosen is None:
             return
         _add(search, chosen, trials)
@@ -167,6 +170,8 @@ def look(search: Search, *, first: bool) -> list[Refit]:
         still = near.promising(still, _PROMISING)
     screen = Screen(search.problem.at_step(SCREENING) if much else coarse, search.fit)
     screened = screen.all(still)
+    if near is None:
+        screened = _sharpened(screen, screened, layout)
     finals = _confirm(search, coarse, screened, near)
     if _much_stays(search, finals):
         own = [start for start in starts if start.candidate in turning]
@@ -182,6 +187,18 @@ def look(search: Search, *, first: bool) -> list[Refit]:
     if first:
         search.ranking = _ranking(best, finals, search)
     return finals
+
+
+def _sharpened(screen: Screen, screened: Sequence[Screened], layout: Layout) -> list[Screened]:
+    """Return the same, the most promising ones at better settings, the best first."""
+    by_name: dict[str, list[Screened]] = {}
+    for item in screened:
+        if item.gain > _LEAST:
+            by_name.setdefault(item.start.candidate, []).append(item)
+    chosen = [item for own in [*by_name.values()][:_PROMISING] for item in own[:_FORMS]]
+    better = side_by_side(lambda item: screen.refined(item, layout), chosen)
+    left = [item for item in screened if all(item is not other for other in chosen)]
+    return sorted([*better, *left], key=lambda item: -item.gain)
 
 
 def _confirm(
@@ -305,8 +322,8 @@ def _compared(search: Search, trial: Refit) -> Refit:
     return replace(trial, comparison=found)
 
 
-def _choose(trials: Sequence[Refit], limits: Thresholds, share: float) -> Refit | None:
-    good = [item for item in trials if _believed(item, limits, share)]
+def _choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refit | None:
+    good = [item for item in trials if _believed(search, item.comparison, limits)]
     if not good:
         return None
     chosen = good[0]
@@ -322,9 +339,9 @@ def _choose(trials: Sequence[Refit], limits: Thresholds, share: float) -> Refit 
     return min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
 
 
-def _believed(item: Refit, limits: Thresholds, share: float) -> bool:
-    found = item.comparison
-    return limits.allow(found) and min(found.share, found.share_out) > share
+def _believed(search: Search, found: Improvement, limits: Thresholds) -> bool:
+    enough = limits.is_enough(found, search.excess_left, len(search.effects))
+    return enough and limits.allow(found)
 
 
 def equivalents(chosen: Refit, trials: Sequence[Refit], groups: Groups) -> tuple[str, ...]:
