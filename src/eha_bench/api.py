@@ -16,6 +16,7 @@ from eha_bench.bench.store import Shelf
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place, TargetFault
+from eha_bench.core.interruption import raised_again
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import Progress, silent
 from eha_bench.core.recording import Recording
@@ -61,6 +62,7 @@ Given: TypeAlias = str | Path | Mapping[str, Any]
 _LOG = logging.getLogger("eha_bench")
 
 
+@raised_again()
 def run(
     suite: Given,
     target: Given | None = None,
@@ -125,6 +127,7 @@ def _with_reports(result: Result, loaded: Suite) -> Result:
     return result
 
 
+@raised_again()
 def sweep(
     suite: Given,
     over: Given,
@@ -192,24 +195,26 @@ def probability(
     case = case_of(loaded, target_for(loaded, target))
     known = read_posterior(Path(posterior), case.simulator.model)
     met = conditions_of(case, load_sweep(conditions)) if conditions is not None else ANY
-    found = passing(
-        case, known, draws,
-        seed=seed, conditions=met, workers=workers_from(workers), progress=progress,
-    )  # fmt: skip
-    if out is not None:
-        folder = writable(Path(out))
-        folder.mkdir(parents=True, exist_ok=True)
-        found.write(folder)
-        facts = (
-            Fact("Posterior", str(posterior)),
-            Fact("Draws", str(draws)),
-            Fact("Conditions", "; ".join(item.about for item in met.factors) or "as fitted"),
-        )
-        identity = case.simulator.identity.name
-        write_probability_page(found, folder, loaded.name, identity, facts)
+    with raised_again(kept=out is not None):
+        found = passing(
+            case, known, draws,
+            seed=seed, conditions=met, workers=workers_from(workers), progress=progress,
+        )  # fmt: skip
+        if out is not None:
+            folder = writable(Path(out))
+            folder.mkdir(parents=True, exist_ok=True)
+            found.write(folder)
+            facts = (
+                Fact("Posterior", str(posterior)),
+                Fact("Draws", str(draws)),
+                Fact("Conditions", "; ".join(item.about for item in met.factors) or "as fitted"),
+            )
+            identity = case.simulator.identity.name
+            write_probability_page(found, folder, loaded.name, identity, facts)
     return found
 
 
+@raised_again()
 def tune(  # noqa: PLR0913 - as the options of the command
     suite: Given,
     model: Given,
@@ -289,6 +294,7 @@ def check_posterior(
     read_posterior(Path(posterior), case.simulator.model)
 
 
+@raised_again()
 def run_point(
     suite: Given,
     over: Given,
@@ -446,7 +452,9 @@ def diagnose(
 ) -> Diagnosis:
     """Close the loop: residual, cause, revised model, errors before and after.
 
-    Ctrl-C ends the search and keeps what was found until then (`complete` is False).
+    Ctrl-C (or SIGTERM) ends the search and keeps what was found until then (`complete` is False);
+    once that is in `out`, the signal is raised again, so that it ends your program as well. Without
+    `out`, Ctrl-C returns what was found: look at `complete` before you go on.
 
     Args:
         dataset: dataset.yaml, a dict of what it would hold, or as loaded.
@@ -461,11 +469,12 @@ def diagnose(
     """
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
     tell = progress or (lambda _stage, _fraction: None)
-    found = close_the_loop(loaded, out, tell, workers_from(workers))
-    if out is not None:
-        source = Path(loaded.source)
-        name = f"{source.resolve().parent.name}/{source.name}" if loaded.source else "dataset"
-        write_diagnosis_report(Path(out), found, name, loaded.model)
+    with raised_again(kept=out is not None):
+        found = close_the_loop(loaded, out, tell, workers_from(workers))
+        if out is not None:
+            source = Path(loaded.source)
+            name = f"{source.resolve().parent.name}/{source.name}" if loaded.source else "dataset"
+            write_diagnosis_report(Path(out), found, name, loaded.model)
     return found
 
 

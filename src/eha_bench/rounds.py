@@ -12,6 +12,7 @@ from typing import Any
 from eha_bench.api import diagnose, next_experiment, run
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.interruption import raised_again
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import ProgressHook
 from eha_bench.core.result import Status
@@ -95,6 +96,7 @@ class Rounds:
         }
 
 
+@raised_again()
 def close(
     dataset: str | Path,
     target: str | Path,

@@ -3,10 +3,18 @@
 import os
 import signal
 import threading
+from pathlib import Path
 
 import pytest
 
-from eha_bench.core.interruption import Interruption, checkpoint, checkpoints
+from eha_bench.core.interruption import (
+    Interruption,
+    checkpoint,
+    checkpoints,
+    noted_is_enough,
+    raised_again,
+)
+from forked import Forked
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -42,3 +50,60 @@ def test_checkpoints_interrupt_only_where_they_were_asked_to() -> None:
         with pytest.raises(KeyboardInterrupt):
             checkpoint()
     checkpoint()
+
+
+def test_a_noted_signal_is_raised_again_once_its_work_is_kept() -> None:
+    done: list[str] = []
+    with pytest.raises(KeyboardInterrupt), raised_again():
+        with Interruption() as asked:
+            os.kill(os.getpid(), signal.SIGINT)
+        assert asked()
+        done.append("kept")
+    assert done == ["kept"]
+
+
+def test_nothing_is_raised_where_no_signal_came() -> None:
+    with raised_again(), Interruption() as asked:
+        pass
+    assert not asked()
+
+
+def test_a_signal_is_raised_again_by_the_outermost_alone() -> None:
+    done: list[str] = []
+
+    @raised_again()
+    def inner() -> None:
+        with Interruption():
+            os.kill(os.getpid(), signal.SIGINT)
+        done.append("inner")
+
+    with pytest.raises(KeyboardInterrupt), raised_again():
+        inner()
+        done.append("outer")
+    assert done == ["inner", "outer"]
+
+
+def test_ctrl_c_leaves_what_is_only_returned() -> None:
+    with raised_again(kept=False), Interruption() as asked:
+        os.kill(os.getpid(), signal.SIGINT)
+    assert asked()
+
+
+def test_a_request_to_end_is_never_lost(forked: Forked, tmp_path: Path) -> None:
+    code = (
+        "import os, signal\n"
+        "from eha_bench.core.interruption import Interruption, raised_again\n"
+        "for number in range(2):\n"
+        "    with raised_again(kept=False), Interruption():\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    print('went on', flush=True)\n"
+    )
+    done = forked.run(folder=tmp_path, code=code)
+    assert done.returncode == -signal.SIGTERM
+    assert "went on" not in done.stdout
+
+
+def test_who_ends_by_itself_is_not_raised_at() -> None:
+    with noted_is_enough(), raised_again(), Interruption() as asked:
+        os.kill(os.getpid(), signal.SIGINT)
+    assert asked()

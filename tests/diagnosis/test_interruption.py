@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -58,6 +59,26 @@ def _pressed(
     forked: Forked, folder: Path, stage: str, share: float, *arguments: str
 ) -> subprocess.CompletedProcess[str]:
     return forked.run(stage, share, *arguments, folder=folder, code=PRESS)
+
+
+def test_a_program_of_several_diagnoses_ends_once_the_first_is_kept(
+    forked, dataset, tmp_path
+) -> None:
+    code = f"""\
+import os, signal
+import eha_bench as eb
+def tell(stage, share):
+    if stage == "search":
+        os.kill(os.getpid(), signal.SIGTERM)
+for name in ("first", "second"):
+    eb.diagnose({str(dataset)!r}, name, tell)
+"""
+    done = forked.run(folder=tmp_path, code=code)
+    assert done.returncode == -signal.SIGTERM, done.stderr
+    found = json.loads((tmp_path / "first" / "diagnosis.json").read_text())
+    assert found["complete"] is False
+    assert (tmp_path / "first" / "diagnosis.html").exists()
+    assert not (tmp_path / "second").exists()
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,10 @@ A KeyboardInterrupt can be raised anywhere, also inside a finalizer, where Pytho
 and goes on. While a suite runs or a model is fitted, the first SIGINT (or SIGTERM, as a nightly job
 sends it, or SIGHUP, as a terminal sends it that is closed) is therefore only noted; a second one
 interrupts at once. Whoever started the command with `nohup` keeps SIGHUP ignored.
+
+A signal is not lost by being noted: a program that calls one long function after the other is
+meant as a whole. What the Python face offers therefore raises it again when what was found is
+written (`raised_again`); the commands, which end by themselves, do not (`noted_is_enough`).
 """
 
 from __future__ import annotations
@@ -30,12 +34,12 @@ class Interruption:
     """
 
     def __init__(self) -> None:
-        self._requested = False
+        self._noted: int | None = None
         self._before: dict[int, Callable[[int, FrameType | None], Any] | int | None] = {}
 
     def __call__(self) -> bool:
         """Whether a stop was asked for."""
-        return self._requested
+        return self._noted is not None
 
     def __enter__(self) -> Self:
         """Start noting signals."""
@@ -52,15 +56,69 @@ class Interruption:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Give the signals back."""
+        """Give the signals back, and say which one was noted."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
+        heard = _heard.get()
+        if self._noted is not None and heard is not None:
+            heard.append(self._noted)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        del number, frame
-        if self._requested:
+        del frame
+        if self._noted is not None:
             raise KeyboardInterrupt
-        self._requested = True
+        self._noted = number
+
+
+_heard: ContextVar[list[int] | None] = ContextVar("heard", default=None)
+"""Signals that were noted within the innermost `raised_again` or `noted_is_enough`."""
+
+
+@contextmanager
+def raised_again(*, kept: bool = True) -> Iterator[None]:
+    """A context at whose end a signal that was noted within is raised again.
+
+    Within another one that is left to the outer; also usable as a decorator.
+
+    Args:
+        kept: whether what was found is on disk then. Where it is only returned, Ctrl-C does not
+            take it away again.
+
+    Raises:
+        KeyboardInterrupt: the signal is ignored outside, or that is what its handler does.
+    """
+    outer = _heard.get()
+    with _hearing() as heard:
+        try:
+            yield
+        finally:
+            if outer is not None:
+                outer.extend(heard)
+            elif heard and (kept or heard[0] != signal.SIGINT):
+                _raise_again(heard[0])
+
+
+def _raise_again(number: int) -> None:
+    if signal.getsignal(number) is signal.SIG_IGN:  # it was noted all the same
+        raise KeyboardInterrupt
+    signal.raise_signal(number)
+
+
+@contextmanager
+def noted_is_enough() -> Iterator[None]:
+    """A context in which no signal is raised again: the caller looks at what it gets, and ends."""
+    with _hearing():
+        yield
+
+
+@contextmanager
+def _hearing() -> Iterator[list[int]]:
+    heard: list[int] = []
+    token = _heard.set(heard)
+    try:
+        yield heard
+    finally:
+        _heard.reset(token)
 
 
 def _never() -> bool:

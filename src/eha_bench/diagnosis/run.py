@@ -13,7 +13,7 @@ from typing import Any
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
-from eha_bench.core.interruption import Interruption, checkpoints
+from eha_bench.core.interruption import Interruption, checkpoints, raised_again
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import ProgressHook
 from eha_bench.core.workers import HERE, Workers
@@ -157,8 +157,8 @@ def calibrate(
     """Estimate the parameters under `calibrate` on all training runs by simulation error.
 
     How friction behaves at rest is estimated as well, and noted; it keeps its declared
-    value where the data do not determine it. Ctrl-C ends the fit and keeps what was found until
-    then (`complete` is False).
+    value where the data do not determine it. Ctrl-C (or SIGTERM) ends the fit and keeps what was
+    found until then (`complete` is False); once that is in `out`, the signal is raised again.
 
     Args:
         dataset: dataset.yaml, a dict of what it would hold, or as loaded.
@@ -168,7 +168,6 @@ def calibrate(
     Raises:
         InputError: a file is wrong or missing, nothing can be compared, or `out` cannot be used.
     """
-    started = time.perf_counter()
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
     if out is not None:
         writable(Path(out))
@@ -178,7 +177,13 @@ def calibrate(
             where=Place(file=loaded.source),
             hint="diagnose fits its parameters under `calibrate` with every candidate",
         )
-    complete = True
+    with raised_again(kept=out is not None):
+        return _calibrated(loaded, out, progress)
+
+
+def _calibrated(loaded: Dataset, out: str | Path | None, progress: ProgressHook) -> Calibration:
+    """Return the estimates, as far as the fit came."""
+    started, complete = time.perf_counter(), True
     with one_thread_of_algebra(), Interruption() as asked:
         try:
             with checkpoints(asked):
