@@ -54,11 +54,16 @@ def test_checkpoints_interrupt_only_where_they_were_asked_to() -> None:
 
 def test_a_noted_signal_is_raised_again_once_its_work_is_kept() -> None:
     done: list[str] = []
-    with pytest.raises(KeyboardInterrupt), raised_again():
+
+    @raised_again()
+    def work() -> None:
         with Interruption() as asked:
             os.kill(os.getpid(), signal.SIGINT)
         assert asked()
         done.append("kept")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
     assert done == ["kept"]
 
 
@@ -77,9 +82,13 @@ def test_a_signal_is_raised_again_by_the_outermost_alone() -> None:
             os.kill(os.getpid(), signal.SIGINT)
         done.append("inner")
 
-    with pytest.raises(KeyboardInterrupt), raised_again():
+    @raised_again()
+    def outer() -> None:
         inner()
         done.append("outer")
+
+    with pytest.raises(KeyboardInterrupt):
+        outer()
     assert done == ["inner", "outer"]
 
 

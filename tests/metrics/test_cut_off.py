@@ -98,6 +98,23 @@ def test_energy_is_open_to_the_side_that_was_hidden(kit, driven) -> None:
     assert cut.high == math.inf
 
 
+@pytest.mark.parametrize(
+    ("speed", "ends"),
+    [
+        (100.0 * np.cos(np.pi * TIME), {"high": 9.0}),  # cut off once forwards and once backwards
+        (np.full(TIME.size, 100.0), {"low": -9.0, "high": 9.0}),  # cut off at both ends
+    ],
+)
+def test_energy_that_may_have_been_more_or_less_is_open_to_both_sides(
+    kit, driven, speed, ends
+) -> None:
+    recording, trial = driven
+    turning = recording.with_values({"motor_speed": speed})
+    cut = kit.measure("energy", clipped(turning, "current", **ends), trial, "")
+    assert math.isfinite(cut.value)
+    assert cut.open == "both"
+
+
 def test_nothing_changes_where_nothing_is_cut_off(kit, driven) -> None:
     recording, trial = driven
     for name in ("peak_force", "peak_power", "energy"):

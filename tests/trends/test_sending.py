@@ -1,9 +1,12 @@
 """A summary is sent on: to a webhook, to a command, or said why not."""
 
 import json
+import socket
 import sys
 import threading
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
@@ -97,6 +100,36 @@ def test_what_a_webhook_answers_tells_nobody_its_address(
     assert "TOKEN" not in str(caught.value)
     assert "not HTTP" in str(caught.value) if answer < 0 else f" {answer}" in str(caught.value)
     assert caught.value.__suppress_context__
+
+
+@pytest.fixture
+def dripping() -> Iterator[int]:
+    """Port of a peer whose answer comes byte by byte, and never ends."""
+    stopping = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def drip() -> None:
+            peer, _ = server.accept()
+            with peer, suppress(OSError):
+                peer.sendall(b"HTTP/1.1 200 OK\r\nX: ")
+                while not stopping.wait(0.02):
+                    peer.sendall(b"x")
+
+        thread = threading.Thread(target=drip)
+        thread.start()
+        yield server.getsockname()[1]
+        stopping.set()
+        thread.join()
+
+
+def test_a_webhook_that_drips_does_not_hold_the_night(
+    drifted: History, dripping: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eha_bench.report.sending._PATIENCE_S", 0.4)
+    started = time.monotonic()
+    with pytest.raises(InputError, match=r"did not answer \(not within 0.4 s\)"):
+        send_on(drifted, Nightly(send=f"http://127.0.0.1:{dripping}/x"))
+    assert time.monotonic() - started < 10.0  # the peer itself never ends
 
 
 def test_a_command_gets_markdown_and_no_shell_reads_it(drifted: History, tmp_path: Path) -> None:

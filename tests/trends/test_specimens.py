@@ -70,6 +70,18 @@ def test_a_metric_about_zero_is_not_made_a_share(tmp_path: Path) -> None:
     assert "No unit changed" not in page
 
 
+def test_a_step_of_a_few_nights_ago_is_all_in_the_change(tmp_path: Path) -> None:
+    for seed, name in enumerate(("a", "b", "c")):
+        values = np.array(worn(1.0, 0.0, seed, 30))
+        values[-3:] += 0.4 if name == "c" else 0.0
+        unit(tmp_path, name, list(values))
+    (kin,) = eb.history(tmp_path).kin
+    stepped = kin.specimens[2]
+    # what the table says is where the plot ends, and what was asked for
+    assert stepped.change == pytest.approx(0.4, abs=0.02)
+    assert stepped.change == pytest.approx(float(stepped.moved[-1]), abs=0.01)
+
+
 def test_one_unit_has_no_such_page(tmp_path: Path) -> None:
     unit(tmp_path, "a", worn(1.0, 0.0, 1, 9))
     unit(tmp_path, "b", worn(1.0, 0.0, 2, 3))

@@ -164,13 +164,13 @@ class Energy(DerivedMetric):
         return Measure(value, value - reach, value + reach, "integral of K_T I omega, net")
 
     def open(self, found: Measure, scored: _Scored, change: FloatArray) -> Measure:
-        """Return it open to the side on which the hidden readings may have been."""
-        if not float(np.max(change)) * float(np.min(change)) >= 0.0:
-            raise NotScored("may be anything: a sensor's end cut readings off in both directions")
+        """Return it open to every side on which the hidden readings may have been."""
         del scored
-        if np.any(change > 0.0):
-            return replace(found, high=math.inf)
-        return replace(found, low=-math.inf)
+        return replace(
+            found,
+            low=-math.inf if np.any(change < 0.0) else found.low,
+            high=math.inf if np.any(change > 0.0) else found.high,
+        )
 
 
 class PeakPower(LargestMagnitude):

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import http
 import json
+import queue
 import shlex
 import subprocess
+import threading
 import urllib.error
 import urllib.request
+from collections.abc import Callable
 from http.client import HTTPException
 from typing import Any, Final
 
@@ -19,6 +22,7 @@ from eha_bench.trends.history import History
 from eha_bench.trends.nightly_file import Nightly, When, is_webhook
 
 _PATIENCE_S: Final = 20.0
+"""For a webhook as a whole, from its name to its answer, and for each wait within."""
 _COMMAND_PATIENCE_S: Final = 60.0
 
 
@@ -68,12 +72,16 @@ def _post(url: str, content: dict[str, Any]) -> None:
     body = json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
     # no redirects: they could lead to anything but a web server
     opener = urllib.request.build_opener(_NoRedirect)
-    try:
+
+    def send() -> None:
         request = urllib.request.Request(
             url, data=body, method="POST", headers={"Content-Type": "application/json"}
         )
         with opener.open(request, timeout=_PATIENCE_S):
             pass
+
+    try:
+        _within(_PATIENCE_S, send)
     except urllib.error.HTTPError as error:
         with error:  # which is the answer, and holds the connection
             raise _unsent(f"the webhook answered {_status(error.code)}") from None
@@ -82,6 +90,34 @@ def _post(url: str, content: dict[str, Any]) -> None:
         raise _unsent(f"the webhook did not answer ({reason})") from None
     except (HTTPException, ValueError):  # their words may repeat the address, which is secret
         raise _unsent("the webhook's answer is not HTTP") from None
+
+
+def _within(seconds: float, work: Callable[[], None]) -> None:
+    """Do work that may wait for others, for so long at most; then it is left behind.
+
+    Time limits of sockets hold for one wait alone: an answer that comes byte by byte, or a name
+    that is looked up, takes as long as it likes.
+
+    Raises:
+        TimeoutError: it took longer. Else whatever the work raises.
+    """
+    ended: queue.SimpleQueue[Exception | None] = queue.SimpleQueue()
+
+    def do() -> None:
+        try:
+            work()
+        except Exception as error:
+            ended.put(error)
+        else:
+            ended.put(None)
+
+    threading.Thread(target=do, daemon=True).start()
+    try:
+        error = ended.get(timeout=seconds)
+    except queue.Empty:
+        raise TimeoutError(f"not within {seconds:g} s") from None
+    if error is not None:
+        raise error
 
 
 def _status(code: int) -> str:

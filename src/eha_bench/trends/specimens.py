@@ -16,6 +16,7 @@ from scipy import stats
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.changes import FEWEST
+from eha_bench.trends.terms import Kind
 from eha_bench.trends.trend import RECENT, Trend
 
 FIRST: Final = FEWEST
@@ -38,7 +39,8 @@ class Specimen:
         trend: of the metric on this unit.
         first: median of its first nights, SI.
         moved: (n,) the level of each night less `first`; a share of it where `Kin.relative`.
-        change: of the median of the newest nights from `first`, likewise; NaN with too few nights.
+        change: of the median of the newest nights, since the last step, from `first`, likewise;
+            NaN with too few nights.
         low, high: its 95 % interval.
         odd: whether it changed differently from the others, by more than chance and what matters.
     """
@@ -110,11 +112,17 @@ def _specimen(trend: Trend, *, relative: bool) -> Specimen:
     nothing = math.nan
     if trend.values.size < FIRST + 1:
         return Specimen(trend, first, moved, nothing, nothing, nothing)
-    newest = trend.values[max(FIRST, trend.values.size - RECENT) :]
+    newest = trend.values[max(FIRST, trend.values.size - RECENT, _level_since(trend)) :]
     change = (float(np.median(newest)) - first) / scale
     error = trend.course.sigma * trend.course.widening / scale * _OF_MEDIAN
     half = _NORMAL * error * math.sqrt(1.0 / newest.size + 1.0 / FIRST)
     return Specimen(trend, first, moved, change, change - half, change + half)
+
+
+def _level_since(trend: Trend) -> int:
+    """Return the night from which on the newest level holds: older nights say nothing of it."""
+    steps = [change.start for change in trend.course.changes if change.kind is Kind.STEP]
+    return max(steps, default=0)
 
 
 def _marked(specimens: list[Specimen], family: int, *, relative: bool) -> list[Specimen]:
