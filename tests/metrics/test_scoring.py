@@ -15,6 +15,8 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure, ScoreStatus
 from eha_bench.metrics import accepted, all_metrics, judge, score, scoring
 from eha_bench.metrics.metric import Metric
+from eha_bench.metrics.scoring import score_limits
+from eha_bench.suites import load_suite
 
 
 def limit(metric="rise_time", channel="pressure_difference", **options):
@@ -65,6 +67,32 @@ def test_units_are_those_of_the_channel(kit):
     assert units["rise_time"] == "s"
     assert units["overshoot"] == ""
     assert units["holding_current"] == "A"
+
+
+@pytest.mark.parametrize(
+    ("unit", "said"),
+    [
+        ("Pa", "recorded in Pa, and the limit is in m"),
+        ("", "recorded without a unit, and the limit is in m"),
+        ("m", ""),
+    ],
+)
+def test_a_limit_is_not_held_against_values_of_another_unit(unit, said) -> None:
+    written = {
+        "id": "a", "mode": "sledge", "duration": "1 s",
+        "signal": {"kind": "step", "final": "20 mm"}, "accept": {"tracking_max": "<= 30 mm"},
+    }  # fmt: skip
+    trial = load_suite({"name": "s", "trials": [written]}).trials[0]
+    time = np.arange(1000) / 1000
+    recording = Recording(
+        time,
+        {"sledge": np.full(time.size, 0.02), "reference": np.full(time.size, 0.02)},
+        units={"sledge": unit, "reference": "m"},
+        metadata={"signal_start": "0.0"},
+    )
+    found = score_limits(recording, trial)[0]
+    assert found.status is (ScoreStatus.NOT_SCORED if said else ScoreStatus.PASSED)
+    assert found.reason == said if said else math.isfinite(found.value)
 
 
 def test_a_missing_channel_is_said_and_its_limit_rejects(kit):

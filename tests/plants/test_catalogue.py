@@ -7,9 +7,13 @@ import pytest
 
 from eha_bench.plants.catalogue import effects_page, elements_page
 from eha_bench.plants.network.network import element_kinds
+from eha_bench.plants.role_catalogue import roles_page
 
 
-@pytest.mark.parametrize(("name", "page"), [("effects", effects_page), ("elements", elements_page)])
+@pytest.mark.parametrize(
+    ("name", "page"),
+    [("effects", effects_page), ("elements", elements_page), ("roles", roles_page)],
+)
 def test_a_page_is_what_the_code_says(repository: Path, name: str, page: Callable[[], str]) -> None:
     kept = (repository / "docs" / f"{name}.md").read_text(encoding="utf-8")
     again = f"write it again: python -m eha_bench.plants.catalogue {name} > docs/{name}.md"

@@ -54,6 +54,37 @@ def test_oil_that_a_valve_moves_unsaid_is_not_known(valve_cylinder_file: Path) -
     assert "pressure_b" in plant.determined(("valve_command",))
 
 
+VANE = """\
+plant: vane
+nodes:
+  supply:    {kind: reservoir, pressure: 10 MPa}
+  tank:      {kind: reservoir, pressure: 2 bar}
+  chamber_a: {kind: volume, volume: 80 cm^3, bulk_modulus: 1.2 GPa}
+  chamber_b: {kind: volume, volume: 80 cm^3, bulk_modulus: 1.2 GPa}
+  vane:      {kind: rotation, inertia: 0.08 kg*m^2}
+elements:
+  valve: {kind: spool_valve, supply: supply, tank: tank, a: chamber_a, b: chamber_b,
+          full_scale: 10 V, flow_gain: 3e-8 m^3/(s*Pa^0.5)}
+  rotor: {kind: pump, on: vane, from: chamber_a, to: chamber_b, displacement: 40 cm^3/rad}
+inputs: {valve_command: valve.command}
+channels: {pressure_a: chamber_a.pressure, pressure_b: chamber_b.pressure, vane_angle: vane.angle}
+"""
+
+
+def test_a_shaft_that_oil_turns_is_driven(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(VANE)
+    plant = load_plant(tmp_path / "plant.yaml")
+    assert plant.determined(("valve_command",)) == ("pressure_a", "pressure_b", "vane_angle")
+    assert plant.determined(("pressure_a", "pressure_b")) == (
+        "pressure_a", "pressure_b", "vane_angle",
+    )  # fmt: skip
+    # a motor on the shaft, whose current nothing says, may turn it as well
+    motor = "  servo: {kind: motor, on: vane, torque_constant: 0.2 N*m/A}\n"
+    (tmp_path / "driven.yaml").write_text(VANE.replace("inputs:", f"{motor}inputs:"))
+    driven = load_plant(tmp_path / "driven.yaml")
+    assert "vane_angle" not in driven.determined(("pressure_a", "pressure_b"))
+
+
 @pytest.fixture
 def valve_cylinder_file(repository: Path) -> Path:
     return repository / "suites" / "plants" / "valve_cylinder.yaml"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from eha_bench.targets.crash import error_text
+from eha_bench.core.error_text import error_text
 
 
 def test_pages_in_colours_become_one_short_plain_line() -> None:

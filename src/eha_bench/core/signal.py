@@ -9,14 +9,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError
-
-# who reads a suite needs no arrays: signals import numpy where they compute
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

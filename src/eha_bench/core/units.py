@@ -57,8 +57,14 @@ def factor_and_offset(unit: str, si_unit: str) -> tuple[float, float]:
     if common is not None and common[0] == si_unit:
         return common[1:]
     registry = _registry()
+    try:
+        target = _parsed(si_unit, "")
+    except UnitError:
+        raise UnitError(
+            f"'{si_unit}', the unit that is expected here, is not one itself",
+            hint="correct it where the parameter is declared",
+        ) from None
     source = _parsed(unit, _expected(si_unit))
-    target = _parsed(si_unit, "")
     if source.dimensionality != target.dimensionality or not _same_kind(source, unit, si_unit):
         raise UnitError(f"unit '{unit}' has the wrong dimension", hint=_expected(si_unit))
     zero = float(registry.Quantity(0.0, source).to(target).magnitude)

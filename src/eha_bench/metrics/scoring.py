@@ -8,7 +8,13 @@ from functools import cache
 
 from eha_bench.core import plugins
 from eha_bench.core.channels import unit_of
-from eha_bench.core.errors import EhaBenchError, InputError, MissingChannelError, PluginError
+from eha_bench.core.errors import (
+    EhaBenchError,
+    InputError,
+    MissingChannelError,
+    PluginError,
+    UnitError,
+)
 from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.core.metric import METRICS
 from eha_bench.core.plugin_class import check_attributes, check_class
@@ -16,6 +22,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure, Score
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
+from eha_bench.core.units import factor_and_offset
 from eha_bench.metrics.acceptance import judge
 from eha_bench.metrics.formula_metric import FormulaMetric
 from eha_bench.metrics.metric import Metric, NotScored
@@ -145,6 +152,9 @@ def _score(
     found = metric_in(trial, name)
     measure = measure_safely(found, recording, trial, channel)
     unit = _unit(found, recording, trial, channel)
+    if limit is not None and measure.value == measure.value:
+        why = _of_another_unit(unit, limit)
+        measure = Measure.none(why) if why else measure
     return Score(
         metric=name,
         channel=channel,
@@ -155,6 +165,22 @@ def _score(
         limit_in_si=limit.in_si if limit else "",
         matters=trial.margins[name].text if name in trial.margins else "",
     )
+
+
+def _of_another_unit(unit: str, limit: AcceptanceLimit) -> str:
+    """Return why a limit cannot be applied to values of a unit, "" where it can.
+
+    A limit without a unit is in that of the recording. What a target records of a channel that
+    nobody else knows is checked against the suite nowhere before.
+    """
+    if limit.unit in ("", unit):
+        return ""
+    try:
+        alike = factor_and_offset(unit, limit.unit) == (1.0, 0.0)
+    except UnitError:
+        alike = False
+    recorded = f"in {unit}" if unit else "without a unit"
+    return "" if alike else f"recorded {recorded}, and the limit is in {limit.unit}"
 
 
 def _reason(found: Metric, error: Exception) -> str:

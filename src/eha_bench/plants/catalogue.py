@@ -1,6 +1,6 @@
 """The registered effects, or kinds of elements, as a page of Markdown.
 
-`python -m eha_bench.plants.catalogue effects` and `... elements` print them.
+`python -m eha_bench.plants.catalogue effects`, `... elements` and `... roles` print the pages.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from eha_bench.plants.network.element import Anatomy, ElementKind
 from eha_bench.plants.network.network import NODE_PARAMETERS, QUANTITIES, element_kinds
 from eha_bench.plants.network.roles import role_summary
 from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.role_catalogue import roles_page
 
 _ASKED = re.compile(r"input:\w+")
 _EFFECTS = """\
@@ -179,4 +180,5 @@ def _note(parameter: Parameter) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write({"effects": effects_page, "elements": elements_page}[sys.argv[1]]())
+    pages = {"effects": effects_page, "elements": elements_page, "roles": roles_page}
+    sys.stdout.write(pages[sys.argv[1]]())

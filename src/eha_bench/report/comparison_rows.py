@@ -50,7 +50,6 @@ class Whisker:
     value: float
     same_low: float
     same_high: float
-    zero: float
 
 
 @dataclass(frozen=True)
@@ -189,5 +188,5 @@ def _whisker(item: Compared) -> Whisker | None:
 
     return Whisker(
         place(item.low), place(item.high), place(item.difference),
-        place(-item.margin), place(item.margin), 50.0,
+        place(-item.margin), place(item.margin),
     )  # fmt: skip

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.core.channels import unit_of
 from eha_bench.core.recording import Recording
 from eha_bench.experiment.proposal import NEAR, PlannedTrial, Proposal, ProposalEnding
 from eha_bench.report.engineering import channel_name, display_unit, number, quantity
@@ -147,7 +148,7 @@ def _span(trial: PlannedTrial, channel: str, low: float, high: float) -> str:
 
 
 def _value(trial: PlannedTrial, channel: str, value: float) -> str:
-    unit = trial.units.get(channel, "Pa" if channel.startswith("pressure") else "")
+    unit = trial.units.get(channel, unit_of(channel))
     return quantity(value, unit) if np.isfinite(value) else number(value)
 
 

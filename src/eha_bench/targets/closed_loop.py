@@ -12,10 +12,10 @@ import numpy as np
 
 from eha_bench.control.controller import Controller, as_command
 from eha_bench.core.arrays import FloatArray
+from eha_bench.core.error_text import error_text
 from eha_bench.core.errors import EhaBenchError, TargetFault
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Trial
-from eha_bench.targets.crash import error_text
 from eha_bench.targets.sensors import SensorNoise, SimulatedSensor
 from eha_bench.targets.target import Ending, Outcome, Stopping
 

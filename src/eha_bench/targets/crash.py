@@ -1,27 +1,12 @@
-"""A crash of a target's or controller's code as a fault of the target, with the place in the code.
-
-Whoever writes a plug-in reads one sentence: what went wrong, in which file, on which line.
-"""
+"""A crash of a target's or controller's code as a fault of the target."""
 
 from __future__ import annotations
 
-import re
-import sysconfig
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from textwrap import shorten
-from typing import Final
 
+from eha_bench.core.error_text import error_text
 from eha_bench.core.errors import EhaBenchError, TargetFault
-
-_OURS: Final = Path(__file__).resolve().parents[1]
-_STANDARD: Final = Path(sysconfig.get_path("stdlib")).resolve()
-_COLOURS: Final = re.compile("\x1b\\[[0-9;]*m")
-_LONGEST: Final = 500
-"""Most characters of what was raised: some libraries raise pages."""
-_INSTALLED: Final = frozenset({"site-packages", "dist-packages"})
 
 
 @contextmanager
@@ -39,31 +24,3 @@ def crashes_as_faults() -> Iterator[None]:
         raise
     except (Exception, SystemExit) as error:
         raise TargetFault(error_text(error)) from error
-
-
-def error_text(error: BaseException) -> str:
-    """Return what was raised and where: `KeyError: 'x', at my_law.py:7 in step`."""
-    plain = _COLOURS.sub("", f"{type(error).__name__}: {error}")
-    what = shorten(" ".join(plain.split()).removesuffix(":"), _LONGEST, placeholder=" ...")
-    frame = _place(traceback.extract_tb(error.__traceback__))
-    return f"{what}, at {frame.filename}:{frame.lineno} in {frame.name}" if frame else what
-
-
-def _place(frames: traceback.StackSummary) -> traceback.FrameSummary | None:
-    """Return the innermost frame of the user's own code, else of what the bench had called.
-
-    Own code is what is neither ours, nor installed, nor Python's: where a plug-in calls NumPy in a
-    wrong way, the line that calls it is wrong. Of an installed plug-in it is its innermost frame.
-    """
-    paths = [Path(frame.filename).resolve() for frame in frames]
-    foreign = [n for n, path in enumerate(paths) if not path.is_relative_to(_OURS)]
-    own = [n for n in foreign if not _is_installed(paths[n])]
-    if own:
-        return frames[own[-1]]
-    of_plugin = [n for n in foreign if paths[n].parent == paths[foreign[0]].parent]
-    return frames[of_plugin[-1]] if of_plugin else next(reversed(frames), None)
-
-
-def _is_installed(path: Path) -> bool:
-    frozen = path.name.startswith("<")
-    return frozen or path.is_relative_to(_STANDARD) or not _INSTALLED.isdisjoint(path.parts)

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from eha_bench.core import plugins, yaml_file
+from eha_bench.core.error_text import error_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place, PluginError
 from eha_bench.core.file_kind import kind_by_keys
 from eha_bench.core.plugin_class import check_class
 from eha_bench.core.shipped import find
-from eha_bench.targets.crash import error_text
 from eha_bench.targets.simulator import default_simulator
 from eha_bench.targets.target import Target
 

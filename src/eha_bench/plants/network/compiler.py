@@ -14,17 +14,20 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
+from functools import cache
 from pathlib import Path
 from types import FunctionType, ModuleType
 
 import numpy as np
 
 from eha_bench.core.atomic_file import write_text
+from eha_bench.core.error_text import uncoloured
 from eha_bench.core.errors import PluginError
 from eha_bench.plants.compiled import load_numba
 
 _LOG = logging.getLogger("eha_bench")
 
+_OURS = __name__.partition(".")[0]
 _IMPORTED = re.compile(r"^from (eha_bench\.[\w.]+) import", re.MULTILINE)
 
 
@@ -71,10 +74,11 @@ def compiled(
 
 
 def refuse_uncompiled(functions: Iterable[Callable[..., object]]) -> None:
-    """Refuse functions that call a plain one of Python, which compiled code cannot.
+    """Refuse functions that cannot be compiled: in a kernel, an error would not say which.
 
     Raises:
-        PluginError: one does.
+        PluginError: one calls a plain function of Python or what compiled code does not know, or
+            returns no number.
     """
     for function in functions:
         for name in function.__code__.co_names:
@@ -85,6 +89,33 @@ def refuse_uncompiled(functions: Iterable[Callable[..., object]]) -> None:
                     f"and calls '{name}', which is not",
                     hint=f"put @njit() of eha_bench.plants.compiled above {name}",
                 )
+        if function.__module__.partition(".")[0] != _OURS:
+            _refuse_untypable(function)
+
+
+@cache
+def _refuse_untypable(function: Callable[..., object]) -> None:
+    """Compile a plug-in's function of numbers on its own, and refuse one that fails."""
+    names = function.__code__.co_varnames[: function.__code__.co_argcount]
+    if any(function.__annotations__.get(name) not in (float, "float") for name in names):
+        return  # a group of numbers, or a list
+    numba = load_numba()
+    code = function.__code__
+    where = f"{function.__name__} ({code.co_filename}:{code.co_firstlineno})"
+    try:
+        alone = numba.njit(function)
+        alone.compile((numba.float64,) * len(names))
+    except Exception as error:
+        lines = [line.strip() for line in uncoloured(str(error)).splitlines()]
+        why = next((line for line in lines if line and not line.startswith("Failed in")), "")
+        raise PluginError(
+            f"{where} cannot be compiled: {why.removesuffix(':') or type(error).__name__}",
+            hint="it may use math, arithmetic and functions with @njit() of "
+            "eha_bench.plants.compiled",
+        ) from None
+    found = alone.nopython_signatures[0].return_type
+    if not isinstance(found, numba.types.Number | numba.types.Boolean):
+        raise PluginError(f"{where} returns {found}, and a number is expected")
 
 
 def kernel_folder() -> Path:

@@ -20,6 +20,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from eha_bench.core.errors import PluginError
+from eha_bench.core.near_miss import suggest
 from eha_bench.plants.parameter import Parameter
 
 Law = Callable[..., float]
@@ -307,6 +309,20 @@ class ElementKind:
     required: tuple[str, ...] = ()
     source: str = ""
     refers: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse to require what is no parameter: no plant could declare it.
+
+        Raises:
+            PluginError: it does.
+        """
+        known = [item.name for item in self.parameters]
+        for name in self.required:
+            if name not in known:
+                raise PluginError(
+                    f"the element kind '{self.id}' requires '{name}', which is no parameter of it",
+                    hint=suggest(name, known),
+                )
 
     def parameter(self, name: str) -> Parameter | None:
         """Return the parameter of that name, None where it has none."""

@@ -254,8 +254,8 @@ class Hooks:
             return self._resolved(known[name])
         if name in spot.names:
             return self._resolved(spot.names[name])
+        own = (*(item.name for item in effect.parameters if item.name != AT), *effect.effect.states)
         raise PluginError(
             f"effect '{effect.id}' asks for '{name}' in {function.__name__}",
-            hint=f"at {spot.name} there are: {', '.join([*known, *spot.names])}, "
-            "its own parameters and states",
+            hint=f"at {spot.name} there are: {', '.join([*known, *spot.names, *own])}",
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eha_bench.plants.network.element import NodeKind
-from eha_bench.plants.network.system import System
+from eha_bench.plants.network.system import Coordinate, System
 
 _WAYS = ("laminar_leakage", "turbulent_leakage", "orifice", "check_valve", "relief_valve",
          "pilot_check_valve")  # fmt: skip
@@ -17,9 +17,9 @@ def determined_nodes(
     """Return names of the nodes and elements whose motion or pressure inputs determine.
 
     A command moves its motor's shaft, a shaft moves the oil of its pumps, a valve that of its
-    ports, oil finds its way through gaps and orifices, and moves the rod; never the other way, so
-    that what nothing drives is not taken to rest. Oil that a pump or a valve moves in a way that
-    nothing says is not known, whatever else joins it.
+    ports, oil finds its way through gaps and orifices, and moves the rod, or the shaft of a pump
+    that no motor turns; never the other way, so that what nothing drives is not taken to rest. Oil
+    that a pump or a valve moves in a way that nothing says is not known, whatever else joins it.
 
     Args:
         system: the network. states: channel -> place in `Y`. inputs: channels that are given.
@@ -77,6 +77,15 @@ def _undriven(system: System, found: set[str]) -> None:
             found.add(item.name)
 
 
+def _has_motor(system: System, item: Coordinate) -> bool:
+    """Whether an electric motor drives a coordinate."""
+    return any(
+        part.element.kind.id in ("motor", "linear_motor")
+        and system.leader_of(part.element.ports["on"]) is item
+        for part in system.parts.values()
+    )
+
+
 def _is_fed_unknown(system: System, node: str, found: set[str]) -> bool:
     """Whether a pump or a valve moves a node's oil, and nothing says how."""
     for part in system.parts.values():
@@ -94,8 +103,12 @@ def _spread(system: System, found: set[str], imposed: set[str]) -> None:
         kind, ports = part.element.kind.id, part.element.ports
         if kind in ("motor", "linear_motor") and part.name in found:
             found.add(system.leader_of(ports["on"]).name)
-        elif kind == "pump" and system.leader_of(ports["on"]).name in found:
-            found |= {ports["from"], ports["to"]}
+        elif kind == "pump":
+            shaft, served = system.leader_of(ports["on"]), {ports["from"], ports["to"]}
+            if shaft.name in found:
+                found |= served
+            elif served <= found and not _has_motor(system, shaft):
+                found.add(shaft.name)  # the oil turns it
         elif kind == "spool_valve" and part.name in found:
             found |= {ports["a"], ports["b"]}
         elif kind == "cylinder":

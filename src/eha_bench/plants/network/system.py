@@ -17,9 +17,11 @@ from typing import Any
 
 from eha_bench.core import units
 from eha_bench.core.channels import unit_of as unit_of_channel
+from eha_bench.core.error_text import error_text
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
 from eha_bench.plants.network.element import (
+    HYDRAULIC,
     MECHANICAL,
     Anatomy,
     Command,
@@ -180,7 +182,12 @@ class System:
         used = {
             f"input:{item.port}" for item in self.network.inputs.values() if item.of == element.name
         }
-        anatomy = element.kind.anatomy(frozenset(element.values) | used)
+        try:
+            anatomy = element.kind.anatomy(frozenset(element.values) | used)
+        except Exception as error:
+            raise PluginError(
+                f"the anatomy of the element kind '{element.kind.id}' fails ({error_text(error)})"
+            ) from error
         ports = [port.name for port in element.kind.ports]
         for port in (port for item in anatomy.contributions for port in ports_of(item)):
             if port not in ports:
@@ -685,8 +692,23 @@ class System:
         if name == "t":
             return "t"
         raise PluginError(
-            f"the element kind '{part.element.kind.id}' asks for '{name}', which it does not have"
+            f"the element kind '{part.element.kind.id}' asks for '{name}', which it does not have",
+            hint=f"it has: {', '.join(self._offered(part, extra))}",
         )
+
+    def _offered(self, part: BoundElement, extra: Mapping[str, str]) -> list[str]:
+        """Return what a law of an element may name."""
+        nodes = part.element.ports.items()
+        moving = [port for port, node in nodes if self.network.nodes[node].kind in MECHANICAL]
+        ends = [f"_{port}" for port in moving] if len(moving) > 1 else [""] * len(moving)
+        return [
+            *(item.name for item in part.anatomy.parameters),
+            *(item.name for item in part.anatomy.signals),
+            *(f"{what}{end}" for end in ends for what in ("speed", "position")),
+            *(f"p_{port}" for port, node in nodes if self.network.nodes[node].kind in HYDRAULIC),
+            *extra,
+            "t",
+        ]
 
     def _of_motion(self, part: BoundElement, name: str) -> str | None:
         """Return the expression of a quantity of the nodes that an element moves, None for none."""

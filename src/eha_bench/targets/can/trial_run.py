@@ -13,6 +13,7 @@ import numpy as np
 from eha_bench.control.controller import as_command
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
+from eha_bench.core.error_text import error_text
 from eha_bench.core.errors import EhaBenchError, RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Bypass, Piston
@@ -22,7 +23,6 @@ from eha_bench.targets.can.link import Link, NotThere
 from eha_bench.targets.can.pacing import LoopHealth, Pacer
 from eha_bench.targets.can.plan import DrivePlan
 from eha_bench.targets.can.start_checks import StartCheck
-from eha_bench.targets.crash import error_text
 from eha_bench.targets.target import Ending, Outcome, Stopping
 
 POSITION_UNITS = ("m", "rad")
