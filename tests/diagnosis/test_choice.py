@@ -155,6 +155,20 @@ def test_another_is_as_good_where_runs_left_out_do_not_prefer_the_chosen_one(
     assert equivalent.is_as_good(other, chosen, 1000.0, search.groups) is equal
 
 
+@pytest.mark.parametrize(
+    ("p_value", "looked_since", "again"),
+    [(1e-9, False, True), (1e-9, True, False), (0.01, False, False)],
+)
+def test_what_was_refused_for_its_share_is_looked_at_again_with_other_noise(
+    search: Search, p_value: float, looked_since: bool, again: bool
+) -> None:
+    item = trial(search, RIVAL, search.fit.cost - 1000.0)
+    item = replace(item, comparison=replace(item.comparison, share=0.1, p_value=p_value))
+    search.looks.append([item])
+    search.looked_from = search.fit if looked_since else None
+    assert stepwise._refused_for_its_share(search, Thresholds()) is again
+
+
 class Peaks:
     """Residuals of a model without a relief valve, which opens above 7.65 MPa in the machine."""
 

@@ -33,8 +33,9 @@ from eha_bench.diagnosis.search.state import Search
 
 _LITTLE = 0.2
 """Excess in the noise's cost: zeros that wander by 0.4 of the noise leave about as much."""
-_MUCH = 2.0
-"""Excess in the noise's cost of a filter's noise, whose differences hold a third of its power."""
+_MUCH = 4.0
+"""Excess in the noise's cost of a filter's noise, whose differences hold a fifth of its power: it
+then remembers for four samples."""
 _FOLLOWED = 0.15
 """Share of it from which a curve follows something: noise follows nothing."""
 _LEFT = 0.5

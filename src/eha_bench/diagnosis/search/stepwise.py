@@ -97,7 +97,7 @@ def run(search: Search, progress: ProgressHook, *, thresholds: Thresholds | None
 def _grow(search: Search, limits: Thresholds, progress: ProgressHook) -> None:
     """Add one effect after the other until nothing more is found."""
     for _ in range(MOST_EFFECTS - len(search.accepted)):
-        if search.looks and not _worth_a_look(search):
+        if search.looks and not (_worth_a_look(search) or _refused_for_its_share(search, limits)):
             return
         progress("search", len(search.accepted) / (MOST_EFFECTS + 1))
         trials = _looked(search)
@@ -124,6 +124,18 @@ def _worth_a_look(search: Search) -> bool:
     """Whether enough is left to distinguish another cause from what a fit leaves over."""
     left = search.excess_left
     return left.relative > _WORTH and left.significance > REST_SIGNIFICANCE
+
+
+def _refused_for_its_share(search: Search, limits: Thresholds) -> bool:
+    """Whether something was sure in the last look, of an excess that was told by other noise."""
+    if search.looked_from is not None:
+        return False
+    added = {item.start.candidate for item in search.accepted}
+    return any(
+        limits.allow(item.comparison)
+        for item in search.looks[-1]
+        if not item.start.mundane and item.candidate not in added
+    )
 
 
 def _much_stays(search: Search, finals: Sequence[Refit]) -> bool:
