@@ -87,6 +87,8 @@ def test_a_share_is_asked_where_it_is_known(
     found = replace(GAINED, gain=gain, gain_out=gain, share=0.2, share_out=0.2, p_value=p_value)
     before = replace(search.excess_base, size=10000, significance=significance)
     assert Thresholds().is_enough(found, before, 0) is enough
+    # beside another effect a gain has to be a share
+    assert not Thresholds().is_enough(found, before, 1)
 
 
 @pytest.mark.parametrize(

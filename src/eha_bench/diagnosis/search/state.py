@@ -184,10 +184,14 @@ class Thresholds:
         return self.first if not others and self.is_much(before) else self.share
 
     def is_enough(self, found: Improvement, before: Excess, others: int) -> bool:
-        """Whether a gain is enough of an excess, or clear where that may be the noise's level."""
+        """Whether a gain is enough of an excess, or clear where that may be the noise's level.
+
+        Beside another effect it has to be enough: what that leaves is more likely its form.
+        """
         if min(found.share, found.share_out) > self.least_share(before, others):
             return True
-        return before.significance <= REST_SIGNIFICANCE and self.is_clear(found, before.size)
+        level = before.significance <= REST_SIGNIFICANCE and not others
+        return level and self.is_clear(found, before.size)
 
     def is_much(self, missing: Excess) -> bool:
         """Whether so much is missing that a remainder is to be expected."""
