@@ -120,7 +120,7 @@ def test_only_a_little_that_nothing_explains_may_be_the_sensors_own(
     )
 
 
-@pytest.mark.parametrize(("relative", "significance"), [(2.5, 40.0), (0.05, 5.0)])
+@pytest.mark.parametrize(("relative", "significance"), [(4.5, 40.0), (0.05, 5.0)])
 def test_noise_is_told_from_a_fit_only_where_a_little_with_structure_is_left(
     monkeypatch: pytest.MonkeyPatch, relative: float, significance: float
 ) -> None:
@@ -132,7 +132,7 @@ def test_noise_is_told_from_a_fit_only_where_a_little_with_structure_is_left(
     assert found is None
 
 
-@pytest.mark.parametrize(("relative", "significance"), [(1.5, 40.0), (-0.1, 0.0)])
+@pytest.mark.parametrize(("relative", "significance"), [(3.5, 40.0), (-0.1, 0.0)])
 def test_noise_is_asked_of_a_fit_that_leaves_structure_or_less_than_the_noise(
     monkeypatch: pytest.MonkeyPatch, relative: float, significance: float
 ) -> None:
