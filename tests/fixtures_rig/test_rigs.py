@@ -254,7 +254,7 @@ def test_the_same_plan_gives_the_same_bytes_of_a_foreign_plant(
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[] if name == "geared_servo" else [pytest.mark.slow])
+        pytest.param(name, marks=() if name == "geared_servo" else pytest.mark.slow)
         for name in PLANTS
     ],
 )

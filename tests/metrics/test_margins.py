@@ -83,7 +83,15 @@ def test_margins_are_not_guessed_where_the_loop_was_not_excited():
         GainMargin().of(measured(1 / (S * (S + 1)), GRID))
 
 
-@pytest.mark.parametrize("metric", [GainMargin, PhaseMargin, ResonancePeak, ResonanceFrequency])
+@pytest.mark.parametrize(
+    "metric",
+    [
+        GainMargin,
+        pytest.param(PhaseMargin, marks=pytest.mark.slow),
+        pytest.param(ResonancePeak, marks=pytest.mark.slow),
+        pytest.param(ResonanceFrequency, marks=pytest.mark.slow),
+    ],
+)
 def test_intervals_hold_the_truth(metric):
     loop, rng = LOOPS["third order"], np.random.default_rng(5)
     truth = metric().of(measured(loop, np.geomspace(0.01, 2.0, 400))).value

@@ -29,7 +29,14 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
+FEW = ("white", "mean of three")
+"""Noise without and with a memory, in the fast tests."""
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=() if kind in FEW else pytest.mark.slow) for kind in KINDS],
+)
 def test_intervals_of_a_mean_hold_it(kind):
     rng = np.random.default_rng(7)
     held = []

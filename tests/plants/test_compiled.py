@@ -27,6 +27,7 @@ def _covariance(a):
     return np.cov(a)
 
 
+@pytest.mark.slow  # compiles
 def test_linear_algebra_is_there_for_who_compiles_it() -> None:
     a = np.random.default_rng(0).normal(size=(3, 3))
     np.testing.assert_allclose(_product(a, a), a @ a)

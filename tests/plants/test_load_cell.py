@@ -30,6 +30,7 @@ def test_both_sides_feel_the_same_force() -> None:
     assert back(**state) == -passed(**state)
 
 
+@pytest.mark.slow  # compiles a kernel
 def test_a_rod_is_pulled_to_and_fro_against_its_friction(tmp_path: Path) -> None:
     (tmp_path / "plant.yaml").write_text(RIG)
     plant = load_plant(tmp_path / "plant.yaml")

@@ -50,6 +50,7 @@ def nrmse(found: FloatArray, known: FloatArray) -> float:
     return float(np.sqrt(np.mean((found - known) ** 2)) / np.ptp(known))
 
 
+@pytest.mark.slow
 def test_valve_cylinder_agrees_with_an_implicit_solver() -> None:
     """Servo valve of second order, square-root lands, compressible chambers and inlet."""
     time = np.arange(0.0, 0.2, 2e-3)
@@ -141,6 +142,7 @@ def test_single_rod_eha_agrees_with_an_implicit_solver() -> None:
             assert nrmse(found[name], known[k]) < 2e-3, name
 
 
+@pytest.mark.slow
 def test_geared_servo_agrees_with_an_implicit_solver() -> None:
     """Duty times supply against back-EMF, through a rigid gear, on a pendulum."""
     time = np.arange(0.0, 0.4, 2e-3)

@@ -218,7 +218,14 @@ RIGS = {
 }
 
 
-@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize(
+    "rig",
+    [
+        pytest.param("valve and cylinder", marks=pytest.mark.slow),
+        pytest.param("geared servo", marks=pytest.mark.slow),
+        "linear drive",
+    ],
+)
 def test_a_sweep_of_any_network_is_many_simulations(rig: str, repository: Path) -> None:
     path, command, amplitude = RIGS[rig]
     plant = load_plant(repository / path)
@@ -277,7 +284,7 @@ CIRCUIT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("step", [20e-6, 100e-6])
+@pytest.mark.parametrize("step", [pytest.param(20e-6, marks=pytest.mark.slow), 100e-6])
 def test_a_sweep_meets_valves_that_switch(step: float) -> None:
     plant = plant_of(CIRCUIT)
     vectors = np.repeat(plant.layout.defaults()[None], 8, axis=0)
@@ -305,6 +312,7 @@ SERVO = {
 }  # fmt: skip
 
 
+@pytest.mark.slow  # compiles two kernels
 def test_a_controller_inside_a_plant_is_swept_one_by_one() -> None:
     plant = plant_of(SERVO)
     vectors = np.repeat(plant.layout.defaults()[None], 4, axis=0)

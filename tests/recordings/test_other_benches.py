@@ -281,7 +281,9 @@ def test_nothing_outside_of_an_hdf5_file_is_opened(tmp_path: Path) -> None:
     assert "unwritten (declared, but never written)" in said
 
 
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "a.mf4" else ()) for name in MADE]
+)
 def test_a_cut_file_is_one_sentence_or_says_so(tmp_path: Path, name: str) -> None:
     content = MADE[name](tmp_path / name).read_bytes()
     path = tmp_path / f"cut-{name}"

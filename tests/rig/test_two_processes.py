@@ -32,6 +32,7 @@ def wait_for(holds: Callable[[], object], seconds: float = 30.0) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_a_run_leaves_scores_recordings_and_a_drive_without_torque(
     rig: Rigs, suite: Suites, tmp_path: Path
 ) -> None:

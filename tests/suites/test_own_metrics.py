@@ -132,6 +132,7 @@ def test_arithmetic_is_what_it_says(suite, text, value):
         assert found.value == pytest.approx(value, rel=2e-4)
 
 
+@pytest.mark.slow
 def test_an_interval_holds_the_mean_of_noise_as_often_as_it_says(suite):
     (trial,) = suite("own: mean(pressure_a) / mean(pressure_b)", scores="own").trials
     rng, held, count = np.random.default_rng(0), 0, 300

@@ -57,7 +57,7 @@ trials:
 """
 
 
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("version", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_an_exported_plant_is_the_simulator(version: int, tmp_path: Path) -> None:
     from fmpy.validation import validate_fmu
 

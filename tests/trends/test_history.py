@@ -53,6 +53,7 @@ def test_a_history_is_a_site_with_links_to_every_report(tmp_path: Path) -> None:
     assert f"trends/{page.name}" in (site / "index.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow  # starts processes
 def test_metrics_judged_by_workers_are_judged_the_same(tmp_path: Path) -> None:
     for name, shift in (("night", 0.0), ("day", 0.3)):
         nights(tmp_path, [*steady(), 1.0 + shift], target=name)
