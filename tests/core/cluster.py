@@ -1,10 +1,8 @@
 """A Dask cluster of two workers on this machine, for tests."""
 
-import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,11 +36,11 @@ class Cluster:
 
     @property
     def name(self) -> str:
-        deadline = time.monotonic() + 60.0
-        while not self.file.exists():
-            assert time.monotonic() < deadline, "the scheduler does not start"
-            time.sleep(0.1)
-        return str(json.loads(self.file.read_text())["address"]).replace("tcp://", "dask://")
+        """The scheduler's address, from a file that it makes first and fills afterwards."""
+        from distributed.utils import json_load_robust
+
+        written = json_load_robust(self.file, timeout=60)
+        return str(written["address"]).replace("tcp://", "dask://")
 
     def stop(self) -> None:
         for process in self.processes:
@@ -55,12 +53,10 @@ def two_workers(folder: Path) -> Iterator[Cluster]:
     """Give a cluster once both workers are there; the test is skipped where Dask is not."""
     distributed = pytest.importorskip("distributed")
     started = Cluster(folder, 2)
-    client = distributed.Client(
-        started.name.replace("dask://", "tcp://"), timeout=60, set_as_default=False
-    )
     try:
-        client.wait_for_workers(2, timeout=60)
-        yield started
+        address = started.name.replace("dask://", "tcp://")
+        with distributed.Client(address, timeout=60, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=60)
+            yield started
     finally:
-        client.close()
         started.stop()
