@@ -1,10 +1,11 @@
 """``python -m benchmarks.next_experiment``: how often the next experiment leads to the right name.
 
-A machine with a hidden effect (`fixtures.rigs`, equations of its own) makes one slow recording.
-Where its diagnosis leaves candidates that cannot be distinguished, `eha_bench.next_experiment` is
-asked for the experiment that would tell them, within limits; the machine runs it, and both
-recordings are diagnosed. Counted: right single names, wrong ones, what was stated beside what
-happened, broken limits, bench seconds.
+A machine with a hidden effect (`benchmarks.experiment_rigs`: equations of its own) makes one short
+recording. Where its diagnosis leaves candidates that cannot be distinguished,
+`eha_bench.next_experiment` is asked for the experiment that would tell them, within limits; the
+machine runs it, and both recordings are diagnosed. Beside it the machine runs experiments of the
+same length that were planned in other ways (`--others`): by chance, and D-optimal. Counted: right
+single names, wrong ones, what was stated beside what happened, broken limits, bench seconds.
 
 A case that was done is kept in its folder, so an interrupted benchmark goes on where it stopped.
 """
@@ -14,41 +15,49 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.experiment_rigs import SAFETY, BlindRig, rigs_of
+from benchmarks.other_experiments import OtherPlanners
 from benchmarks.table import Row, write_rows
-from fixtures.rigs.case import nearly_as_declared, sized
-from fixtures.rigs.catalogue import PLANTS
-from fixtures.rigs.effect import Effect
-from fixtures.rigs.logs import WRITERS, channels_files
-from fixtures.rigs.machine import Drive, Machine, Settings
-from fixtures.rigs.plant import Plant
-from fixtures.rigs.sensors import Sensors
-from fixtures.rigs.sheet import write_plant
-from fixtures.rigs.strength import TARGET, excess
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.trial import Trial
-from eha_bench.suites import load_suite
+from eha_bench.suites import Suite, load_suite
 
 BUDGET = 30.0
 """Bench time of a proposal, s."""
 GOALS = {"right single name": 0.9, "wrong name": 0.02}
-LOOSE = {"geared_servo": (0.0, 0.0, 1.0, 0.001), "valve_cylinder": (0.0, 0.0, 10.0, 10.0 / 2048.0)}
-"""The rig's own loop switched off: what is asked for is the command."""
-SAFETY = {
-    "geared_servo": "{angle: -2.5 rad .. 2.5 rad, velocity: -9 rad/s .. 9 rad/s}",
-    "valve_cylinder": "{piston_position: -110 mm .. 110 mm, piston_velocity: -1 m/s .. 1 m/s}",
-}
-LEVELS = ("middle", "strong", "hardest")
+CHANCE, D_OPTIMAL = "by chance", "D-optimal"
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What a diagnosis named: effects, and those that cannot be distinguished from them."""
+
+    named: tuple[str, ...]
+    equivalent: tuple[str, ...]
+
+    def right(self, truth: str) -> bool:
+        """The one name that is left is the hidden effect's."""
+        return self.named == (truth,) and not self.equivalent
+
+    def wrong(self, truth: str) -> bool:
+        """Names are left, and the hidden effect's is not among them."""
+        return bool(self.named) and not self.equivalent and truth not in self.named
 
 
 @dataclass(frozen=True)
 class Case:
-    """One machine, before and after its experiment; probabilities are NaN where none was made."""
+    """One machine, before and after its experiment; probabilities are NaN where none was made.
+
+    Attributes:
+        others: way of planning -> what an experiment planned that way led to.
+    """
 
     plant: str
     truth: str
@@ -60,9 +69,9 @@ class Case:
     bench_seconds: float
     first_seconds: float
     planned_in: float
-    named: tuple[str, ...]
-    equivalent: tuple[str, ...]
+    ended: Ended
     breached: str
+    others: dict[str, Ended]
 
     @property
     def ambiguous(self) -> bool:
@@ -72,91 +81,88 @@ class Case:
     @property
     def right(self) -> bool:
         """The one name that is left is the hidden effect's."""
-        return self.named == (self.truth,) and not self.equivalent
+        return self.ended.right(self.truth)
 
     @property
     def wrong(self) -> bool:
         """One name is left, and it is another one."""
-        return bool(self.named) and not self.equivalent and self.truth not in self.named
+        return self.ended.wrong(self.truth)
+
+    @staticmethod
+    def read(path: Path) -> "Case":
+        """Read a case that was kept."""
+        content = json.loads(path.read_text())
+
+        def ended(item: dict[str, list[str]]) -> Ended:
+            return Ended(tuple(item["named"]), tuple(item["equivalent"]))
+
+        others = {name: ended(item) for name, item in content["others"].items()}
+        own = {"rivals": tuple(content["rivals"]), "ended": ended(content["ended"])}
+        return Case(**{**content, **own, "others": others})
 
 
-class Rig:
-    """A machine with one hidden effect, and what writes its logs."""
+def broken(trial: Trial, read: dict[str, FloatArray], limits: Trial) -> str:
+    """Return the first safety limit that a recording breaks; "" for none.
 
-    def __init__(self, plant: Plant, effect: Effect, number: int) -> None:
-        self.plant, self.effect = plant, effect
-        self.rng = np.random.default_rng([number, sum(effect.key.encode())])
-        base = plant.drawn(self.rng, 0.5) | nearly_as_declared(plant, self.rng)
-        base |= Settings(effect.without)
-        drives = plant.drives(self.rng)
-        target = TARGET[LEVELS[number % 2]]
-        form, size, _ = sized(excess(plant, base, drives), effect, target, self.rng)
-        self.machine = Machine(plant.kind, base | form.settings(size))
-        self.sensors = Sensors.drawn(plant, self.rng)
-        self.first = next(drive for drive in drives if drive.name == "slow_triangle")
-
-    def record(self, drive: Drive, path: Path) -> np.ndarray:
-        """Run, write a log as its sensors have it, and return what they read, (n, channels)."""
-        recorded = self.machine.run(drive)
-        inputs = recorded.inputs[:, : self.plant.inputs]
-        values = np.column_stack([inputs, self.sensors.read(recorded.readings, self.rng)])
-        WRITERS["csv"](path, self.plant, drive.time, values)
-        return values
-
-
-def drive_of(trial: Trial, plant: Plant) -> Drive:
-    """Return a trial that commands the plant as the rig takes it."""
-    clock = trial.clock()
-    reference, forward = np.zeros(clock.size), trial.reference(clock)
-    return Drive(trial.id, "train", clock - clock[0], reference, forward, LOOSE[plant.name])
-
-
-def broken(trial: Trial, plant: Plant, values: np.ndarray) -> str:
-    """Return the first safety limit that a recording breaks; "" for none."""
-    names = [channel.name for channel in plant.channels]
-    for limit in trial.safety:
-        if limit.channel in names:
-            read = values[:, names.index(limit.channel)]
-            if not all(limit.bounds.holds(float(end)) for end in (read.min(), read.max())):
-                return f"{limit.channel} in {trial.id}"
+    Args:
+        trial: that was run. read: channel -> what its sensor read. limits: a trial that has them.
+    """
+    for limit in limits.safety:
+        if limit.channel in read:
+            values = read[limit.channel]
+            ends = float(values.min()), float(values.max())
+            if not all(limit.bounds.holds(end) for end in ends):
+                return f"{limit.channel} in {trial.id}: {ends[0]:.6g} to {ends[1]:.6g}"
     return ""
 
 
-def run_case(plant: Plant, effect: Effect, number: int, folder: Path) -> Case:
+def performed(rig: BlindRig, folder: Path, suite: Suite, name: str) -> tuple[Path, str]:
+    """Run a suite on the machine; return the dataset with it, and the limit that it broke."""
+    rows, breached = [], ""
+    limits = load_suite(folder / "safe.yaml").trials[0]
+    for trial in suite.trials:
+        row, read = rig.perform(trial, folder / f"{name}_{trial.id}")
+        rows.append(row)
+        breached = breached or broken(trial, read, limits)
+    return rig.dataset(folder, f"{name}.yaml", rows), breached
+
+
+def diagnosed(dataset: Path, folder: Path) -> Ended:
+    """Diagnose, and return what was named."""
+    import eha_bench
+
+    found = eha_bench.diagnose(dataset, folder)
+    return Ended(
+        tuple(item.id for item in found.effects),
+        tuple(name for group in found.equivalent for name in group),
+    )
+
+
+def run_case(
+    plant: str,
+    machine: Callable[[int], BlindRig],
+    number: int,
+    folder: Path,
+    others: Sequence[str],
+) -> Case:
     """Record, diagnose, plan, run and diagnose again."""
     import eha_bench
 
     kept = folder / "case.json"
     if kept.exists():
-        content = json.loads(kept.read_text())
-        lists = {key: tuple(content[key]) for key in ("rivals", "named", "equivalent")}
-        return Case(**{**content, **lists})
+        return Case.read(kept)
     folder.mkdir(parents=True, exist_ok=True)
-    rig = Rig(plant, effect, number)
-    rig.record(rig.first, folder / "first.csv")
-    (folder / "channels.yaml").write_text(channels_files(plant)["channels_csv.yaml"])
-    missing = effect.undeclared_in_plant or effect.undeclared
-    write_plant(plant.name, folder / "plant.yaml", list(missing))
-    inputs = [channel.name for channel in plant.channels[: plant.inputs]]
-    (folder / "safe.yaml").write_text(
-        f"name: safe\ndefaults: {{safety: {SAFETY[plant.name]}}}\ntrials:\n"
-        f"  - {{id: rest, mode: {inputs[0]}, duration: 1 s, "
-        "signal: {kind: constant, value: 0}}\n"
-    )
-
-    def dataset(name: str, logs: Sequence[str]) -> Path:
-        runs = "".join(f"  - {{log: {log}, use: train}}\n" for log in logs)
-        path = folder / name
-        path.write_text(
-            f"model: plant.yaml\nchannels: channels.yaml\ninputs: [{', '.join(inputs)}]\n"
-            f"runs:\n{runs}"
-        )
-        return path
-
-    found = eha_bench.diagnose(dataset("dataset.yaml", ["first.csv"]), folder / "before")
+    rig = machine(number)
+    dataset = rig.record_first(folder)
+    (folder / "safe.yaml").write_text(rig.safety(plant))
+    found = eha_bench.diagnose(dataset, folder / "before")
     rivals = tuple(item.id for item in found.rivals if item.standing != "runner_up")
+    after = Ended(
+        tuple(item.id for item in found.effects),
+        tuple(name for group in found.equivalent for name in group),
+    )
     ending, stated, wrong, seconds, took, breached = "", np.nan, np.nan, 0.0, 0.0, ""
-    after = found
+    beside: dict[str, Ended] = {}
     if len(rivals) > 1:
         began = time.perf_counter()
         planned = eha_bench.next_experiment(
@@ -166,16 +172,21 @@ def run_case(plant: Plant, effect: Effect, number: int, folder: Path) -> Case:
         if planned.odds is not None:
             stated, wrong = planned.odds.right, planned.odds.wrong
         if ending == "proposed":
-            logs, seconds = ["first.csv"], planned.bench_seconds
-            for trial in load_suite(folder / "next.yaml").trials:
-                values = rig.record(drive_of(trial, plant), folder / f"{trial.id}.csv")
-                breached = breached or broken(trial, plant, values)
-                logs.append(f"{trial.id}.csv")
-            after = eha_bench.diagnose(dataset("dataset_2.yaml", logs), folder / "after")
+            seconds = planned.bench_seconds
+            more, breached = performed(rig, folder, load_suite(folder / "next.yaml"), "planned")
+            after = diagnosed(more, folder / "after")
+            planners = OtherPlanners(folder / "before", folder / "safe.yaml", seconds, number)
+            ways = {CHANCE: planners.by_chance, D_OPTIMAL: planners.d_optimal}
+            for place, way in enumerate(others):
+                suite = ways[way]()
+                if suite is None:
+                    beside[way] = Ended((), ())
+                    continue
+                more, _ = performed(rig, folder, suite, f"other_{place}")
+                beside[way] = diagnosed(more, folder / f"after_{place}")
     done = Case(
-        plant.name, effect.id, number, rivals, ending, float(stated), float(wrong), seconds,
-        float(rig.first.time[-1]), took, tuple(item.id for item in after.effects),
-        tuple(name for group in after.equivalent for name in group), breached,
+        plant, rig.truth, number, rivals, ending, float(stated), float(wrong), seconds,
+        rig.first_seconds, took, after, breached, beside,
     )  # fmt: skip
     kept.write_text(json.dumps(asdict(done)))
     return done
@@ -202,6 +213,14 @@ def table(cases: Sequence[Case]) -> tuple[dict[str, Any], list[str]]:
             if (own := [c for c in ran if low <= min(9.99, 10 * c.stated) < low + 1])
         ],
     }  # fmt: skip
+    for way in sorted({way for case in ran for way in case.others}):
+        own = [case for case in ran if way in case.others]
+        figures[way] = {
+            "cases": len(own),
+            "right single name": sum(c.others[way].right(c.truth) for c in own) / len(own),
+            "wrong name": sum(c.others[way].wrong(c.truth) for c in own) / len(own),
+            "the proposals of these": sum(c.right for c in own) / len(own),
+        }
     lines = []
     for case in cases:
         verdict = "right" if case.right else "WRONG" if case.wrong else "open"
@@ -211,8 +230,12 @@ def table(cases: Sequence[Case]) -> tuple[dict[str, Any], list[str]]:
         lines.append(
             f"{case.plant}, {case.truth} ({case.number}): {' / '.join(case.rivals)} -> "
             f"{case.ending or 'nothing to separate'} ({told}) -> "
-            f"{'+'.join(case.named) or 'none'} {case.equivalent or ''} "
+            f"{'+'.join(case.ended.named) or 'none'} {case.ended.equivalent or ''} "
             + (verdict if case.ambiguous else "")
+            + "".join(
+                f"; {way} {'right' if item.right(case.truth) else '-'}"
+                for way, item in case.others.items()
+            )
             + (f" BROKE {case.breached}" if case.breached else "")
         )
     return figures, lines
@@ -223,9 +246,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.next_experiment",
                                      description=__doc__)  # fmt: skip
     parser.add_argument("--quick", action="store_true", help="one machine, two effects")
-    parser.add_argument("--plants", nargs="+", choices=sorted(LOOSE), default=sorted(LOOSE))
+    parser.add_argument("--plants", nargs="+", choices=sorted(SAFETY), default=sorted(SAFETY))
     parser.add_argument("--cases", type=int, default=3, help="machines an effect")
+    parser.add_argument("--first", type=int, default=0, help="number of the first machine")
     parser.add_argument("--effects", nargs="+", help="ids; all listed ones by default")
+    parser.add_argument("--foreign", action="store_true", help="effects that no diagnosis knows")
+    parser.add_argument("--others", nargs="*", choices=[CHANCE, D_OPTIMAL],
+                        default=[CHANCE, D_OPTIMAL])  # fmt: skip
     parser.add_argument("--out", type=Path, help="folder of cases; one given goes on with it")
     parser.add_argument("--minutes", type=float, default=np.inf, help="begin no case after these")
     parser.add_argument("--json", type=Path)
@@ -234,19 +261,19 @@ def main() -> int:
     wanted = given.effects
     if given.quick:
         plants, cases = ["geared_servo"], 1
-        wanted = wanted or ["asymmetric_friction", "command_delay"]  # fmt: skip
+        wanted = wanted or ["asymmetric_friction", "command_delay"]
     out = given.out or Path(tempfile.mkdtemp())
     began = time.perf_counter()
     done: list[Case] = []
-    for number in range(cases):
-        for name in plants:
-            for effect in PLANTS[name].listed:
-                if wanted and effect.id not in wanted:
+    for number in range(given.first, given.first + cases):
+        for plant in plants:
+            for key, machine in rigs_of(plant, foreign=given.foreign).items():
+                if wanted and key.partition(".")[0] not in wanted:
                     continue
                 if time.perf_counter() - began > 60.0 * given.minutes:
                     continue
-                folder = out / f"{name}-{effect.key}-{number}"
-                done.append(run_case(PLANTS[name], effect, number, folder))
+                folder = out / f"{plant}-{key}-{number}"
+                done.append(run_case(plant, machine, number, folder, given.others))
                 print(table(done[-1:])[1][0], flush=True)
     figures, _ = table(done)
     print(json.dumps(figures, indent=1))
@@ -273,6 +300,12 @@ def rows_from(figures: dict[str, Any]) -> list[Row]:
                 BUDGET),
             Row("time to find it, median", figures["planned in, s, median"], "s", "<", 60.0),
         ]  # fmt: skip
+    rows += [
+        Row(f"the one name left is right, {way}", 100.0 * figures[way]["right single name"], "%",
+            note=f"of {figures[way]['cases']}, where the proposals reach "
+            f"{figures[way]['the proposals of these']:.0%}")
+        for way in (CHANCE, D_OPTIMAL) if way in figures
+    ]  # fmt: skip
     return [*rows, Row("limits broken by proposals", figures["limits broken"], "", "<", 0.0)]
 
 

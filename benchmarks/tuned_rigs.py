@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.next_experiment import Rig as ForeignRig
+from benchmarks.experiment_rigs import ForeignRig
 from benchmarks.rig_loop import Rig, RigSimulator
 from benchmarks.table import Row, write_rows
 from fixtures.rig.case import Conditions, draw_hidden, draw_true, record_case
