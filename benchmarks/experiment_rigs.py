@@ -66,14 +66,14 @@ class BlindRig(ABC):
     """One machine.
 
     Attributes:
-        truth: id of what is hidden in it. listed: whether a diagnosis can know its name.
+        truth: id of what is hidden in it. variables: what that follows.
         first_seconds: length of its first recording.
     """
 
     setups: ClassVar[tuple[tuple[str, str], ...]] = (("free", "closed"),)
 
-    def __init__(self, truth: str, listed: bool) -> None:
-        self.truth, self.listed = truth, listed
+    def __init__(self, truth: str, variables: Sequence[str]) -> None:
+        self.truth, self.variables = truth, tuple(variables)
         self.first_seconds = 0.0
 
     @abstractmethod
@@ -130,7 +130,7 @@ class ForeignRig(BlindRig):
     """A machine of one of the foreign plants."""
 
     def __init__(self, plant: Plant, effect: Effect, number: int) -> None:
-        super().__init__(effect.id, effect in plant.listed)
+        super().__init__(effect.id, effect.variables)
         self.plant, self.effect = plant, effect
         self.rng = np.random.default_rng([number, sum(effect.key.encode())])
         base = plant.drawn(self.rng, 0.5) | nearly_as_declared(plant, self.rng)
@@ -215,7 +215,7 @@ class KneeRig(BlindRig):
     mode = "current"
 
     def __init__(self, effect: Hidden, number: int) -> None:
-        super().__init__(effect.id, effect in KNEE_LISTED)
+        super().__init__(effect.id, effect.variables)
         self.effect = effect
         self.rng = np.random.default_rng([number, sum(effect.key.encode()), 3])
         self.calibrate = tuple(name for name in CALIBRATED if name not in effect.undeclared)

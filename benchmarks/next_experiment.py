@@ -36,19 +36,31 @@ CHANCE, D_OPTIMAL = "by chance", "D-optimal"
 
 
 @dataclass(frozen=True)
+class Truth:
+    """What is hidden: its name, and what it follows."""
+
+    name: str
+    variables: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Ended:
-    """What a diagnosis named: effects, and those that cannot be distinguished from them."""
+    """How a diagnosis ended: its causes, one after the other where it cannot distinguish them."""
 
-    named: tuple[str, ...]
-    equivalent: tuple[str, ...]
+    verdict: str
+    causes: tuple[str, ...]
 
-    def right(self, truth: str) -> bool:
-        """The one name that is left is the hidden effect's."""
-        return self.named == (truth,) and not self.equivalent
+    def right(self, truth: Truth) -> bool:
+        """Whether one cause is left: the hidden one, or a curve of what that follows."""
+        if len(self.causes) != 1:
+            return False
+        curves = {f"learned of {name}" for name in truth.variables}
+        return self.causes[0] == truth.name or self.causes[0] in curves
 
-    def wrong(self, truth: str) -> bool:
-        """Names are left, and the hidden effect's is not among them."""
-        return bool(self.named) and not self.equivalent and truth not in self.named
+    def wrong(self, truth: Truth) -> bool:
+        """Whether one cause is named, and the hidden one is not in it."""
+        named = self.verdict == "effect" and len(self.causes) == 1
+        return named and truth.name not in self.causes[0].split("+")
 
 
 @dataclass(frozen=True)
@@ -60,9 +72,9 @@ class Case:
     """
 
     plant: str
-    truth: str
+    truth: Truth
     number: int
-    rivals: tuple[str, ...]
+    before: Ended
     ending: str
     stated: float
     stated_wrong: float
@@ -76,16 +88,21 @@ class Case:
     @property
     def ambiguous(self) -> bool:
         """Whether the first recording left more than one candidate."""
-        return len(self.rivals) > 1
+        return len(self.before.causes) > 1
+
+    @property
+    def covered(self) -> bool:
+        """Whether the hidden cause is one of the rivals: what is stated supposes it."""
+        return any(Ended("effect", (cause,)).right(self.truth) for cause in self.before.causes)
 
     @property
     def right(self) -> bool:
-        """The one name that is left is the hidden effect's."""
+        """Whether one cause is left, and it is the hidden one."""
         return self.ended.right(self.truth)
 
     @property
     def wrong(self) -> bool:
-        """One name is left, and it is another one."""
+        """Whether one cause is named, and it is another one."""
         return self.ended.wrong(self.truth)
 
     @staticmethod
@@ -93,11 +110,12 @@ class Case:
         """Read a case that was kept."""
         content = json.loads(path.read_text())
 
-        def ended(item: dict[str, list[str]]) -> Ended:
-            return Ended(tuple(item["named"]), tuple(item["equivalent"]))
+        def ended(item: dict[str, Any]) -> Ended:
+            return Ended(item["verdict"], tuple(item["causes"]))
 
+        truth = Truth(content["truth"]["name"], tuple(content["truth"]["variables"]))
+        own = {"truth": truth, "before": ended(content["before"]), "ended": ended(content["ended"])}
         others = {name: ended(item) for name, item in content["others"].items()}
-        own = {"rivals": tuple(content["rivals"]), "ended": ended(content["ended"])}
         return Case(**{**content, **own, "others": others})
 
 
@@ -128,14 +146,12 @@ def performed(rig: BlindRig, folder: Path, suite: Suite, name: str) -> tuple[Pat
 
 
 def diagnosed(dataset: Path, folder: Path) -> Ended:
-    """Diagnose, and return what was named."""
+    """Diagnose, and return how that ended."""
     import eha_bench
 
     found = eha_bench.diagnose(dataset, folder)
-    return Ended(
-        tuple(item.id for item in found.effects),
-        tuple(name for group in found.equivalent for name in group),
-    )
+    left = [item.cause for item in found.rivals if item.standing != "runner_up"]
+    return Ended(found.verdict.value, tuple(dict.fromkeys(left)))
 
 
 def run_case(
@@ -155,15 +171,10 @@ def run_case(
     rig = machine(number)
     dataset = rig.record_first(folder)
     (folder / "safe.yaml").write_text(rig.safety(plant))
-    found = eha_bench.diagnose(dataset, folder / "before")
-    rivals = tuple(item.id for item in found.rivals if item.standing != "runner_up")
-    after = Ended(
-        tuple(item.id for item in found.effects),
-        tuple(name for group in found.equivalent for name in group),
-    )
+    before = after = diagnosed(dataset, folder / "before")
     ending, stated, wrong, seconds, took, breached = "", np.nan, np.nan, 0.0, 0.0, ""
     beside: dict[str, Ended] = {}
-    if len(rivals) > 1:
+    if len(before.causes) > 1:
         began = time.perf_counter()
         planned = eha_bench.next_experiment(
             folder / "before", folder / "next.yaml", budget=BUDGET, safety=folder / "safe.yaml"
@@ -180,13 +191,13 @@ def run_case(
             for place, way in enumerate(others):
                 suite = ways[way]()
                 if suite is None:
-                    beside[way] = Ended((), ())
+                    beside[way] = before
                     continue
                 more, _ = performed(rig, folder, suite, f"other_{place}")
                 beside[way] = diagnosed(more, folder / f"after_{place}")
     done = Case(
-        plant, rig.truth, number, rivals, ending, float(stated), float(wrong), seconds,
-        rig.first_seconds, took, after, breached, beside,
+        plant, Truth(rig.truth, rig.variables), number, before, ending, float(stated),
+        float(wrong), seconds, rig.first_seconds, took, after, breached, beside,
     )  # fmt: skip
     kept.write_text(json.dumps(asdict(done)))
     return done
@@ -203,6 +214,11 @@ def table(cases: Sequence[Case]) -> tuple[dict[str, Any], list[str]]:
         "proposed": len(ran),
         "right single name": sum(case.right for case in ran) / count if ran else None,
         "wrong name": sum(case.wrong for case in ran) / count if ran else None,
+        "hidden cause among the rivals": sum(case.covered for case in ran),
+        "right single name, of these": (
+            sum(case.right for case in ran if case.covered)
+            / max(1, sum(case.covered for case in ran))
+        ),
         "limits broken": sum(bool(case.breached) for case in ran),
         "bench seconds, median": float(np.median([c.bench_seconds for c in ran])) if ran else None,
         "planned in, s, median": float(np.median([c.planned_in for c in ran])) if ran else None,
@@ -210,7 +226,7 @@ def table(cases: Sequence[Case]) -> tuple[dict[str, Any], list[str]]:
             {"from": low / 10, "cases": len(own), "stated": float(np.mean([c.stated for c in own])),
              "happened": sum(c.right for c in own) / len(own)}
             for low in range(10)
-            if (own := [c for c in ran if low <= min(9.99, 10 * c.stated) < low + 1])
+            if (own := [c for c in ran if c.covered and low <= min(9.99, 10 * c.stated) < low + 1])
         ],
     }  # fmt: skip
     for way in sorted({way for case in ran for way in case.others}):
@@ -228,9 +244,9 @@ def table(cases: Sequence[Case]) -> tuple[dict[str, Any], list[str]]:
         if case.ending:
             told = f"{case.stated:.0%} stated, {case.bench_seconds:.2g} s"
         lines.append(
-            f"{case.plant}, {case.truth} ({case.number}): {' / '.join(case.rivals)} -> "
+            f"{case.plant}, {case.truth.name} ({case.number}): {' / '.join(case.before.causes)} -> "
             f"{case.ending or 'nothing to separate'} ({told}) -> "
-            f"{'+'.join(case.ended.named) or 'none'} {case.ended.equivalent or ''} "
+            f"{' / '.join(case.ended.causes)} "
             + (verdict if case.ambiguous else "")
             + "".join(
                 f"; {way} {'right' if item.right(case.truth) else '-'}"

@@ -18,9 +18,8 @@ from eha_bench.experiment.candidates import (
     varied,
 )
 from eha_bench.experiment.decision import inner_products, layout_of
-from eha_bench.experiment.hypothesis import read_question
+from eha_bench.experiment.hypothesis import compared, read_question
 from eha_bench.experiment.permitted import mode_of, permitted
-from eha_bench.experiment.propose import MOST_RIVALS
 from eha_bench.experiment.response import Bench, Responses, respond
 from eha_bench.suites import Suite, load_suite
 
@@ -38,7 +37,7 @@ class OtherPlanners:
 
     def __init__(self, diagnosis: Path, safety: Path, seconds: float, seed: int) -> None:
         question = read_question(diagnosis)
-        self.rivals = question.rivals[:MOST_RIVALS]
+        self.rivals = compared(question.rivals)
         plant = self.rivals[0].model.plant
         self.plant = plant
         self.bench = Bench.of(question.covered, plant.outputs, plant.command)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,15 +21,12 @@ from eha_bench.experiment.decision import _least_costs as least_costs
 from eha_bench.experiment.response import _furthest as furthest
 
 
-class Named:
-    """A rival of which only the name counts."""
-
-    def __init__(self, name: str) -> None:
-        self.id = name
-
-
 def linear(
-    rng: np.random.Generator, means: Sequence[FloatArray], slopes: Sequence[FloatArray], draws: int
+    rng: np.random.Generator,
+    means: Sequence[FloatArray],
+    slopes: Sequence[FloatArray],
+    draws: int,
+    causes: str = "",
 ) -> tuple[DrawRows, FloatArray, list[FloatArray]]:
     """Return layout and rows of rivals y = mean + slopes z, with noise below."""
     z = [np.vstack([np.zeros(j.shape[1]), rng.standard_normal((draws, j.shape[1]))])
@@ -38,7 +34,8 @@ def linear(
     outputs = [mean + own @ j.T for mean, j, own in zip(means, slopes, z, strict=True)]
     noise = rng.standard_normal((NOISES, means[0].size))
     rows = np.vstack([*outputs, *(j.T for j in slopes), noise])
-    return DrawRows(tuple(j.shape[1] for j in slopes), tuple(z)), rows, outputs
+    named = tuple(causes or map(str, range(len(slopes))))
+    return DrawRows(tuple(j.shape[1] for j in slopes), tuple(z), named), rows, outputs
 
 
 def test_the_least_cost_is_that_of_a_fit_with_the_posterior_as_prior():
@@ -83,11 +80,10 @@ def test_a_known_distance_gives_the_probability_of_normal_gains(distance: float)
     rng = np.random.default_rng(3)
     step = np.full(size, np.sqrt(distance / size))
     nothing = np.zeros((size, 1))
-    rivals: list[Any] = [Named("a"), Named("b")]
     right = []
     for _ in range(8):
         layout, rows, _ = linear(rng, [0.0 * step, step], [nothing, nothing], 0)
-        right.append(odds(rivals, layout, blocks_of(rows, blocks), 1e6)[-1].right)
+        right.append(odds(layout, blocks_of(rows, blocks), 1e6)[-1].right)
     d = distance / blocks
     gains = d + 2.0 * np.sqrt(d) * rng.standard_normal((20_000, blocks))
     whole = gains.sum(axis=1)
@@ -100,11 +96,37 @@ def test_rivals_that_predict_the_same_are_never_named():
     rng = np.random.default_rng(4)
     mean, slope = rng.standard_normal(200), rng.standard_normal((200, 2))
     layout, rows, _ = linear(rng, [mean, mean], [slope, slope], 8)
-    rivals: list[Any] = [Named("a"), Named("b")]
-    found = odds(rivals, layout, blocks_of(rows, 20), 10.0)[-1]
+    found = odds(layout, blocks_of(rows, 20), 10.0)[-1]
     assert found.right == 0.0
     assert found.wrong == 0.0
     assert shares_of_a_decision(layout, blocks_of(rows, 20))[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_forms_of_one_cause_need_not_be_told_from_one_another():
+    rng = np.random.default_rng(7)
+    here, there = np.zeros(400), np.ones(400)
+    nothing = np.zeros((400, 1))
+    means = [here, there, there]
+    layout, rows, _ = linear(rng, means, [nothing] * 3, 0, "abb")
+    found = odds(layout, blocks_of(rows, 40), 10.0)[-1]
+    assert found.right == 1.0
+    assert found.by_rival == {"a": 1.0, "b": 1.0}
+    assert distances(layout, rows @ rows.T) == pytest.approx([400.0, 400.0])
+    # as causes of their own the two alike are never told apart
+    layout, rows, _ = linear(rng, means, [nothing] * 3, 0, "abc")
+    assert odds(layout, blocks_of(rows, 40), 10.0)[-1].by_rival == {"a": 1.0, "b": 0.0, "c": 0.0}
+
+
+def test_every_cause_counts_alike_however_many_forms_it_has():
+    rng = np.random.default_rng(8)
+    near, far = np.full(400, 0.02), np.full(400, 0.5)
+    nothing = np.zeros((400, 1))
+    # one form of 'b' is as good as 'a', three are far from it: 'b' is named in three of four
+    layout, rows, _ = linear(rng, [0.0 * near, near, far, -far, 2.0 * far], [nothing] * 5, 0,
+                             "abbbb")  # fmt: skip
+    found = odds(layout, blocks_of(rows, 40), 10.0)[-1]
+    assert found.by_rival["b"] == pytest.approx(0.75)
+    assert found.right == pytest.approx(0.5 * (found.by_rival["a"] + 0.75))
 
 
 def test_a_gain_in_a_single_block_decides_nothing():
@@ -113,11 +135,10 @@ def test_a_gain_in_a_single_block_decides_nothing():
     apart[:10] = 20.0
     nothing = np.zeros((400, 1))
     layout, rows, _ = linear(rng, [np.zeros(400), apart], [nothing, nothing], 0)
-    rivals: list[Any] = [Named("a"), Named("b")]
-    assert odds(rivals, layout, blocks_of(rows, 40), 10.0)[-1].right == 0.0
+    assert odds(layout, blocks_of(rows, 40), 10.0)[-1].right == 0.0
     everywhere = np.full(400, 20.0)
     layout, rows, _ = linear(rng, [np.zeros(400), everywhere], [nothing, nothing], 0)
-    assert odds(rivals, layout, blocks_of(rows, 40), 10.0)[-1].right == 1.0
+    assert odds(layout, blocks_of(rows, 40), 10.0)[-1].right == 1.0
 
 
 def test_an_extreme_reaches_as_far_as_that_of_a_thousand_draws():

@@ -1,5 +1,6 @@
 """How surely an experiment will decide between rivals, and how well it will tell parameters.
 
+Rivals are forms of causes, and a diagnosis names causes: only those of unlike causes are compared.
 Under the rival q a recording is y = f_q(theta) + noise, theta of its posterior. About a centre
 theta_c the model is linear in standard coordinates z of that posterior, so the least cost that a
 refit reaches is min over d of |y - f_q(theta_c) - J_q d|^2 + |z_c + d|^2, which is solved for; the
@@ -53,7 +54,7 @@ class Odds:
     Attributes:
         right: probability that the right rival is named. wrong: that another one is.
         draws: how many recordings that is counted in.
-        by_rival: rival -> probability that it is named where it is the right one.
+        by_rival: cause -> probability that it is named where it is the right one.
     """
 
     right: float
@@ -68,11 +69,21 @@ class DrawRows:
 
     Attributes:
         sizes: number of fitted parameters of each rival. draws: z of each rival's draws, (k, p),
-            the first of them zero: the fitted values themselves.
+            the first of them zero: the fitted values themselves. causes: of each rival.
     """
 
     sizes: tuple[int, ...]
     draws: tuple[FloatArray, ...]
+    causes: tuple[str, ...]
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Rivals of unlike causes, two at a time."""
+        return [
+            (r, q)
+            for r, q in combinations(range(len(self.sizes)), 2)
+            if self.causes[r] != self.causes[q]
+        ]
 
     @property
     def points(self) -> tuple[FloatArray, ...]:
@@ -106,7 +117,7 @@ def layout_of(
         if rng is not None and draws:
             z[1:] = rng.standard_normal((draws, p))
         found.append(z)
-    return DrawRows(sizes, tuple(found))
+    return DrawRows(sizes, tuple(found), tuple(rival.cause for rival in rivals))
 
 
 def inner_products(
@@ -143,10 +154,10 @@ def inner_products(
 
 
 def distances(layout: DrawRows, gram: FloatArray) -> FloatArray:
-    """Return the distance of each pair of rivals, (pairs,), from one matrix of inner products."""
+    """Return the distance of each pair of unlike causes, (pairs,), from inner products."""
     outputs, slopes, _ = layout.rows()
     found = []
-    for r, q in combinations(range(len(layout.sizes)), 2):
+    for r, q in layout.pairs:
         a, b = outputs[r].start, outputs[q].start
         both = np.r_[slopes[r], slopes[q]]
         square = gram[a, a] - 2.0 * gram[a, b] + gram[b, b]
@@ -214,18 +225,18 @@ def _least_costs(layout: DrawRows, gram: FloatArray, truth: int, rival: int) -> 
     return np.asarray(cost.min(axis=2))
 
 
-def odds(
-    rivals: Sequence[Hypothesis], layout: DrawRows, grams: FloatArray, before: float
-) -> tuple[Odds, ...]:
+def odds(layout: DrawRows, grams: FloatArray, before: float) -> tuple[Odds, ...]:
     """Return how surely a diagnosis will name the right rival, after each block.
 
     Args:
-        rivals: explanations. layout: of the rows.
+        layout: of the rows.
         grams: inner products up to the end of each block, (blocks, rows, rows).
         before: length of the recordings that there are already, which rivals fit equally well, s.
     """
-    count, blocks = len(rivals), len(grams)
+    count, blocks = len(layout.sizes), len(grams)
     total = before / BLOCK + np.arange(1, blocks + 1)
+    causes = list(dict.fromkeys(layout.causes))
+    of_cause = np.array([causes.index(cause) for cause in layout.causes])
     right, wrong = np.zeros((blocks, count)), np.zeros((blocks, count))
     draws = 0
     for truth in range(count):
@@ -245,17 +256,23 @@ def odds(
             variance = np.sum(gains**2, axis=0) - whole**2 / total[block]
             sure = whole >= SURE * np.sqrt(np.maximum(variance, 1e-300))
             enough = (whole >= NAMED) & sure
-            np.put_along_axis(enough, best[None, block], True, axis=0)
+            # forms of one cause need not be told from one another
+            enough |= of_cause[:, None] == of_cause[best[block]][None, :]
             named[block] = enough.all(axis=0)
-        right[:, truth] = np.mean(named & (best == truth), axis=1)
-        wrong[:, truth] = np.mean(named & (best != truth), axis=1)
+        is_right = of_cause[best] == of_cause[truth]
+        right[:, truth] = np.mean(named & is_right, axis=1)
+        wrong[:, truth] = np.mean(named & ~is_right, axis=1)
         draws += best.shape[1]
+    # every cause counts alike, however many forms it has
+    share = np.array([[float(own == k) for own in of_cause] for k in range(len(causes))])
+    share /= share.sum(axis=1, keepdims=True)
+    by_cause, wrong_by_cause = right @ share.T, wrong @ share.T
     return tuple(
         Odds(
-            float(right[k].mean()),
-            float(wrong[k].mean()),
+            float(by_cause[k].mean()),
+            float(wrong_by_cause[k].mean()),
             draws,
-            {rival.id: float(right[k, number]) for number, rival in enumerate(rivals)},
+            {cause: float(by_cause[k, number]) for number, cause in enumerate(causes)},
         )
         for k in range(blocks)
     )

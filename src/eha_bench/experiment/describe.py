@@ -110,7 +110,7 @@ def planned(
             low, high = np.quantile(curves, [_OUTSIDE, 1.0 - _OUTSIDE], axis=0)
             own[channel] = Band(curves[0], low, high)
         bands[rival.id] = own
-    if len(rivals) > 1:
+    if layout.pairs:
         reached = np.array([float(distances(layout, gram).min()) for gram in grams])
     else:
         reached = np.zeros(len(ticks))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,11 +24,13 @@ class Hypothesis:
     """One rival explanation, ready to be simulated for draws of its posterior.
 
     Attributes:
-        id: as in diagnosis.json. standing, behind: what the data say of it already.
+        id: as in diagnosis.json. cause: what a diagnosis would name; several forms may have one.
+        standing, behind: what the data say of it already.
         model: as fitted. keys: of what was fitted, (p,). covariance: (p, p) SI.
     """
 
     id: str
+    cause: str
     standing: Standing
     behind: float
     model: Model
@@ -79,6 +81,25 @@ class Hypothesis:
         shares = np.where(size > 0.0, half / np.maximum(size, 1e-300), np.nan)
         return {key: float(share) for key, share in zip(self.keys, shares, strict=True)
                 if math.isfinite(share)}  # fmt: skip
+
+
+MOST_CAUSES = 5
+_MOST_RIVALS = 9
+
+
+def compared(rivals: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Return the rivals that an experiment is planned for: the first causes, then their forms.
+
+    Where there is one cause, its forms are nothing to separate: the first of them is returned.
+    """
+    causes = list(dict.fromkeys(item.cause for item in rivals))[:MOST_CAUSES]
+    first = [next(item for item in rivals if item.cause == cause) for cause in causes]
+    if len(first) < 2:
+        return tuple(first)
+    forms = [
+        item for item in rivals if item.cause in causes and item.id not in {own.id for own in first}
+    ]
+    return (*first, *forms[: _MOST_RIVALS - len(first)])
 
 
 @dataclass(frozen=True)
@@ -145,6 +166,7 @@ def _hypothesis(content: Mapping[str, Any], folder: Path) -> Hypothesis:
     keys = tuple(covariance["parameters"])
     return Hypothesis(
         content["id"],
+        content.get("cause", content["id"]),
         Standing(content["standing"]),
         math.nan if content["behind"] is None else float(content["behind"]),
         load_model(folder / content["model"]),

@@ -29,8 +29,8 @@ from eha_bench.experiment.decision import (
     posterior_after,
     shares_of_a_decision,
 )
-from eha_bench.experiment.hypothesis import Hypothesis, Question, read_question
-from eha_bench.experiment.propose import MOST_RIVALS, no_progress, worst_width
+from eha_bench.experiment.hypothesis import Hypothesis, Question, compared, read_question
+from eha_bench.experiment.propose import no_progress, worst_width
 from eha_bench.experiment.response import Bench, simulated
 from eha_bench.recordings import read
 from eha_bench.suites import trial_from_source
@@ -91,7 +91,7 @@ def rank(
         InputError: no diagnosis, or no recording was given.
     """
     question = read_question(diagnosis)
-    rivals = question.rivals[:MOST_RIVALS]
+    rivals = compared(question.rivals)
     plant = rivals[0].model.plant
     bench = Bench.of(question.covered, plant.outputs, plant.command)
     runs = list(_runs(question, logs, channels))
@@ -182,6 +182,6 @@ def _ranked(
     if len(rivals) == 1:
         worst = worst_width(rivals[0], posterior_after(rivals[0], layout, grams[-1], 0))
         return RankedRecording(run.name, seconds, np.nan, np.nan, (within / max(worst, 1e-12)) ** 2)
-    found = odds(rivals, layout, grams, question.covered.seconds)[-1]
+    found = odds(layout, grams, question.covered.seconds)[-1]
     reached = float(shares_of_a_decision(layout, grams)[-1])
     return RankedRecording(run.name, seconds, found.right, found.wrong, reached)

@@ -47,7 +47,7 @@ from eha_bench.experiment.decision import (
     shares_of_a_decision,
 )
 from eha_bench.experiment.describe import planned, sentence_of, words_of
-from eha_bench.experiment.hypothesis import Hypothesis, Question, read_question
+from eha_bench.experiment.hypothesis import Hypothesis, Question, compared, read_question
 from eha_bench.experiment.permitted import (
     PLANT,
     RECORDINGS,
@@ -66,7 +66,6 @@ MOST_WRONG = 0.02
 ASKED = 0.95
 WITHIN = 0.1
 """Half of a 95 % interval, as a share of the parameter, that is asked for by default."""
-MOST_RIVALS = 5
 _LONGEST = 4.0
 """Length at which experiments are compared, s; longer ones are made of several."""
 _SIZES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
@@ -143,7 +142,8 @@ class _ExperimentSearch:
     ) -> None:
         self.question, self.budget, self.progress = question, budget, progress
         self.probability, self.within, self.seed = probability, within, seed
-        self.rivals = question.rivals[:MOST_RIVALS]
+        self.rivals = compared(question.rivals)
+        self.causes = tuple(dict.fromkeys(rival.cause for rival in self.rivals))
         plant = self.rivals[0].model.plant
         if not plant.command:
             raise InputError(
@@ -184,14 +184,14 @@ class _ExperimentSearch:
                 f"none of {self.tried} experiments keeps every limit with margin "
                 f"({self.permitted.words})",
             )
-        if len(self.rivals) > 1:
+        if len(self.causes) > 1:
             return self._separating(screened)
         return self._narrowing(screened)
 
     # --- what is open ----------------------------------------------------------------------
 
     def _nothing_open(self) -> bool:
-        return len(self.rivals) < 2 and (
+        return len(self.causes) < 2 and (
             self.question.unlocated or self._worst(self.rivals[0].covariance) <= self.within
         )
 
@@ -204,7 +204,9 @@ class _ExperimentSearch:
         if not self.question.complete:
             return "the diagnosis was interrupted: run `eha-bench diagnose` again"
         rival = self.rivals[0]
-        left = f"no rival of '{rival.id}' is left" if rival.id != "none" else "no effect is missing"
+        left = "no effect is missing"
+        if rival.cause != "none":
+            left = f"no rival of '{rival.cause}' is left"
         return (
             f"nothing is open: {left}, and every parameter is known within {per_cent(self.within)}"
         )
@@ -227,13 +229,12 @@ class _ExperimentSearch:
 
     def _largest(self, candidate: Experiment) -> Experiment | None:
         """Return it at the largest size that keeps the limits at the rivals' fitted values."""
-        nominal = DrawRows(tuple(0 for _ in self.rivals), tuple(
-            np.zeros((1, len(rival.keys))) for rival in self.rivals))  # fmt: skip
+        nominal = [np.zeros((1, len(rival.keys))) for rival in self.rivals]
         limits = self.permitted.limits[candidate.setup]
         for size in _SIZES:
             item = candidate.sized(size * candidate.size)
             trial = self.plan.trials([item], ["t"])[0]
-            if respond(self.rivals, nominal.draws, trial, self.bench, limits).safe:
+            if respond(self.rivals, nominal, trial, self.bench, limits).safe:
                 return item
         return None
 
@@ -310,7 +311,7 @@ class _ExperimentSearch:
 
     def _reached(self, grams: FloatArray) -> FloatArray:
         """Return what is reached by the end of each block, as a share of what is needed."""
-        if len(self.rivals) > 1:
+        if len(self.causes) > 1:
             return shares_of_a_decision(self.layout, grams)
         worst = [self._worst(posterior_after(self.rivals[0], self.layout, gram, 0))
                  for gram in grams]  # fmt: skip
@@ -338,7 +339,7 @@ class _ExperimentSearch:
                             self.permitted.limits, self._before)  # fmt: skip
             why = (
                 f"no permitted experiment within {self.budget:g} s separates "
-                f"{' and '.join(item.id for item in self.rivals)}: the best of {self.tried} "
+                f"{' and '.join(self.causes)}: the best of {self.tried} "
                 f"experiments would name the right one in {per_cent(expected.right)} of cases"
             )
             if sensor is not None:
@@ -362,7 +363,7 @@ class _ExperimentSearch:
             if not responses.safe:
                 break
             grams = self._products(responses, layout, self._ticks(item), 50)
-            found = odds(self.rivals, layout, grams, self._before)[-1]
+            found = odds(layout, grams, self._before)[-1]
             plenty = float(distances(layout, grams[-1]).min()) >= _PLENTY
             if not (plenty and found.right >= expected.right and found.wrong <= expected.wrong):
                 break
@@ -395,7 +396,7 @@ class _ExperimentSearch:
             gone = sum(item.ticks[-1] / rate for item in first)
             if gone >= self.budget or (best is not None and best[0][0] == 0.0 < gone >= best[0][1]):
                 continue
-            after = odds(self.rivals, layout, _one_after_the_other(items), self._before)
+            after = odds(layout, _one_after_the_other(items), self._before)
             own = after[len(after) - len(last.ticks) :]
             for part, (tick, found) in enumerate(zip(last.ticks, own, strict=True)):
                 seconds = gone + tick / rate
@@ -447,12 +448,12 @@ class _ExperimentSearch:
         grams = _one_after_the_other(done)
         widths = self._widths(layout, grams[-1])
         found = None
-        if len(self.rivals) > 1:
-            found = odds(self.rivals, layout, grams, self._before)[-1]
+        if len(self.causes) > 1:
+            found = odds(layout, grams, self._before)[-1]
         proposal = Proposal(
             ProposalEnding.PROPOSED,
             "",
-            tuple(rival.id for rival in self.rivals),
+            self.causes,
             self.probability if found is not None else self.within,
             self.budget,
             self.permitted.words,
@@ -469,8 +470,10 @@ class _ExperimentSearch:
         refused = self.refused or "none"
         verb = "breaks" if self.refused <= 1 else "break"
         notes = [f"{self.tried} experiments were simulated; {refused} {verb} a limit at any size"]
-        if len(self.question.rivals) > len(self.rivals):
-            left = [item.id for item in self.question.rivals[len(self.rivals) :]]
+        left = dict.fromkeys(
+            item.cause for item in self.question.rivals if item.cause not in self.causes
+        )
+        if left:
             notes.append(
                 f"{', '.join(left)} may fit as well, but the experiment does not consider them"
             )
@@ -548,8 +551,8 @@ class _ExperimentSearch:
         return Proposal(
             ending,
             sentence,
-            tuple(rival.id for rival in self.rivals),
-            self.probability if len(self.rivals) > 1 else self.within,
+            self.causes,
+            self.probability if len(self.causes) > 1 else self.within,
             self.budget,
             self.permitted.words,
             tried=self.tried,

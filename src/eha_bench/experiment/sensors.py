@@ -52,7 +52,7 @@ def advice(
         count = responses.outputs[0].shape[1]
         ticks = [*range(block, count, block), count]
         grams = inner_products(layout, responses.outputs, plant.outputs, more, ticks, [7])
-        found = odds(rivals, layout, grams, before)[-1]
+        found = odds(layout, grams, before)[-1]
         if best is None or found.right > best.right:
             best = SensorAdvice(name, noise, plant.units.get(name, ""), found.right)
     return best

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -28,8 +29,9 @@ class Rival:
     """One explanation of the data.
 
     Attributes:
-        id: its effects, joined by `+`; `none` for none; a learned curve with what it follows.
+        cause: its effects, joined by `+`; `none` for none; a learned curve with what it follows.
         effects: ids of what the model has beyond the declared one.
+        form: what differs from the first rival of this cause, in words; "" for the first.
         standing: found, equivalent or runner-up.
         behind: by how much its cost lies above that of what was found, in squares of a standard
             deviation of the noise.
@@ -37,22 +39,29 @@ class Rival:
         covariance: of what was fitted, finite (`fit.uncertainty.posterior`).
     """
 
-    id: str
+    cause: str
     effects: tuple[str, ...]
     standing: Standing
     behind: float
     model: Model
     covariance: Covariance
+    form: str = ""
+
+    @property
+    def id(self) -> str:
+        """Its cause, and the form where that is not the first one."""
+        return f"{self.cause} ({self.form})" if self.form else self.cause
 
     @property
     def file(self) -> str:
         """Where its model.yaml stands, relative to diagnosis.json."""
-        return f"rivals/{self.id.replace(' ', '_')}.yaml"
+        return f"rivals/{re.sub(r'[^A-Za-z0-9_+.-]+', '_', self.id).strip('_')}.yaml"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in JSON."""
         return {
             "id": self.id,
+            "cause": self.cause,
             "effects": list(self.effects),
             "standing": self.standing.value,
             "behind": finite_or_none(self.behind),

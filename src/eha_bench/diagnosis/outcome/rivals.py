@@ -2,13 +2,15 @@
 
 An equivalent candidate takes the place of the effect that it equals, the others are fitted with it
 again. What came next in the same look stays as it was fitted there. Where a curve was learned, so
-are those of other variables that explain nearly as much.
+are those of other variables that explain nearly as much. Where causes cannot be distinguished, so
+are the other forms of each: what one form predicts of an experiment, another may not.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +18,12 @@ import numpy as np
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import LEARNED
+from eha_bench.diagnosis.fit.candidates import LEARNED, Start
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.uncertainty import posterior
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
+from eha_bench.diagnosis.outcome.other_forms import other_forms
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Rival, Standing
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -62,6 +65,14 @@ def other_rivals(search: Search, decision: Decision, found: Diagnosis) -> tuple[
     """
     if found.verdict is Verdict.EFFECT:
         rivals = [rival for item in search.effects for rival in _in_place_of(search, item, found)]
+        if any(item.standing is Standing.EQUIVALENT for item in rivals):
+            names = [item.start.candidate for item in search.effects]
+            rivals += [
+                form
+                for item in search.effects
+                for form in _forms(search, item.start, search.fit, found.revised,
+                                   item.comparison.gain, names)
+            ]  # fmt: skip
     elif found.verdict is Verdict.UNKNOWN and decision.learned:
         rivals = list(_other_curves(search, decision, found))
     else:
@@ -84,6 +95,7 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
             added = [*(other.start.candidate for other in others), trial.candidate]
             behind = fit.cost - search.fit.cost
             yield _rival(search, fit, model, added, Standing.EQUIVALENT, behind)
+            yield from _forms(search, trial.start, fit, model, item.comparison.gain, added)
     if own is None:
         return
     before = search.effects[: search.effects.index(item)]
@@ -133,6 +145,21 @@ def _rival(
     model = revised(plain, fit.vector, keys, added)
     covariance = posterior(fit, search.groups)
     return Rival(name_of(model, added), tuple(added), standing, behind, model, covariance)
+
+
+def _forms(
+    search: Search, start: Start, fit: Fit, declared: Model, gain: float, added: Sequence[str]
+) -> Iterator[Rival]:
+    """Yield the rival of a fit in the other forms of an effect that fit as well as what was found.
+
+    Args:
+        search: finished. start: of the effect. fit: with it. declared: the revised model.
+        gain: of what was found. added: effects of the rival.
+    """
+    for words, other in other_forms(search, start, fit, gain):
+        behind = other.cost - search.fit.cost
+        rival = _rival(search, other, declared, added, Standing.EQUIVALENT, behind)
+        yield replace(rival, form=words)
 
 
 def _other_curves(search: Search, decision: Decision, found: Diagnosis) -> Iterator[Rival]:

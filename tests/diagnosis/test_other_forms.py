@@ -1,0 +1,49 @@
+"""The other forms of an effect that fit as well as the one that was found."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from known_search import LinearProblem, add, assumed, search_of, shape, strength
+
+from eha_bench.diagnosis.outcome.other_forms import other_forms
+
+SIZE = "asymmetric_friction.asymmetry"
+
+
+def test_every_form_that_fits_as_well_is_found_with_what_differs():
+    search = search_of(LinearProblem({SIZE: 20.0 * shape(1.0)}, {SIZE: 0.5}))
+    add(search, "asymmetric_friction")
+    item = search.accepted[0]
+    found = other_forms(search, item.start, search.fit, item.comparison.gain)
+    own = search.problem.plant.layout.effect("asymmetric_friction").parameters
+    words = next(parameter.choices for parameter in own if parameter.name == "kind")
+    chosen = words[int(search.fit.vector[search.problem.plant.layout.index[
+        "asymmetric_friction.kind"]])]  # fmt: skip
+    assert {form for form, _ in found} == {f"kind {word}" for word in words if word != chosen}
+    for _, fit in found:
+        assert abs(strength(search, fit, "asymmetric_friction") - 0.5) < 0.02
+
+
+def test_a_form_that_is_behind_is_none():
+    wanted = {SIZE: 20.0 * shape(1.0), "mass": shape(2.0)}
+    search = search_of(LinearProblem(wanted, {SIZE: 0.5, "mass": 100.0}))
+    add(search, "asymmetric_friction")
+    item = search.accepted[0]
+    # what was found fits better than any form can from where this fit stands
+    behind = search.fit
+    search.keys = ("mass",)
+    add(search, "asymmetric_friction")
+    search.keys = ()
+    assert behind.cost - search.fit.cost > 12.0
+    assert other_forms(search, item.start, behind, item.comparison.gain) == []
+
+
+def test_an_assumed_parameter_and_an_effect_of_one_form_have_no_others():
+    search = search_of(LinearProblem({"current_lag.time_constant": 1e3 * shape(1.0)}, {}))
+    add(search, "current_lag")
+    assert other_forms(search, search.accepted[0].start, search.fit, 1e3) == []
+    assert other_forms(search, assumed("mass").start, search.fit, 1e3) == []
