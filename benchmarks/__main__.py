@@ -33,7 +33,7 @@ FULL: dict[str, list[str]] = {
     "tuned_rigs": ["--cases", "4"],
     "blind": ["--cases", "40"],
     "league": [],
-    "next_experiment": ["--cases", "4"],
+    "next_experiment": ["--cases", "4", "--proposals", "5"],
     "lives": ["--lives", "7", "--healthy", "2"],
     "rig_safety": ["--faults", "--kills", "30", "--signals", "5", "--disk", "--minutes", "10"],
     "rig_agreement": [],

@@ -5,7 +5,9 @@ recording. Where its diagnosis leaves candidates that cannot be distinguished,
 `eha_bench.next_experiment` is asked for the experiment that would tell them, within limits; the
 machine runs it, and both recordings are diagnosed. Beside it the machine runs experiments of the
 same length that were planned in other ways (`--others`): by chance, and D-optimal. Counted: right
-single names, wrong ones, what was stated beside what happened, broken limits, bench seconds.
+single names, wrong ones, what was stated beside what happened, broken limits, bench seconds. With
+`--proposals` each ambiguous case is asked again and again within other limits, and what is proposed
+is run as well with a second effect in the machine (`benchmarks.safe_proposals`).
 
 A case that was done is kept in its folder, so an interrupted benchmark goes on where it stopped.
 """
@@ -16,122 +18,23 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.experiment_cases import Case, Ended, Truth, broken
 from benchmarks.experiment_rigs import SAFETY, BlindRig, rigs_of
 from benchmarks.other_experiments import OtherPlanners
+from benchmarks.safe_proposals import Asked, asked_again
 from benchmarks.table import Row, write_rows
 
-from eha_bench.core.arrays import FloatArray
-from eha_bench.core.trial import Trial
 from eha_bench.suites import Suite, load_suite
 
 BUDGET = 30.0
 """Bench time of a proposal, s."""
 GOALS = {"right single name": 0.9, "wrong name": 0.02}
 CHANCE, D_OPTIMAL = "by chance", "D-optimal"
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What is hidden: its name, and what it follows."""
-
-    name: str
-    variables: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Ended:
-    """How a diagnosis ended: its causes, one after the other where it cannot distinguish them."""
-
-    verdict: str
-    causes: tuple[str, ...]
-
-    def right(self, truth: Truth) -> bool:
-        """Whether one cause is left: the hidden one, or a curve of what that follows."""
-        if len(self.causes) != 1:
-            return False
-        curves = {f"learned of {name}" for name in truth.variables}
-        return self.causes[0] == truth.name or self.causes[0] in curves
-
-    def wrong(self, truth: Truth) -> bool:
-        """Whether one cause is named, and the hidden one is not in it."""
-        named = self.verdict == "effect" and len(self.causes) == 1
-        return named and truth.name not in self.causes[0].split("+")
-
-
-@dataclass(frozen=True)
-class Case:
-    """One machine, before and after its experiment; probabilities are NaN where none was made.
-
-    Attributes:
-        others: way of planning -> what an experiment planned that way led to.
-    """
-
-    plant: str
-    truth: Truth
-    number: int
-    before: Ended
-    ending: str
-    stated: float
-    stated_wrong: float
-    bench_seconds: float
-    first_seconds: float
-    planned_in: float
-    ended: Ended
-    breached: str
-    others: dict[str, Ended]
-
-    @property
-    def ambiguous(self) -> bool:
-        """Whether the first recording left more than one candidate."""
-        return len(self.before.causes) > 1
-
-    @property
-    def covered(self) -> bool:
-        """Whether the hidden cause is one of the rivals: what is stated supposes it."""
-        return any(Ended("effect", (cause,)).right(self.truth) for cause in self.before.causes)
-
-    @property
-    def right(self) -> bool:
-        """Whether one cause is left, and it is the hidden one."""
-        return self.ended.right(self.truth)
-
-    @property
-    def wrong(self) -> bool:
-        """Whether one cause is named, and it is another one."""
-        return self.ended.wrong(self.truth)
-
-    @staticmethod
-    def read(path: Path) -> "Case":
-        """Read a case that was kept."""
-        content = json.loads(path.read_text())
-
-        def ended(item: dict[str, Any]) -> Ended:
-            return Ended(item["verdict"], tuple(item["causes"]))
-
-        truth = Truth(content["truth"]["name"], tuple(content["truth"]["variables"]))
-        own = {"truth": truth, "before": ended(content["before"]), "ended": ended(content["ended"])}
-        others = {name: ended(item) for name, item in content["others"].items()}
-        return Case(**{**content, **own, "others": others})
-
-
-def broken(trial: Trial, read: dict[str, FloatArray], limits: Trial) -> str:
-    """Return the first safety limit that a recording breaks; "" for none.
-
-    Args:
-        trial: that was run. read: channel -> what its sensor read. limits: a trial that has them.
-    """
-    for limit in limits.safety:
-        if limit.channel in read:
-            values = read[limit.channel]
-            ends = float(values.min()), float(values.max())
-            if not all(limit.bounds.holds(end) for end in ends):
-                return f"{limit.channel} in {trial.id}: {ends[0]:.6g} to {ends[1]:.6g}"
-    return ""
 
 
 def performed(rig: BlindRig, folder: Path, suite: Suite, name: str) -> tuple[Path, str]:
@@ -269,6 +172,7 @@ def main() -> int:
     parser.add_argument("--foreign", action="store_true", help="effects that no diagnosis knows")
     parser.add_argument("--others", nargs="*", choices=[CHANCE, D_OPTIMAL],
                         default=[CHANCE, D_OPTIMAL])  # fmt: skip
+    parser.add_argument("--proposals", type=int, default=0, help="more of each ambiguous case")
     parser.add_argument("--out", type=Path, help="folder of cases; one given goes on with it")
     parser.add_argument("--minutes", type=float, default=np.inf, help="begin no case after these")
     parser.add_argument("--json", type=Path)
@@ -281,6 +185,7 @@ def main() -> int:
     out = given.out or Path(tempfile.mkdtemp())
     began = time.perf_counter()
     done: list[Case] = []
+    again: list[Asked] = []
     for number in range(given.first, given.first + cases):
         for plant in plants:
             for key, machine in rigs_of(plant, foreign=given.foreign).items():
@@ -291,16 +196,18 @@ def main() -> int:
                 folder = out / f"{plant}-{key}-{number}"
                 done.append(run_case(plant, machine, number, folder, given.others))
                 print(table(done[-1:])[1][0], flush=True)
+                if done[-1].ambiguous:
+                    again += asked_again(done[-1], machine, folder, given.proposals)
     figures, _ = table(done)
     print(json.dumps(figures, indent=1))
-    rows = rows_from(figures)
+    rows = rows_from(figures, again)
     for row in rows:
         print(row)
     write_rows(given.json, rows)
     return 0 if all(row.verdict != "missed" for row in rows) else 1
 
 
-def rows_from(figures: dict[str, Any]) -> list[Row]:
+def rows_from(figures: dict[str, Any], again: Sequence[Asked]) -> list[Row]:
     """Return the figures as rows of the table of all benchmarks."""
     ran = f"of {figures['proposed']} proposals for {figures['ambiguous']} ambiguous of "
     ran += f"{figures['cases']} machines"
@@ -322,7 +229,19 @@ def rows_from(figures: dict[str, Any]) -> list[Row]:
             f"{figures[way]['the proposals of these']:.0%}")
         for way in (CHANCE, D_OPTIMAL) if way in figures
     ]  # fmt: skip
-    return [*rows, Row("limits broken by proposals", figures["limits broken"], "", "<", 0.0)]
+    first = figures["proposed"]
+    rows.append(Row("limits broken by proposals", figures["limits broken"], "", "<", 0.0,
+                    f"of {first}"))  # fmt: skip
+    if again:
+        more = [item for item in again if item.ending == "proposed"]
+        note = f"of {len(more)} within other limits"
+        rows += [
+            Row("limits broken by further proposals", sum(bool(i.breached) for i in more), "", "<",
+                0.0, note),
+            Row("the same with a second effect that no rival holds",
+                sum(bool(i.with_another) for i in more), "", "<", 0.0, note),
+        ]  # fmt: skip
+    return rows
 
 
 if __name__ == "__main__":
