@@ -57,6 +57,7 @@ _CHANGED: Final = {
     "read_position": "position that is read",
     "initial_position": "position behind the first reading",
     "read_speed": "speed that is read",
+    "read_current": "current in the winding that is read",
     "longest": "longest integration step, s",
     "pressure": "pressure of the reservoir, Pa",
 }

@@ -1,12 +1,19 @@
 """The motor's current follows the command with a first-order lag.
 
+In the drive, what the command asks for comes late: the closed current loop of a servo drive, seen
+from outside; the torque uses i, and the current sensor reads it.
+
     tau di/dt = i_command - i
 
-The closed current loop of a servo drive, seen from outside; the torque uses i, and the current
-sensor reads it.
+In the winding of a motor that a voltage drives, the current comes late behind what the voltage
+leaves over the back-EMF, by its inductance:
+
+    tau di/dt = (u - K_E w) / R - i,    tau = L / R
+
+At low speed, and where the voltage is smooth, both are the same.
 
 Source: Leonhard, Control of Electrical Drives, 3rd ed., Springer 2001 (equivalent
-time constant of the inner current loop).
+time constant of the inner current loop; armature circuit of the DC machine).
 """
 
 from __future__ import annotations
@@ -14,7 +21,9 @@ from __future__ import annotations
 import math
 
 from eha_bench.plants.effect import Action, Effect
-from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.parameter import Parameter, choice
+
+_DRIVE, _WINDING = 0.0, 1.0
 
 
 def follow(lagging: float, asked: float, h: float, time_constant: float) -> float:
@@ -32,14 +41,57 @@ def at_first(current: float) -> float:
     return current
 
 
+def follow_either(
+    lagging: float, asked: float, winding: float, h: float, time_constant: float, place: float
+) -> float:
+    """Return what lags after a time h: the drive's output or the winding's current (exact)."""
+    end = winding if place == _WINDING else asked
+    return end + (lagging - end) * math.exp(-h / time_constant)
+
+
+def put_out(current: float, lagging: float, place: float) -> float:
+    """Return what the drive puts out instead of what is demanded."""
+    return current if place == _WINDING else lagging
+
+
+def driven(torque: float, lagging: float, torque_constant: float, place: float) -> float:
+    """Return the torque of the current in the winding, N*m."""
+    return torque_constant * lagging if place == _WINDING else torque
+
+
+def shown(current: float, lagging: float, place: float) -> float:
+    """Return what a sensor of the winding's current reads, A."""
+    return lagging if place == _WINDING else current
+
+
+def either_at_first(current: float, winding: float, place: float) -> float:
+    """Return what lags at the first sample, where it is in balance."""
+    return winding if place == _WINDING else current
+
+
 EFFECT = Effect(
     id="current_lag",
     summary="The current follows its command with a first-order lag.",
-    parameters=(Parameter("time_constant", "s", 2e-3, 0.0, 1.0, "tau_i"),),
+    parameters=(
+        Parameter("time_constant", "s", 2e-3, 0.0, 1.0, "tau_i"),
+        choice(
+            "place",
+            ("drive", "winding"),
+            "what lags: what the drive puts out, or the current in a winding that a voltage drives",
+        ),
+    ),
     actions={
+        "voltage_drive": Action(
+            {"drive": put_out, "torque": driven, "read_current": shown},
+            advance={"lagging": follow_either},
+            start={"lagging": either_at_first},
+        ),
         "motor_drive": Action(
-            {"drive": flowing}, advance={"lagging": follow}, start={"lagging": at_first}
-        )
+            {"drive": flowing},
+            advance={"lagging": follow},
+            start={"lagging": at_first},
+            choices={"place": ("drive",)},
+        ),
     },
     states=("lagging",),
     source="Leonhard, Control of Electrical Drives, 3rd ed., Springer 2001",

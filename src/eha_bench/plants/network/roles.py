@@ -352,6 +352,31 @@ def _motor_drive(system: System) -> Iterator[Spot]:
             yield spot
 
 
+def _voltage_drive(system: System) -> Iterator[Spot]:
+    """The drive of a motor by a voltage: the current in its winding follows from that."""
+    for spot in _drive(system):
+        part = system.parts[spot.name]
+        current = next((q for q in part.anatomy.quantities if q.name == "current"), None)
+        if (
+            part.element.kind.id != "motor"
+            or current is None
+            or "resistance" not in {item.name for item in part.anatomy.parameters}
+        ):
+            continue
+        winding = {
+            "winding": shown(system, system.call(part, current.law)),
+            "torque_constant": str(system.parameter(part.name, "torque_constant")),
+        }
+        reads = tuple(
+            Hook(f"reading:{item.channel}")
+            for item in system.outputs
+            if (item.of, item.quantity) == (part.name, "current")
+        )
+        yield replace(
+            spot, names={**spot.names, **winding}, hooks={**spot.hooks, "read_current": reads}
+        )
+
+
 def _valve_drive(system: System) -> Iterator[Spot]:
     """The drive of a valve."""
     kinds = {part.name: part.element.kind.id for part in system.parts.values()}
@@ -896,6 +921,7 @@ _ROLES: Mapping[str, Callable[[System], Iterator[Spot]]] = {
     "turning_motor": _turning_motor,
     "drive": _drive,
     "motor_drive": _motor_drive,
+    "voltage_drive": _voltage_drive,
     "valve_drive": _valve_drive,
     "valve": _valve,
     "volume": _volume,
