@@ -36,7 +36,7 @@ from eha_bench.experiment.candidates import (
 )
 from eha_bench.experiment.decision import (
     BLOCK,
-    NAMED,
+    DISTINGUISHED,
     DrawRows,
     Odds,
     distances,
@@ -521,7 +521,7 @@ class _ExperimentSearch:
             notes.append(
                 f"{', '.join(left)} may fit as well, but the experiment does not consider them"
             )
-        if any(item.standing is not Standing.FOUND and item.behind > NAMED
+        if any(item.standing is not Standing.FOUND and item.behind > DISTINGUISHED
                for item in self.rivals):  # fmt: skip
             notes.append(
                 "some rivals fit worse by more than noise, but resampling does not confirm it"
