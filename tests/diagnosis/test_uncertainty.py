@@ -204,3 +204,20 @@ def test_the_posterior_is_finite_and_as_wide_as_the_intervals_where_data_tell():
     # half of its size, or less where bounds leave less
     assert deviation[1] == pytest.approx(2.0)
     assert abs(found.matrix[0, 1]) < 1e-12
+
+
+def test_the_posterior_is_one_where_two_numbers_are_told_only_as_a_product_and_that_very_well():
+    # a residual of a thousand times the noise, as on a real machine: cond of the information 1e18
+    rng = np.random.default_rng(8)
+    column = 1e9 * rng.standard_normal(1000)
+    matrix = np.column_stack([column, column, 1e-2 * rng.standard_normal(1000)])
+    values = np.array([2.0, 3.0, 1.0])
+    fit = linear_fit(matrix, 1e3 * rng.standard_normal(1000), ["J", "beta", "other"], values)
+    found = posterior(fit, blocks(1000)).matrix
+    assert np.isfinite(found).all()
+    assert np.linalg.eigvalsh(found).min() > -1e-12
+    deviation = np.sqrt(np.diag(found))
+    # each by itself is as open as believed; their product hardly is
+    assert deviation[:2] / values[:2] == pytest.approx([0.354, 0.354], abs=0.01)
+    product = np.array([1.0 / values[0], 1.0 / values[1], 0.0])
+    assert np.sqrt(product @ found @ product) < 1e-4

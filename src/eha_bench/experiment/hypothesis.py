@@ -163,6 +163,8 @@ def read_question(path: str | Path) -> Question:
 def _hypothesis(content: Mapping[str, Any], folder: Path) -> Hypothesis:
     covariance = content["covariance"]
     matrix = np.array(covariance["matrix"], dtype=np.float64)
+    if not np.isfinite(matrix).all():
+        raise ValueError(f"the covariance of '{content['id']}' is not finite")
     keys = tuple(covariance["parameters"])
     return Hypothesis(
         content["id"],

@@ -284,13 +284,27 @@ def posterior(fit: Fit, groups: Groups) -> Covariance:
     width = np.array([item.high - item.low for item in fit.free])
     belief = np.minimum(_BELIEVED * size, np.where(width > 0.0, width, np.inf) / np.sqrt(12.0))
     belief = belief / scale
-    usual = np.sqrt(np.diag(np.linalg.inv(normal + np.diag(belief**-2.0))))
+    usual = np.sqrt(np.diag(_with_belief(normal, belief)))
     given = np.array([item.deviation for item in spreads(fit, groups).values()]) / scale
     # what is open stays open: only where data tell a parameter may they tell it less well
     ratio = np.where(np.isfinite(given), np.minimum(usual / np.maximum(given, 1e-300), 1.0), 1.0)
-    inverse = np.linalg.inv(normal * np.outer(ratio, ratio) + np.diag(belief**-2.0))
+    inverse = _with_belief(normal * np.outer(ratio, ratio), belief)
     matrix = (inverse * np.outer(scale, scale))[np.ix_(keep, keep)]
     return Covariance(keys, np.asarray(0.5 * (matrix + matrix.T)))
+
+
+def _with_belief(normal: FloatArray, belief: FloatArray) -> FloatArray:
+    """Return the covariance of an information matrix and a prior, (p, p).
+
+    In units of the prior every eigenvalue is 1 at least, so what data tell a million times better
+    than something else does not spoil it.
+
+    Args:
+        normal: (p, p) information. belief: (p,) standard deviations of the prior.
+    """
+    values, vectors = np.linalg.eigh(np.outer(belief, belief) * normal)
+    root = (vectors / np.sqrt(1.0 + np.maximum(values, 0.0))) * belief[:, None]
+    return np.asarray(root @ root.T)
 
 
 @dataclass(frozen=True)
