@@ -18,6 +18,9 @@ from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Standing
 from eha_bench.plants.model import Model, load_model
 
+_LEAST = 0.05
+"""Share of a positive parameter's fitted value below which none is drawn."""
+
 
 @dataclass(frozen=True)
 class Hypothesis:
@@ -55,13 +58,20 @@ class Hypothesis:
     def _bounds(self) -> tuple[FloatArray, FloatArray]:
         known = self.model.plant.layout.by_key
         own = [known[key.partition("[")[0]] for key in self.keys]
-        return np.array([item.low for item in own]), np.array([item.high for item in own])
+        low, high = np.array([item.low for item in own]), np.array([item.high for item in own])
+        fitted = self.vector[self._places]
+        # what is none at zero (a time constant, a mass) is not drawn there
+        positive = (low >= 0.0) & (fitted > 0.0)
+        return np.where(positive, np.maximum(low, _LEAST * fitted), low), high
 
     @cached_property
     def root(self) -> FloatArray:
         """R with R R' = covariance, (p, p): parameters are as fitted plus R z, z ~ N(0, 1)."""
-        values, vectors = np.linalg.eigh(self.covariance)
-        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+        # of the correlations: moduli beside delays, in SI, lie twenty decades apart
+        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        scale = np.where(deviation > 0.0, deviation, 1.0)
+        values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
+        return np.asarray(deviation[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
     def at(self, z: FloatArray) -> FloatArray:
         """Return vectors of parameters, (m, size), inside their bounds.

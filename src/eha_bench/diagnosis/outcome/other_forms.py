@@ -13,19 +13,19 @@ from eha_bench.diagnosis.fit.candidates import Start, effect_starts
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.search.equivalent import is_as_good
 from eha_bench.diagnosis.search.refit import free_of
-from eha_bench.diagnosis.search.state import Search
+from eha_bench.diagnosis.search.state import Accepted, Search
 
 _TRIED = 8
 """Most forms of an effect; of more (a place among many), none is tried."""
 _KEPT = 2
 
 
-def other_forms(search: Search, start: Start, fit: Fit, gain: float) -> list[tuple[str, Fit]]:
+def other_forms(search: Search, item: Accepted, start: Start, fit: Fit) -> list[tuple[str, Fit]]:
     """Return the other forms of an effect that fit as well as what was found, the best first.
 
     Args:
-        search: finished. start: of the effect. fit: with it.
-        gain: of what was found, to which a form is compared.
+        search: finished. item: what was found. start: of that, or of what stands in its place.
+        fit: with it.
 
     Returns:
         What differs, in words, and the fit.
@@ -49,8 +49,8 @@ def other_forms(search: Search, start: Start, fit: Fit, gain: float) -> list[tup
         return []
     found = []
     for chosen, other in forms:
-        best = _fitted(search, other, start, fit)
-        if is_as_good(best, search.fit, gain, search.groups):
+        best = _fitted(search, item, other, start, fit)
+        if is_as_good(best, search.fit, item.comparison.gain, search.groups):
             words = ", ".join(
                 f"{choices[at].name} {choices[at].choices[int(value)]}"
                 for at, value in chosen.items()
@@ -60,18 +60,17 @@ def other_forms(search: Search, start: Start, fit: Fit, gain: float) -> list[tup
     return sorted(found, key=lambda item: item[1].cost)[:_KEPT]
 
 
-def _fitted(search: Search, other: Start, start: Start, fit: Fit) -> Fit:
+def _fitted(search: Search, item: Accepted, other: Start, start: Start, fit: Fit) -> Fit:
     """Return the best fit of a form, from its own size and from that of the form that was found."""
+    fixed = {*item.start.keys, *start.keys} - set(other.keys)
     free = tuple(
-        item
-        for item in free_of(search, other.apply(fit.vector), [other])
-        if item.key not in start.keys or item.key in other.keys
+        one for one in free_of(search, other.apply(fit.vector), [other]) if one.key not in fixed
     )
     fits = [
         levenberg_marquardt(search.problem, vector, free, iterations=6, refresh=1)
         for vector in _sizes(other, start, fit)
     ]
-    return min(fits, key=lambda item: item.cost)
+    return min(fits, key=lambda one: one.cost)
 
 
 def _sizes(other: Start, start: Start, fit: Fit) -> Iterator[FloatArray]:

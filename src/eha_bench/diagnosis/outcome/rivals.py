@@ -70,8 +70,7 @@ def other_rivals(search: Search, decision: Decision, found: Diagnosis) -> tuple[
             rivals += [
                 form
                 for item in search.effects
-                for form in _forms(search, item.start, search.fit, found.revised,
-                                   item.comparison.gain, names)
+                for form in _forms(search, item, item.start, search.fit, found.revised, names)
             ]  # fmt: skip
     elif found.verdict is Verdict.UNKNOWN and decision.learned:
         rivals = list(_other_curves(search, decision, found))
@@ -95,7 +94,7 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
             added = [*(other.start.candidate for other in others), trial.candidate]
             behind = fit.cost - search.fit.cost
             yield _rival(search, fit, model, added, Standing.EQUIVALENT, behind)
-            yield from _forms(search, trial.start, fit, model, item.comparison.gain, added)
+            yield from _forms(search, item, trial.start, fit, model, added)
     if own is None:
         return
     before = search.effects[: search.effects.index(item)]
@@ -148,15 +147,15 @@ def _rival(
 
 
 def _forms(
-    search: Search, start: Start, fit: Fit, declared: Model, gain: float, added: Sequence[str]
+    search: Search, item: Accepted, start: Start, fit: Fit, declared: Model, added: Sequence[str]
 ) -> Iterator[Rival]:
     """Yield the rival of a fit in the other forms of an effect that fit as well as what was found.
 
     Args:
-        search: finished. start: of the effect. fit: with it. declared: the revised model.
-        gain: of what was found. added: effects of the rival.
+        search: finished. item: what was found. start: of that, or of what stands in its place.
+        fit: with it. declared: the revised model. added: effects of the rival.
     """
-    for words, other in other_forms(search, start, fit, gain):
+    for words, other in other_forms(search, item, start, fit):
         behind = other.cost - search.fit.cost
         rival = _rival(search, other, declared, added, Standing.EQUIVALENT, behind)
         yield replace(rival, form=words)

@@ -1,0 +1,66 @@
+"""Draws of a rival's posterior: their scatter, and where they may not go."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from experiment_question import rival, write_question
+
+from eha_bench.diagnosis.fit.uncertainty import Covariance
+from eha_bench.diagnosis.outcome.rival import Rival
+from eha_bench.experiment.hypothesis import Hypothesis, compared, read_question
+
+KEYS = ("viscous_torque", "coulomb_torque", "bulk_modulus", "leakage")
+
+
+def wide(share: float) -> Rival:
+    """Friction, a modulus of 1e9 and a leakage of 1e-13, correlated in pairs."""
+    found = rival(None, share=share, known=KEYS)
+    deviation = np.sqrt(np.diag(found.covariance.matrix))
+    correlation = np.eye(4)
+    correlation[0, 1] = correlation[1, 0] = 0.8
+    correlation[2, 3] = correlation[3, 2] = -0.6
+    matrix = correlation * np.outer(deviation, deviation)
+    return replace(found, covariance=Covariance(KEYS, matrix))
+
+
+def asked(folder: Path, *rivals: Rival) -> tuple[Hypothesis, ...]:
+    return read_question(write_question(folder, rivals)).rivals
+
+
+def test_draws_scatter_as_the_covariance_says_over_twenty_decades(tmp_path: Path):
+    (found,) = asked(tmp_path, wide(0.01))
+    rebuilt = found.root @ found.root.T
+    scale = np.sqrt(np.diag(found.covariance))
+    assert scale.max() / scale.min() > 1e20
+    assert rebuilt / np.outer(scale, scale) == pytest.approx(
+        found.covariance / np.outer(scale, scale), abs=1e-9
+    )
+    places = [found.model.plant.layout.index[key] for key in KEYS]
+    drawn = found.at(np.random.default_rng(1).standard_normal((4000, 4)))[:, places]
+    off = (drawn - found.vector[places]) / scale
+    assert off.std(axis=0) == pytest.approx(1.0, abs=0.05)
+    assert np.corrcoef(off.T)[0, 1] == pytest.approx(0.8, abs=0.03)
+    assert np.corrcoef(off.T)[2, 3] == pytest.approx(-0.6, abs=0.03)
+
+
+def test_what_is_positive_is_drawn_positive(tmp_path: Path):
+    (found,) = asked(tmp_path, wide(1.0))
+    places = [found.model.plant.layout.index[key] for key in KEYS]
+    drawn = found.at(np.random.default_rng(1).standard_normal((500, 4)))[:, places]
+    assert (drawn >= 0.0499 * found.vector[places]).all()
+
+
+def test_first_the_causes_and_then_their_forms_are_compared(tmp_path: Path):
+    lag = rival("current_lag", {"time_constant": 2e-3})
+    delay = rival("command_delay", {"delay": 2e-3})
+    other = replace(delay, form="of another kind")
+    found = asked(tmp_path, lag, other, delay)
+    assert [item.id for item in compared(found)] == [
+        "current_lag", "command_delay (of another kind)", "command_delay"
+    ]  # fmt: skip
+    # forms of one cause alone are nothing to separate
+    assert [item.id for item in compared(found[1:])] == ["command_delay (of another kind)"]
