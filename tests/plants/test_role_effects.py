@@ -14,6 +14,9 @@ from eha_bench.plants.effects import supply_sag, valve_deadband, valve_lag
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive, get_plant
 
+compiles = pytest.mark.slow(15)
+"""What runs on the kernel of the valve and cylinder with all effects, which is compiled for it."""
+
 # a quick spool and a stiff supply line: what is left to see is the effect
 QUICK = {"valve.natural_frequency": 3e4, "valve.damping_ratio": 1.0}
 
@@ -89,6 +92,7 @@ def test_teeth_of_a_gear_pull_its_output() -> None:
 # --- gravity_load along a slide -----------------------------------------------------------------
 
 
+@compiles
 def test_weight_along_a_slide_acts_as_a_constant_force() -> None:
     """Both chambers shut and F_g against extension: p_a A - p_b A = F_g once it is at rest."""
     time = np.arange(0.0, 2.0, 1e-3)
@@ -113,6 +117,7 @@ def final_speed(volts: float, effect: str = "", **values: Any) -> float:
     return float(found["piston_velocity"][-1])
 
 
+@compiles
 def test_dead_band_takes_its_width_off_the_opening() -> None:
     """2 % of 10 V: nothing below 0.2 V; above, the speed of 0.2 V less."""
     assert abs(final_speed(0.19, "valve_deadband", deadband=0.02)) < 1e-9
@@ -145,6 +150,7 @@ def test_smooth_dead_band_meets_the_sharp_one_far_out_and_is_odd() -> None:
 # --- valve_lag ----------------------------------------------------------------------------------
 
 
+@compiles
 def test_lagging_valve_has_63_percent_after_its_time_constant() -> None:
     """A spool that follows at once shows the lag alone: 1 - exp(-t / tau) of the step."""
     time = np.arange(0.0, 0.05, 1e-3)
@@ -185,6 +191,7 @@ def test_limited_valve_travels_at_its_limit_and_then_fades() -> None:
         assert valve_lag.follow(0, 0, -10, 10, h, 0.1, 0.7, 0.01, 2) == pytest.approx(-found)
 
 
+@compiles
 @pytest.mark.parametrize("form", ["first_order", "second_order", "limited"])
 def test_late_valve_that_hardly_lags_is_the_declared_one(form: str) -> None:
     time = np.arange(0.0, 0.05, 1e-3)
@@ -199,6 +206,7 @@ def test_late_valve_that_hardly_lags_is_the_declared_one(form: str) -> None:
 # --- valve_leakage ------------------------------------------------------------------------------
 
 
+@compiles
 @pytest.mark.parametrize("form", ["null", "constant"])
 def test_leaking_valve_at_null_brings_both_chambers_halfway(form: str) -> None:
     """Equal clearances to supply and tank: (14 + 0.3) / 2 MPa less what the line drops."""
@@ -218,6 +226,7 @@ def test_leaking_valve_at_null_brings_both_chambers_halfway(form: str) -> None:
 # --- supply_sag ---------------------------------------------------------------------------------
 
 
+@compiles
 def test_sagging_supply_falls_by_resistance_times_flow() -> None:
     """A steady flow q: the supply falls by R q, the inlet by the line's drop more."""
     time = np.arange(0.0, 1.0, 1e-3)

@@ -284,7 +284,8 @@ CIRCUIT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("step", [pytest.param(20e-6, marks=pytest.mark.slow), 100e-6])
+@pytest.mark.slow  # compiles two kernels
+@pytest.mark.parametrize("step", [20e-6, 100e-6])
 def test_a_sweep_meets_valves_that_switch(step: float) -> None:
     plant = plant_of(CIRCUIT)
     vectors = np.repeat(plant.layout.defaults()[None], 8, axis=0)

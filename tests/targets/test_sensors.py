@@ -6,7 +6,7 @@ import pytest
 from eha_bench.core.errors import UnitError
 from eha_bench.targets.sensors import SensorNoise, SimulatedSensor
 
-N, PERIOD = 200_000, 1e-3
+N, PERIOD = 80_000, 1e-3
 
 
 def read(sensor: SimulatedSensor, seed: int = 1) -> np.ndarray:

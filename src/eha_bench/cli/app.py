@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import typer
+from typer.main import get_command
 
 from eha_bench.cli import (
     closing,
@@ -71,5 +74,8 @@ layout.register(app)
 rig.register(app)
 serving.register(app)
 
-for command in app.registered_commands:
-    command.cls = WordedCommand
+for registered in app.registered_commands:
+    registered.cls = WordedCommand
+
+command: Final = get_command(app)
+"""The command line, made of all of them once for a process."""

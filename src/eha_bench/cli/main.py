@@ -18,6 +18,6 @@ def main() -> None:
     say_what_the_product_logs()
     with errors_as_sentences(), noted_is_enough():
         # here, where Ctrl-C is a sentence: putting the commands together takes half of the start
-        from eha_bench.cli.app import app
+        from eha_bench.cli.app import command
 
-        app()
+        command()
