@@ -15,7 +15,7 @@ from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.outcome import decide as module
-from eha_bench.diagnosis.outcome.decide import Decision, decide
+from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
@@ -30,10 +30,10 @@ def beyond(relative: float, significance: float = 50.0, **channels: float) -> Ex
     return Excess(total, SIZE, {}, significance, channels or {"current": 1.0, "pressure_a": 2.0})
 
 
-def fit(cost: float = 0.0, period: float = 0.0) -> Fit:
+def fit(cost: float = 0.0, period: float = 0.0, soft: float = 1.0) -> Fit:
     """A fit of a given cost whose residual is as large everywhere."""
     residual = np.full(SIZE, 2.0)
-    return Fit(np.array([period]), (), residual, np.zeros((SIZE, 0)), cost)
+    return Fit(np.array([period]), (), residual, np.zeros((SIZE, 0)), cost, soft=soft)
 
 
 def found(candidate: str, equation: str = "torque") -> Accepted:
@@ -67,20 +67,19 @@ def asked() -> Asked:
 @pytest.fixture
 def curves(monkeypatch: pytest.MonkeyPatch, asked: Asked) -> Curves:
     """What is located, and the share of the excess that a learned curve explains."""
-    # before learning: the softened cost of residuals of 2, less what noise alone costs
     from eha_bench.diagnosis.fit.problem import soften
-
-    soft, _ = soften(np.full(SIZE, 2.0))
-    before = float(soft @ soft)
-    excess = before - SOFT_MEAN * SIZE
 
     def set_to(
         share: float, equation: str = "torque", variable: str = "motor_speed", period: float = 0.0,
-        *, places: int = 2, located: bool = True,
+        *, places: int = 2, located: bool = True, scale: float = 1.0,
     ) -> None:  # fmt: skip
+        # before learning: the softened cost of residuals of 2, less what noise alone costs
+        soft, _ = soften(np.full(SIZE, 2.0), scale)
+        before = float(soft @ soft)
+        excess = before - SOFT_MEAN * SIZE
         template = Template(equation, "flow", "pump", variable)
         curve = LocatedCurve(template, share, np.zeros(2), np.zeros(2))
-        learned = fit(before - share * excess, period)
+        learned = fit(before - share * excess, period, scale)
         answers = {
             "locate": (SimpleNamespace(short="short"), equation, [curve] if located else []),
             "learn": (None, learned),
@@ -266,6 +265,28 @@ def test_else_it_is_taken_for_an_imitation(
     # what was only assumed stays, and the fit is that without the effect
     assert [item.start.candidate for item in state.accepted] == ["parameter:mass"]
     assert state.fit is state.base
+
+
+def test_a_curve_is_credited_by_the_loss_that_it_was_fitted_with(curves: Curves) -> None:
+    curves(0.4, scale=3.0)
+    told = verdict(search(5.0, beyond(5.0)))
+    assert told.unknown is not None
+    assert told.unknown.share == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(
+    ("equation", "text"),
+    [
+        ("flow", "something acts in the flow balance in held-out runs, where"),
+        ("", "something acts in held-out runs, where"),
+    ],
+)
+def test_what_held_out_runs_alone_show_is_unknown(equation: str, text: str) -> None:
+    told = in_held_out(Decision(Verdict.NONE, fit(2.0), ("noted",), None), equation)
+    assert (told.verdict, told.notes, told.fit.cost) == (Verdict.UNKNOWN, ("noted",), 2.0)
+    assert told.unknown is not None
+    assert (told.unknown.equation, told.unknown.variables) == (equation or None, ())
+    assert told.unknown.description.startswith(text)
 
 
 def test_a_search_is_asked_for_by_its_shares_not_its_sizes() -> None:
