@@ -6,7 +6,7 @@ import pytest
 
 from eha_bench.causes.settings import load_cause_settings
 from eha_bench.core.errors import InputError
-from eha_bench.core.file_kind import kind_of
+from eha_bench.core.yaml_file import kind_of
 from eha_bench.trends.nightly_file import load_nightly
 
 SUITE = """\

@@ -10,7 +10,8 @@ import typer
 Completion = Callable[[str], list[str]]
 
 
-def _beginning(words: Iterable[str], incomplete: str) -> list[str]:
+def beginning(words: Iterable[str], incomplete: str) -> list[str]:
+    """Return the words that go on from what was typed."""
     return [word for word in words if word.startswith(incomplete)]
 
 
@@ -36,7 +37,7 @@ def _shipped_or_file(*folders: str, also: tuple[str, ...] = ()) -> Completion:
         from eha_bench.core.shipped import names
 
         known = dict.fromkeys((*also, *(name for folder in folders for name in names(folder))))
-        return [*_beginning(known, incomplete), *_yaml_files(incomplete)]
+        return [*beginning(known, incomplete), *_yaml_files(incomplete)]
 
     return complete
 
@@ -51,18 +52,11 @@ def complete_sweeps(incomplete: str) -> list[str]:
     return _yaml_files(incomplete)
 
 
-def complete_projects(incomplete: str) -> list[str]:
-    """Return the plants that `init` has a project for."""
-    from eha_bench.cli.project import plants
-
-    return _beginning(plants(), incomplete)
-
-
 def complete_kinds(incomplete: str) -> list[str]:
     """Return the kinds of YAML file."""
     from eha_bench.core import plugins
 
-    return _beginning(plugins.names("file_kinds"), incomplete)
+    return beginning(plugins.names("file_kinds"), incomplete)
 
 
 def complete_trials(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -74,6 +68,6 @@ def complete_trials(ctx: typer.Context, incomplete: str) -> list[str]:
     if not suite:
         return []
     try:
-        return _beginning((trial.id for trial in load_suite(suite).trials), incomplete)
+        return beginning((trial.id for trial in load_suite(suite).trials), incomplete)
     except EhaBenchError:
         return []

@@ -25,8 +25,8 @@ def validate(
     Suite, sweep, target, model, controller, channels, dataset, nightly and plant files.
     """
     from eha_bench.core.errors import EhaBenchError
-    from eha_bench.core.file_kind import kind_of
     from eha_bench.core.plugins import running_nothing
+    from eha_bench.core.yaml_file import kind_of
 
     found: list[dict[str, object]] = []
     for path in files:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from eha_bench.cli.completion import complete_projects
+from eha_bench.cli.completion import beginning
 from eha_bench.cli.console import say
 
 if TYPE_CHECKING:
@@ -25,11 +25,15 @@ def plants() -> tuple[str, ...]:
     )
 
 
+def _complete_plants(incomplete: str) -> list[str]:
+    return beginning(plants(), incomplete)
+
+
 def init(
     folder: Annotated[Path, typer.Argument(help="Folder of the project.")] = Path(),
     plant: Annotated[
         str,
-        typer.Option("--plant", help="Plant of the project.", autocompletion=complete_projects),
+        typer.Option("--plant", help="Plant of the project.", autocompletion=_complete_plants),
     ] = "eha_knee",
 ) -> None:
     """Write a project that runs at once.

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+Bytes: TypeAlias = "NDArray[np.uint8]"
 BoolArray: TypeAlias = "NDArray[np.bool_]"
 ComplexArray: TypeAlias = "NDArray[np.complex128]"
 FloatArray: TypeAlias = "NDArray[np.float64]"

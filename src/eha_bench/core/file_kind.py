@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from eha_bench.core import plugins, yaml_file
-from eha_bench.core.errors import InputError, Place, PluginError
-from eha_bench.core.near_miss import likely
+from eha_bench.core import plugins
+from eha_bench.core.errors import PluginError
 
 
 @dataclass(frozen=True)
@@ -78,31 +77,3 @@ def kind_by_keys(content: object) -> FileKind | None:
         if kind.keys & set(content):
             return kind
     return next((kind for kind in kinds() if kind.recognises and kind.recognises(content)), None)
-
-
-def kind_of(path: Path) -> FileKind:
-    """Return the kind of a YAML file by its top-level keys.
-
-    Raises:
-        InputError: not YAML, or of no known kind.
-    """
-    content = yaml_file.peek(path)
-    found = kind_by_keys(content)
-    if found is not None:
-        return found
-    telling = [key for kind in kinds() for key in kind.keys]
-    for key in content if isinstance(content, dict) else ():
-        near = likely(str(key), telling)
-        if near:
-            line = yaml_file.line_of(content, [key])
-            raise InputError(
-                f"key '{key}' is not a key of any kind of file",
-                where=Place(file=str(path), line=line, key=str(key)),
-                hint=near,
-            )
-    known = "; ".join(f"{kind.name} ({', '.join(sorted(kind.keys))})" for kind in kinds())
-    raise InputError(
-        "has no known kind",
-        where=Place(file=str(path), line=1),
-        hint=f"the kind is given by one of these keys: {known}",
-    )

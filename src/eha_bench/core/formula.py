@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from eha_bench.core.expression import DEEPEST, FUNCTIONS, Expression
-from eha_bench.core.own_metric import STATISTICS
+from eha_bench.core.metric import STATISTICS
 
 
 @dataclass(frozen=True)

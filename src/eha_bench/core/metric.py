@@ -16,6 +16,9 @@ from eha_bench.core.errors import InputError, Place, PluginError
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.signal import FromRecording, Signal
 
+STATISTICS: Final = ("mean", "min", "max", "rms", "std")
+"""Statistics of a channel over the scored time that a suite's own metric may use."""
+
 
 class Better(StrEnum):
     """Which of two values of a metric is the better one."""

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from eha_bench.core.metric import MetricSpec
 
 # who reads a suite without formulas needs no arrays
 if TYPE_CHECKING:
     from eha_bench.core.formula import Formula
-
-STATISTICS: Final = ("mean", "min", "max", "rms", "std")
-"""Statistics of a channel over the scored time that a formula may use."""
 
 
 @dataclass(frozen=True)

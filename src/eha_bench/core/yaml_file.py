@@ -16,7 +16,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from eha_bench.core import fast_yaml
 from eha_bench.core.errors import EhaBenchError, InputError, Place
-from eha_bench.core.near_miss import suggest
+from eha_bench.core.file_kind import FileKind, kind_by_keys, kind_named, kinds
+from eha_bench.core.near_miss import likely, suggest
 from eha_bench.core.shipped import by_name, find
 
 
@@ -252,6 +253,34 @@ def line_of(content: Any, keys: Sequence[int | str]) -> int:
     return line
 
 
+def kind_of(path: Path) -> FileKind:
+    """Return the kind of a YAML file by its top-level keys.
+
+    Raises:
+        InputError: not YAML, or of no known kind.
+    """
+    content = peek(path)
+    found = kind_by_keys(content)
+    if found is not None:
+        return found
+    telling = [key for kind in kinds() for key in kind.keys]
+    for key in content if isinstance(content, dict) else ():
+        near = likely(str(key), telling)
+        if near:
+            line = line_of(content, [key])
+            raise InputError(
+                f"key '{key}' is not a key of any kind of file",
+                where=Place(file=str(path), line=line, key=str(key)),
+                hint=near,
+            )
+    known = "; ".join(f"{kind.name} ({', '.join(sorted(kind.keys))})" for kind in kinds())
+    raise InputError(
+        "has no known kind",
+        where=Place(file=str(path), line=1),
+        hint=f"the kind is given by one of these keys: {known}",
+    )
+
+
 def named_file(folder: Path, name: str, where: Place) -> Path:
     """Return the path of a file that a key names, relative to a folder, or of a shipped one.
 
@@ -340,7 +369,7 @@ def validate(
     if not isinstance(content, dict):
         found = place(())
         raise InputError(
-            f"expected keys and values, found {_kind_of(content)}",
+            f"expected keys and values, found {_value_in_words(content)}",
             where=found if found.line else Place(file=name, line=1, key=found.key),
         )
     try:
@@ -386,8 +415,6 @@ def _results_of_misspelling(
 
 def _refuse_other_kind(content: Any, kind: str, name: str) -> None:
     """Raise an InputError where the content is a file of another kind than the one expected."""
-    from eha_bench.core.file_kind import kind_by_keys, kind_named
-
     found, wanted = kind_by_keys(content), kind_named(kind)
     if found is not None and found.name != kind:
         raise InputError(
@@ -409,7 +436,7 @@ def _rank(detail: Any) -> tuple[bool, int]:
     return detail["type"] != "extra_forbidden", -len(detail["loc"])
 
 
-def _kind_of(content: Any) -> str:
+def _value_in_words(content: Any) -> str:
     content = plain(content)
     names = {list: "a list", str: f"the text {_quoted(content)}", type(None): "nothing"}
     return names.get(type(content), _quoted(content))

@@ -9,9 +9,9 @@ import lz4.frame
 import numpy as np
 import zstandard
 
+from eha_bench.core.arrays import Bytes
 from eha_bench.recordings.budget import ReadingBudget, budget
 from eha_bench.recordings.checksum import crc32
-from eha_bench.recordings.encodings.payloads import Bytes
 
 _RATIO = {"zstd": 40_000, "lz4": 256, "bz2": 50_000, "": 1, "none": 1}
 _PIECE = 256

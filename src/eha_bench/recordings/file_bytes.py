@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from eha_bench.recordings.encodings.payloads import Bytes
+from eha_bench.core.arrays import Bytes
 
 _AROUND = 1 << 16
 """So many bytes around one that is looked at the system reads as well."""

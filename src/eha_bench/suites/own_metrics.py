@@ -14,9 +14,9 @@ from eha_bench.core import plugins
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Mistakes, Place, UnitError
 from eha_bench.core.located import Located
-from eha_bench.core.metric import METRICS, MetricSpec, metric_spec
+from eha_bench.core.metric import METRICS, STATISTICS, MetricSpec, metric_spec
 from eha_bench.core.near_miss import likely
-from eha_bench.core.own_metric import STATISTICS, OwnMetric
+from eha_bench.core.own_metric import OwnMetric
 from eha_bench.core.units import base_unit
 from eha_bench.core.yaml_file import StrictModel, validate
 from eha_bench.suites.signals.signal_model import Moment

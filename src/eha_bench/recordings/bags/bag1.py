@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from eha_bench.core.arrays import Bytes
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.bags.bag1_records import (
     BAG_HEADER,
@@ -30,7 +31,6 @@ from eha_bench.recordings.bags.bag1_records import (
 from eha_bench.recordings.bags.bag_file import BagFile
 from eha_bench.recordings.bags.blobs import Batch, Connection
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
-from eha_bench.recordings.encodings.payloads import Bytes
 from eha_bench.recordings.file_bytes import map_file
 from eha_bench.recordings.naming import shown
 

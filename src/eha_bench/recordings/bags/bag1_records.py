@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eha_bench.core.arrays import Bytes
 from eha_bench.recordings.bags.blobs import Batch, Connection
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.encodings.decoder import Encoded
-from eha_bench.recordings.encodings.payloads import Bytes
 
 MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 4, 5, 6, 7
 _TICK = 4096

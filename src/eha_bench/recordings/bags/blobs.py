@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.arrays import Bytes
 from eha_bench.recordings.batch_decoder import MessageGroup
 from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
-from eha_bench.recordings.encodings.payloads import Bytes, Payloads
+from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.source import Source, Wanted
 from eha_bench.recordings.topic_reader import TopicReader, finished
 from eha_bench.recordings.track import Track

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eha_bench.core.arrays import IndexArray
+from eha_bench.core.arrays import Bytes, IndexArray
 
-Bytes = NDArray[np.uint8]
 Offsets = NDArray[np.int64]
 
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from eha_bench.core.arrays import Bytes
 from eha_bench.recordings.budget import ReadingBudget
-from eha_bench.recordings.encodings.payloads import Bytes, Payloads
+from eha_bench.recordings.encodings.payloads import Payloads
 
 MESSAGE = 5
 RECORD_HEAD = 9

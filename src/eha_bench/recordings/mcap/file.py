@@ -29,9 +29,9 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
+from eha_bench.core.arrays import Bytes
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.checksum import crc32
-from eha_bench.recordings.encodings.payloads import Bytes
 from eha_bench.recordings.file_bytes import forget, map_file
 from eha_bench.recordings.mcap.demux import RECORD_HEAD
 from eha_bench.recordings.naming import shown

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 
 from mcap.opcode import Opcode
 
+from eha_bench.core.arrays import Bytes
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.checksum import crc32
-from eha_bench.recordings.encodings.payloads import Bytes
 from eha_bench.recordings.file_bytes import forget
 from eha_bench.recordings.mcap.file import Chunk, McapFile
 from eha_bench.recordings.naming import shown

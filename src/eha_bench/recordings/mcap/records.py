@@ -24,8 +24,9 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from eha_bench.core.arrays import Bytes
 from eha_bench.recordings.decompress import DamagedChunk, decompress
-from eha_bench.recordings.encodings.payloads import Bytes, Payloads
+from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.mcap.demux import MESSAGE_HEAD, RECORD_HEAD, Splitter
 from eha_bench.recordings.mcap.file import Chunk, McapFile, open_mcap, parse_record
 
