@@ -98,8 +98,8 @@ def estimates(
         known = varying[runs]
         found.append(known.night(item) if known is not None else _blind(len(causes)))
     changes, deviations, gains = (np.array([item[k] for item in found]) for k in range(3))
-    for item, told in zip(evidence, gains, strict=True):
-        _as_fitted(item, told)
+    for item, gain in zip(evidence, gains, strict=True):
+        _as_fitted(item, gain)
     totals, ranks = (np.array([item[k] for item in found]) for k in (3, 4))
     oil = any(item is not None and item.oil for item in varying.values())
     thinning = not oil and bool(exponents.any())
@@ -210,21 +210,24 @@ class _Varying:
     def night(self, item: NightEvidence) -> _Told:
         """Return changes, deviations and gains of the causes, what all explain, and the rank."""
         parts = self._seen(item)
-        told, score = np.zeros(len(item.names)), np.zeros(len(item.names))
+        information, score = np.zeros(len(item.names)), np.zeros(len(item.names))
         total = rank = 0.0
         for part in parts:
             solved = np.linalg.solve(
                 part.covariance, np.column_stack([part.values, part.signs, part.noise])
             )
             width = part.signs.shape[1]
-            told += np.einsum("ik,ik->k", solved[:, 1 : 1 + width], part.signs)
+            information += np.einsum("ik,ik->k", solved[:, 1 : 1 + width], part.signs)
             score += part.signs.T @ solved[:, 0]
             total += float(part.values @ solved[:, 0])
             rank += float(np.trace(solved[:, 1 + width :]))
-        blind = ~(np.diag(item.curvature) > 0.0) | ~(told > 0.0)
-        told = np.where(blind, 1.0, told)
-        change, gain = score / told, score**2 / told
-        change, deviation = np.where(blind, np.nan, change), np.where(blind, np.nan, told**-0.5)
+        blind = ~(np.diag(item.curvature) > 0.0) | ~(information > 0.0)
+        information = np.where(blind, 1.0, information)
+        change, gain = score / information, score**2 / information
+        change, deviation = (
+            np.where(blind, np.nan, change),
+            np.where(blind, np.nan, information**-0.5),
+        )
         return change, deviation, np.where(blind, 0.0, gain), total, rank
 
     def _seen(self, item: NightEvidence) -> tuple[_Seen, _Seen]:

@@ -81,7 +81,7 @@ def causes_behind(
         except EhaBenchError as error:
             note = f"the healthy machine could not be calibrated: {error}"
             return Causes(*group, untold=tuple(untold), notes=(note,))
-        told: list[tuple[Night, NightEvidence]] = []
+        weighed: list[tuple[Night, NightEvidence]] = []
         before: Mapping[str, float] = {}
         for number, item in enumerate(known):
             progress("nights", number / len(known))
@@ -89,9 +89,9 @@ def causes_behind(
             if found.failed:
                 untold.append((item.night, found.failed))
             else:
-                told.append((item.night, found))
+                weighed.append((item.night, found))
                 before = found.point
-        return _Followed(history, settings, reference, kept, told).causes(group, tuple(untold))
+        return _Followed(history, settings, reference, kept, weighed).causes(group, tuple(untold))
 
 
 def _reference(
@@ -149,12 +149,12 @@ class _Followed:
         settings: CauseSettings,
         reference: Reference,
         kept: Kept,
-        told: Sequence[tuple[Night, NightEvidence]],
+        weighed: Sequence[tuple[Night, NightEvidence]],
     ) -> None:
         self._history, self._settings, self._reference = history, settings, reference
         self._kept = kept
-        self._nights = tuple(night for night, _ in told)
-        self._evidence = [evidence for _, evidence in told]
+        self._nights = tuple(night for night, _ in weighed)
+        self._evidence = [evidence for _, evidence in weighed]
         self._causes = settings.causes
         self._healthy_values = np.array([
             float(reference.vector[cause.place]) for cause in settings.causes

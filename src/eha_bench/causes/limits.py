@@ -204,9 +204,9 @@ def _offset(
 ) -> tuple[float, float]:
     """Return how far the measured metric is off the simulated one, and its standard deviation."""
     healthy = item.metered.level - along[0]
-    told = np.isfinite(along)
-    order = np.argsort(np.array(places)[told])
-    x, y = np.array(places)[told][order], np.array(along)[told][order]
+    known = np.isfinite(along)
+    order = np.argsort(np.array(places)[known])
+    x, y = np.array(places)[known][order], np.array(along)[known][order]
     measured = item.metered.values
     if measured.size != values.size:
         return healthy, 0.0

@@ -47,11 +47,11 @@ class CauseSettings:
     @property
     def digest(self) -> str:
         """Of all that a night's evidence depends on."""
-        said = [
+        content = [
             _VERSION, self.model.sha256, self.inputs, [cause.name for cause in self.causes],
             self.trials, None if self.channels is None else self.channels.read_text("utf-8"),
         ]  # fmt: skip
-        return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def load_cause_settings(path: Path) -> CauseSettings:
@@ -80,9 +80,9 @@ def load_cause_settings(path: Path) -> CauseSettings:
     return _checked(nightly.diagnose, path.parent, place)
 
 
-def _checked(said: Diagnose, folder: Path, place: Callable[..., Place]) -> CauseSettings:
-    shipped = by_name("models", said.model)
-    model = model_from(shipped or _existing(folder, said.model, place("model")))
+def _checked(declared: Diagnose, folder: Path, place: Callable[..., Place]) -> CauseSettings:
+    shipped = by_name("models", declared.model)
+    model = model_from(shipped or _existing(folder, declared.model, place("model")))
     plant = model.plant
     if isinstance(plant, StaticPlant):
         raise InputError(
@@ -94,10 +94,10 @@ def _checked(said: Diagnose, folder: Path, place: Callable[..., Place]) -> Cause
             where=place("model"),
             hint="list under 'calibrate' what may differ from machine to machine",
         )
-    for number, name in enumerate(said.follow):
+    for number, name in enumerate(declared.follow):
         _check_followed(plant.layout, name, place("follow", number))
-    case = _case(said, folder, place)
-    for number, name in enumerate(said.trials):
+    case = _case(declared, folder, place)
+    for number, name in enumerate(declared.trials):
         known = [trial.id for trial in case.suite.trials] if case is not None else [name]
         if name not in known:
             raise InputError(
@@ -105,10 +105,12 @@ def _checked(said: Diagnose, folder: Path, place: Callable[..., Place]) -> Cause
                 where=place("trials", number),
                 hint=suggest(name, known),
             )
-    channels = _existing(folder, said.channels, place("channels")) if said.channels else None
+    channels = (
+        _existing(folder, declared.channels, place("channels")) if declared.channels else None
+    )
     return CauseSettings(
-        model, tuple(said.inputs), causes_of(model, said.follow), tuple(said.trials),
-        said.healthy_nights, case, channels,
+        model, tuple(declared.inputs), causes_of(model, declared.follow), tuple(declared.trials),
+        declared.healthy_nights, case, channels,
     )  # fmt: skip
 
 
@@ -124,13 +126,13 @@ def _check_followed(layout: Layout, name: str, where: Place) -> None:
     )
 
 
-def _case(said: Diagnose, folder: Path, place: Callable[..., Place]) -> Case | None:
-    if not said.suite:
+def _case(declared: Diagnose, folder: Path, place: Callable[..., Place]) -> Case | None:
+    if not declared.suite:
         return None
-    shipped = by_name("suites", said.suite)
-    suite = load_suite(shipped or _existing(folder, said.suite, place("suite")))
-    given = said.target or said.model
-    key = "target" if said.target else "model"
+    shipped = by_name("suites", declared.suite)
+    suite = load_suite(shipped or _existing(folder, declared.suite, place("suite")))
+    given = declared.target or declared.model
+    key = "target" if declared.target else "model"
     named = by_name("targets", given) or by_name("models", given)
     path = named or _existing(folder, given, place(key))
     try:

@@ -168,9 +168,9 @@ def _is_lost_worker(error: Exception) -> bool:
 
 def _nobody_left(waiting: Iterable[int], error: EhaBenchError) -> Iterator[ItemOutcome[Any]]:
     """Yield what becomes of items that no worker can do any more."""
-    told = f"the workers are lost, and cannot be reached again: {error.what}"
+    what = f"the workers are lost, and cannot be reached again: {error.what}"
     for index in waiting:
-        yield ItemOutcome(index, error=WorkError(told, status=3))
+        yield ItemOutcome(index, error=WorkError(what, status=3))
 
 
 @dataclass(frozen=True)

@@ -519,7 +519,4 @@ def _unsearched(dataset: Dataset, base: Baseline, decision: Decision) -> Diagnos
     )
 
 
-run_diagnosis = diagnose
-
-
-__all__ = ["Calibration", "Unknown", "calibrate", "diagnose", "run_diagnosis"]
+__all__ = ["Calibration", "calibrate", "diagnose"]

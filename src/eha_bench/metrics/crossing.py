@@ -134,10 +134,10 @@ def between_samples(
         # there may be a kink just before: what comes after it knows nothing of what was before
         # but hardly after a sample that has moved; far up, two samples later, it may still matter
         moved = level <= SOON and float(values[index - 1]) > _MOVED * noise.sd
-        begun = index - 1 if moved else index
-        away, later = _kinked(time, values, level, begun, line, cubic.time)
+        kink = index - 1 if moved else index
+        away, later = _kinked(time, values, level, kink, line, cubic.time)
         apart.append(_KINKED * away)
-        after = slice(begun, begun + 3)
+        after = slice(kink, kink + 3)
         variance = max(variance, noise.variance(_lagrange(time[after], later)))
     return Crossing(
         cubic.time,
@@ -149,9 +149,9 @@ def between_samples(
 
 
 def _kinked(
-    time: FloatArray, values: FloatArray, level: float, begun: int, line: Crossing, place: float
+    time: FloatArray, values: FloatArray, level: float, kink: int, line: Crossing, place: float
 ) -> tuple[float, float]:
-    """Return how far away a response crosses that has a kink just before sample `begun`, and when.
+    """Return how far away a response crosses that has a kink just before sample `kink`, and when.
 
     Both in s. By the parabola and the cubic through the samples that come after, and as much later
     again as these are apart, up to the sample that is beyond the level.
@@ -159,8 +159,8 @@ def _kinked(
     beyond = float(time[np.searchsorted(time, line.time)])
     found = []
     for count in (3, 4):
-        after = slice(begun, begun + count)
-        if begun + count <= time.size:
+        after = slice(kink, kink + count)
+        if kink + count <= time.size:
             later = _crossed(time[after], values[after], level, line)
             if later is not None and later.time <= beyond:
                 found.append(later.time)

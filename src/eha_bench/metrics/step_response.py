@@ -239,9 +239,9 @@ class StepResponse:
         """The corner that the response sets off with."""
         after = self.smooth.values[self.origin :]
         stop = self.origin + int(np.argmax(after >= 0.5)) + 1
-        begun = self.origin + int(np.argmax(after >= SOON))
+        first = self.origin + int(np.argmax(after >= SOON))
         here = slice(self.origin, stop)
-        latest = float(self.time[min(begun + self.smooth.half + 1, stop - 1)])
+        latest = float(self.time[min(first + self.smooth.half + 1, stop - 1)])
         return corner(self.time[here], self.rise[here], self.noise, latest, SetsOff())
 
     @cached_property

@@ -54,12 +54,12 @@ def cause_svg(trend: CauseTrend, wear: Wear | None, *, number: int) -> Markup:
     ]
     if crossing is not None and math.isfinite(crossing.value):
         at = y(unit.shown(crossing.value))
-        said = f"first limit: {crossing.trial}, {metric_name(crossing.metric)}"
+        label = f"first limit: {crossing.trial}, {metric_name(crossing.metric)}"
         parts.append(
             f'<line x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}" '
             f'stroke="var(--safety)" stroke-dasharray="8 3 2 3"/>'
             f'<text x="{WIDTH - _RIGHT}" y="{at + 14:.1f}" text-anchor="end" '
-            f'fill="var(--safety)">{escape(said)}</text>'
+            f'fill="var(--safety)">{escape(label)}</text>'
         )
     if wear is not None and wear.since in trend.nights:
         at = x(trend.nights.index(wear.since) - 0.5)
@@ -72,9 +72,9 @@ def cause_svg(trend: CauseTrend, wear: Wear | None, *, number: int) -> Markup:
     path = " ".join(f"{'L' if i else 'M'}{x(i):.1f} {y(v):.1f}" for i, v in enumerate(line))
     parts.append(f'<path d="{path}" fill="none" stroke="var(--blue)" stroke-width="1.6"/>')
     for place, (value, width) in enumerate(zip(values, half, strict=True)):
-        told = f"{names[place]}: {value:.5g} ± {width:.2g}{unit.suffix}"
+        night = f"{names[place]}: {value:.5g} ± {width:.2g}{unit.suffix}"
         parts.append(
-            f'<g><title>{escape(told)}</title><line x1="{x(place):.1f}" x2="{x(place):.1f}" '
+            f'<g><title>{escape(night)}</title><line x1="{x(place):.1f}" x2="{x(place):.1f}" '
             f'y1="{y(value - width):.1f}" y2="{y(value + width):.1f}" stroke="var(--muted)"/>'
             f'<circle cx="{x(place):.1f}" cy="{y(value):.1f}" r="2.6" fill="var(--text)"/></g>'
         )

@@ -56,15 +56,15 @@ def causes_view(causes: Causes | None) -> CausesView | None:
     """Return the section; None where causes were not requested."""
     if causes is None:
         return None
-    said = {item.trend.name: item for item in causes.wear}
+    worn = {item.trend.name: item for item in causes.wear}
     wear = tuple(
         ("failed", "✕", "wears", wear_sentence(item)) if item.alarm
         else ("warned", "↗", "moves", wear_sentence(item))
         for item in causes.wear
     )  # fmt: skip
-    named = {*said, *(rival for item in causes.wear for rival in item.rivals)}
+    named = {*worn, *(rival for item in causes.wear for rival in item.rivals)}
     drawn = [
-        (trend.name, (_title(trend), cause_svg(trend, said.get(trend.name), number=place)))
+        (trend.name, (_title(trend), cause_svg(trend, worn.get(trend.name), number=place)))
         for place, trend in enumerate(causes.trends)
     ]
     chances = causes.wear[0].chances if causes.wear else ()
@@ -72,7 +72,7 @@ def causes_view(causes: Causes | None) -> CausesView | None:
         wear,
         tuple(plot for name, plot in drawn if name in named)[:_DRAWN],
         tuple(plot for name, plot in drawn if name not in named)[:_MOST_OTHERS],
-        tuple(_row(trend, alarmed=trend.name in said) for trend in causes.trends),
+        tuple(_row(trend, alarmed=trend.name in worn) for trend in causes.trends),
         tuple((ahead, f"{100.0 * chance:.0f}\N{NO-BREAK SPACE}%") for ahead, chance in chances),
         untold_sentence(causes)[:_MOST_UNTOLD],
         tuple(_as_sentence(note) for note in causes.notes),

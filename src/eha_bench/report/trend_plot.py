@@ -80,17 +80,17 @@ def trend_svg(trend: Trend, names: Sequence[str], links: Sequence[str], *, title
     for bound, beyond in zip(bounds, _accepted(trend.bounds), strict=True):
         at = y(bound)
         places = _places(abs(float(f"{bound:.4g}")))
-        said = f"accepted {beyond} {number(bound, places)}{unit.suffix}"
+        label = f"accepted {beyond} {number(bound, places)}{unit.suffix}"
         if low <= bound <= high:
             parts.append(
                 f'<line x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}" '
                 f'stroke="var(--safety)" stroke-dasharray="8 3 2 3"/>'
             )
         else:  # a line at the edge would stand for a value that it has not
-            said = f"{'↑' if bound > high else '↓'} {said}"
+            label = f"{'↑' if bound > high else '↓'} {label}"
         parts.append(
             f'<text x="{WIDTH - _RIGHT}" y="{at - 4:.1f}" text-anchor="end" '
-            f'fill="var(--safety)">{said}</text>'
+            f'fill="var(--safety)">{label}</text>'
         )
     path = " ".join(
         f"{'L' if i else 'M'}{x(at):.1f} {y(v):.1f}"

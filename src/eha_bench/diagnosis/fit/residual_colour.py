@@ -124,8 +124,8 @@ def _samples(problem: Problem) -> dict[str, dict[str, int]]:
 
 def share_shown(stretches: Mapping[str, Sequence[FloatArray]], samples: Mapping[str, int]) -> float:
     """Return the share of the samples that is of runs with stretches enough to tell their noise."""
-    told = sum(samples[run] for run, own in stretches.items() if len(own) >= _FEWEST)
-    return told / sum(samples.values())
+    covered = sum(samples[run] for run, own in stretches.items() if len(own) >= _FEWEST)
+    return covered / sum(samples.values())
 
 
 def swings(colour: Colour | None) -> bool:
