@@ -10,7 +10,7 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from eha_bench.comparison.correction import holm
-from eha_bench.comparison.dependence import learned
+from eha_bench.comparison.dependence import FEWEST, learned
 from eha_bench.comparison.evidence import dependence_of, evidence, exact, ratios_of
 from eha_bench.comparison.permutation import p_greater, p_greater_paired
 from eha_bench.comparison.planning import MOST, more_repeats
@@ -286,3 +286,30 @@ def test_the_p_value_of_often_looking_is_the_dearest_look() -> None:
         min(0.1 / looks[2], 0.02 / looks[3])
     )
     assert spent([0.0], looks) == 1.0
+
+
+# --- what decides how a metric is tested ---------------------------------------------------------
+
+
+def test_permutations_have_a_say_where_they_can_reach_the_level_of_the_family() -> None:
+    """Five beside five reach 2 / 252 at least: below 5 % among six metrics, above among seven."""
+    rng = np.random.default_rng(1)
+    first, second = (Sample.of(list(rng.normal(size=5))) for _ in range(2))
+    methods = [evidence(first, second, 0.1, family=family).method for family in (6, 7)]
+    assert [method.startswith("permutation") for method in methods] == [True, False]
+
+
+def test_counts_that_are_all_equal_scatter_as_counts_do() -> None:
+    """Four pairs of 3 and 5: the mean's standard deviation is sqrt(3 / 4 + 5 / 4)."""
+    first, second = Sample.of([3.0] * 4), Sample.of([5.0] * 4)
+    found = evidence(first, second, 0.1, paired=True, counted=True)
+    assert found.scatter == pytest.approx(math.sqrt(2.0))
+    half = stats.t.ppf(0.975, 3) * math.sqrt(2.0)
+    assert (found.low, found.high) == pytest.approx((2.0 - half, 2.0 + half), rel=1e-3)
+
+
+def test_dependence_is_asked_of_as_many_repeats_as_show_it() -> None:
+    rng = np.random.default_rng(1)
+    enough = Sample.of(list(rng.normal(size=FEWEST)))
+    assert dependence_of(enough, Sample.of(list(rng.normal(size=2)))) is not None
+    assert dependence_of(enough, Sample.of([0.0])) is None
