@@ -191,6 +191,26 @@ def sweeps(_: Path, sets: int) -> Iterator[Work]:
     yield Work("sweep", "sets", sets, lambda: plant.sweep(vectors, drive, 25e-6))
 
 
+OVER = {
+    "gains": {
+        "pressure.k_p": {"from": "5.5 A/MPa", "to": "6.7 A/MPa"},
+        "pressure.k_2": {"from": "2.0 A*s/rad", "to": "2.4 A*s/rad"},
+    },
+    "parameters": {"bulk_modulus": {"from": "850 MPa", "to": "1050 MPa"}},
+}
+
+
+def suite_sweeps(folder: Path, points: int) -> Iterator[Work]:
+    """Yield a sweep of the paper's suite over so many points, with its journal, table and page."""
+    runs = points * len(load_suite("paper").trials)
+
+    def act() -> object:
+        over = {"over": OVER, "design": "sobol", "points": points}
+        return eb.sweep("paper", over, "physical", out=tempfile.mkdtemp(dir=folder))
+
+    yield Work("sweep the paper's suite", "runs", runs, act)
+
+
 def nights(folder: Path, count: int) -> Iterator[Work]:
     """Yield the history of so many nights of ten metrics."""
     for night in range(count):
@@ -239,6 +259,7 @@ def run(ticks: int, times: tuple[int, ...], rounds: int, only: list[str]) -> Ite
         "trials": (trials, ticks // 10),
         "suites": (suites, 50),
         "sweeps": (sweeps, 8),
+        "suite_sweeps": (suite_sweeps, 12),
         "nights": (nights, 3),
         "diagnoses": (diagnoses, ticks),
     }
@@ -257,7 +278,7 @@ def run(ticks: int, times: tuple[int, ...], rounds: int, only: list[str]) -> Ite
             yield Growth(name, done[0].unit, sizes, seconds, megabytes)
 
 
-GROUPS = ("files", "trials", "suites", "sweeps", "nights", "diagnoses")
+GROUPS = ("files", "trials", "suites", "sweeps", "suite_sweeps", "nights", "diagnoses")
 
 
 def table(growths: list[Growth]) -> str:

@@ -14,7 +14,8 @@ from fixtures.rig import kernel
 from fixtures.rig.parameters import record
 from fixtures.rig.plant import SUBSTEPS_FREE, SUBSTEPS_LOCKED, translate
 from fixtures.rig.sensors import COLUMNS
-from fixtures.rigs.machine import Machine, Settings, at_rest
+from fixtures.rigs import equations as eq
+from fixtures.rigs.machine import STEP, Machine, Settings, at_rest
 from fixtures.rigs.plant import Plant
 
 from eha_bench.control.controller_file import ControllerSet
@@ -26,6 +27,8 @@ from eha_bench.targets.sensors import RIG_SENSORS, SimulatedSensor
 from eha_bench.targets.simulator import Simulator
 from eha_bench.targets.target import Outcome, Stopping, never
 
+SUPPLY = 12.0
+"""V, of a bridge: stabilised, as a model has it where it is not measured."""
 _LATEST = 200
 """Commands that may still act, ticks: far more than any delay of the rig."""
 
@@ -72,15 +75,14 @@ class ForeignLoop:
         clock = trial.clock()
         self._time = clock - clock[0]
         self._inputs = np.zeros((clock.size, 2))
+        if plant.kind == eq.SERVO:
+            self._inputs[:, 1] = SUPPLY
         start = dict(trial.setup.initial).get(trial.channel, float(trial.reference(np.zeros(1))[0]))
         self._state = at_rest(plant.kind, self._record, start)
         self._tick = 0
         self.truth = self._on(0, 1)[0]
 
     def _on(self, first: int, last: int) -> tuple[FloatArray, FloatArray]:
-        from fixtures.rigs import equations as eq
-        from fixtures.rigs.machine import STEP
-
         readings, states, _ = eq.simulate(
             self._plant.kind, self._record, self._machine.tables, self._machine.scales, self._time,
             self._inputs, np.zeros(self._time.size), np.zeros(4), False, self._state, first, last,

@@ -1,4 +1,8 @@
-"""A search over gains by differential evolution, in shares of their ranges.
+"""Searches over gains, in shares of their ranges: one for the basins, one within them.
+
+The first goes by what is predicted from all that was tried (`surrogate`): with few candidates,
+evolution ended in the wrong basin on several machines. The second, over draws of machines, is
+differential evolution.
 
 Storn, Price, J. Global Optimization 11 (1997) 341, doi:10.1023/A:1008202821328, as SciPy has it.
 All of a generation is tried at once, so that it can be spread over workers. A candidate is raced
@@ -18,6 +22,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.sweeps.space import Point, Space
 from eha_bench.tuning.aim import Aim, least
+from eha_bench.tuning.surrogate import next_places
 from eha_bench.tuning.trying import Machine, Trying
 
 
@@ -67,6 +72,20 @@ class GainSearch:
     def whole(self) -> list[TriedGains]:
         """Those that were tried on all machines."""
         return [item for item in self.tried if len(item.margins) == len(self.machines)]
+
+    def explore(self, start: FloatArray, candidates: int, batch: int, seed: int) -> None:
+        """Try first places, (n, gains) of shares, and batches of those that promise most."""
+        if self.stop():
+            return
+        self._worths(start.T)
+        generator = np.random.default_rng(seed)
+        for done in range(len(start), candidates, batch):
+            if self.stop():
+                return
+            shares = np.array([item.shares for item in self.tried])
+            margins = np.array([item.margins.min(axis=0) for item in self.tried])
+            count = min(batch, candidates - done)
+            self._worths(next_places(shares, margins, count, generator).T)
 
     def run(self, start: FloatArray, generations: int, seed: int) -> None:
         """Try a first population, (n, gains) of shares, and generations bred from it."""

@@ -40,8 +40,10 @@ from eha_bench.tuning.vary_file import VaryFile
 
 _AS_FITTED = -1
 """Number of the machine that is the model itself; draws count from 0."""
-_SHARE_AT_FITTED = 0.4
-"""Of all candidates, those that are tried at the model as fitted only."""
+_SHARE_AT_FITTED = 0.7
+"""Of all candidates, those that are tried at the model as fitted only, on one machine each."""
+_SHARE_SPREAD = 0.4
+"""Of these, those that fill the ranges before any is chosen by what was found."""
 _SPREAD = 0.08
 """Standard deviation of the second search's first population, in shares of the ranges."""
 _FINALISTS = 2
@@ -165,11 +167,12 @@ class _Tuning:
         before = tuple(_declared(space))
         first = self._search([Machine(_AS_FITTED, space.case.simulator.model)], Worst())
         whole = self.posterior is None
-        generations = self._generations(size, 1.0 if whole else _SHARE_AT_FITTED)
+        candidates = max(size, round(effort.candidates * (1.0 if whole else _SHARE_AT_FITTED)))
         known = [np.array(_shares(space, before))]
-        start = first_population(known, len(space.factors), size, effort.seed)
+        spread = max(size, round(_SHARE_SPREAD * candidates))
+        start = first_population(known, len(space.factors), spread, effort.seed)
         with suppress(KeyboardInterrupt):  # asked for twice: the best so far stands
-            first.run(start, generations, effort.seed)
+            first.explore(start, candidates, size, effort.seed)
         if not first.tried:
             raise KeyboardInterrupt
         self._check_scored(first)
