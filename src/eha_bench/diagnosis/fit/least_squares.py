@@ -32,6 +32,10 @@ _WORTH = 0.002
 """Share of what is unexplained that a step gains at least, of a fit that goes on."""
 _STALLED = 5.0
 """Multiple of that from which a Jacobian that was updated is good enough."""
+_PROMISING = 30.0
+"""Fall of the cost that a step promises from which shorter ones are tried, if it leads nowhere."""
+_SHORT = 0.3
+"""Damping of the first of these."""
 _NONSENSE = 10.0
 """Size of that change, in residuals, from which it does not."""
 
@@ -218,78 +222,134 @@ def levenberg_marquardt(
         known: columns of a Jacobian from nearby, by key, to start with.
         refresh: how often the Jacobian may be computed again.
         tries: of a step from a Jacobian that is, each ten times shorter: far from the minimum a
-            slope holds only nearby.
+            slope holds only nearby. Twice as many where much is promised: what hardly shows (the
+            angle of a weight that is still small) asks for steps that lead nowhere.
         share: of what is unexplained that a step has to gain as well: where much is, the last
             digits of the parameters do not matter; 0 for a fit to the bottom.
         watch: given every vector that is better than all before.
     """
-    free = tuple(free)
-    vector = vector.copy()
-    residual = problem.residual(vector)
-    soft, weight = soften(residual, problem.soft)
-    cost = float(soft @ soft)
-    if not free:
-        none = np.zeros((residual.size, 0))
-        return Fit(vector, free, residual, none, cost, 0, problem.soft, len(problem.beliefs))
-    scales = np.array([item.scale for item in free])
-    matrix = jacobian(problem, vector, free, residual, known)
-    fresh = not known
-    damping = 1e-3
+    at = _Descent(problem, vector.copy(), tuple(free), known)
+    if not at.free:
+        return at.ended(0)
     taken = 0
-    weighted = np.empty_like(matrix)
     for _ in range(iterations):
-        np.multiply(matrix, weight[:, None], out=weighted)
-        normal = weighted.T @ weighted
-        gradient = weighted.T @ soft
-        gain = 0.0
-        for _try in range(tries if fresh else 2):
-            step = _bounded_step(normal, gradient, damping, vector, free)
-            trial = vector.copy()
-            for item, move in zip(free, step, strict=True):
-                trial[item.at] = min(max(trial[item.at] + move * item.scale, item.low), item.high)
-            done = np.array([trial[item.at] - vector[item.at] for item in free]) / scales
+        before = at.cost
+        if at.improve(tries):
+            taken += 1
+            if watch:
+                watch(at.vector)
+        gain = before - at.cost
+        stalled = gain < max(tolerance, _STALLED * share * (at.cost - problem.size))
+        enough = max(tolerance, share * (at.cost - problem.size))
+        if gain < enough and at.fresh:
+            break
+        if stalled and not at.fresh:
+            if refresh <= 0:
+                break
+            at.refresh()
+            refresh -= 1
+        elif gain:
+            at.fresh = False
+    return at.ended(taken)
+
+
+class _Descent:
+    """Where a fit is: the parameters, the residual there, and its slopes.
+
+    Attributes:
+        vector: parameters. cost: there. fresh: whether the slopes are computed and not updated.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        vector: FloatArray,
+        free: tuple[Free, ...],
+        known: Mapping[str, FloatArray] | None,
+    ) -> None:
+        self.problem, self.vector, self.free = problem, vector, free
+        self._scales = np.array([item.scale for item in free])
+        self._take(vector, problem.residual(vector))
+        self._matrix = np.zeros((self._residual.size, 0))
+        if free:
+            self._matrix = jacobian(problem, vector, free, self._residual, known)
+        self._weighted = np.empty_like(self._matrix)
+        self.fresh = not known
+        self._damping = 1e-3
+
+    def _take(self, vector: FloatArray, residual: FloatArray) -> None:
+        self.vector, self._residual = vector, residual
+        self._soft, self._weight = soften(residual, self.problem.soft)
+        self.cost = float(self._soft @ self._soft)
+
+    def refresh(self) -> None:
+        """Compute the slopes again."""
+        self._matrix = jacobian(self.problem, self.vector, self.free, self._residual)
+        self.fresh, self._damping = True, 1e-3
+
+    def ended(self, taken: int) -> Fit:
+        """Return the fit as it is after some steps."""
+        return Fit(self.vector, self.free, self._residual, self._matrix, self.cost, taken,
+                   self.problem.soft, len(self.problem.beliefs))  # fmt: skip
+
+    def improve(self, tries: int) -> bool:
+        """Take a step that lowers the cost, and return whether there was one."""
+        learnt: list[tuple[FloatArray, FloatArray]] = []
+        promised = 0.0
+        for attempt in range(2 * tries if self.fresh else 2):
+            if attempt == tries:
+                if promised < _PROMISING:
+                    break
+                # what led nowhere has spoilt the slopes: shorter steps, by those that are
+                for unforeseen, shares in learnt:
+                    self._update(unforeseen, -shares)
+                self._damping = _SHORT
+            np.multiply(self._matrix, self._weight[:, None], out=self._weighted)
+            normal, gradient = self._weighted.T @ self._weighted, self._weighted.T @ self._soft
+            step = _bounded_step(normal, gradient, self._damping, self.vector, self.free)
+            if attempt == 0:
+                promised = -float(step @ (2.0 * gradient + normal @ step))
+            trial = _moved(self.vector, self.free, step)
+            done = np.array([trial[item.at] - self.vector[item.at] for item in self.free])
+            done = done / self._scales
             length = float(done @ done)
             if length == 0.0:
                 break
-            new_residual = problem.residual(trial)
-            new_soft, new_weight = soften(new_residual, problem.soft)
-            new_cost = float(new_soft @ new_soft)
-            change = new_residual - residual
-            size = float(change @ change)
-            if (_TELLS * problem.soft) ** 2 < size < _NONSENSE**2 * float(residual @ residual):
-                # a smaller change is the noise of sticking as much as it is the parameters', and
-                # a step into nonsense tells nothing of the slopes here
-                unforeseen = change - matrix @ done
-                for k in np.flatnonzero(done):
-                    matrix[:, k] += unforeseen * (done[k] / length)
-            if new_cost < cost:
-                gain = cost - new_cost
-                vector, residual, soft, weight = trial, new_residual, new_soft, new_weight
-                cost = new_cost
-                damping = max(damping / 5.0, 1e-9)
-                taken += 1
-                if watch:
-                    watch(vector)
-                break
-            damping = max(damping * 10.0, 1e-4)
-            np.multiply(matrix, weight[:, None], out=weighted)
-            normal = weighted.T @ weighted
-            gradient = weighted.T @ soft
-        stalled = gain < max(tolerance, _STALLED * share * (cost - problem.size))
-        enough = max(tolerance, share * (cost - problem.size))
-        if gain < enough and fresh:
-            break
-        if stalled and not fresh:
-            if refresh <= 0:
-                break
-            matrix = jacobian(problem, vector, free, residual)
-            fresh = True
-            refresh -= 1
-            damping = 1e-3
-        elif gain:
-            fresh = False
-    beliefs = len(problem.beliefs)
-    return Fit(vector, free, residual, matrix, cost, taken, problem.soft, beliefs)
+            residual = self.problem.residual(trial)
+            soft, _ = soften(residual, self.problem.soft)
+            better = float(soft @ soft) < self.cost
+            change = residual - self._residual
+            if self._tells(change) and (attempt < tries or better):
+                learnt.append((change - self._matrix @ done, done / length))
+                self._update(*learnt[-1])
+            if better:
+                self._take(trial, residual)
+                self._damping = max(self._damping / 5.0, 1e-9)
+                return True
+            self._damping = max(self._damping * 10.0, 1e-4)
+        return False
+
+    def _tells(self, change: FloatArray) -> bool:
+        """Whether a change of the residual tells something of the slopes.
+
+        A smaller one is the noise of sticking as much as it is the parameters', and a step into
+        nonsense tells nothing of the slopes here.
+        """
+        size, most = float(change @ change), float(self._residual @ self._residual)
+        return (_TELLS * self.problem.soft) ** 2 < size < _NONSENSE**2 * most
+
+    def _update(self, unforeseen: FloatArray, shares: FloatArray) -> None:
+        """Add to each column its share of what a step changed beyond what was foreseen."""
+        for k in np.flatnonzero(shares):
+            self._matrix[:, k] += unforeseen * shares[k]
+
+
+def _moved(vector: FloatArray, free: Sequence[Free], step: FloatArray) -> FloatArray:
+    """Return a vector after a step, inside its bounds."""
+    trial = vector.copy()
+    for item, move in zip(free, step, strict=True):
+        trial[item.at] = min(max(trial[item.at] + move * item.scale, item.low), item.high)
+    return trial
 
 
 def _bounded_step(
