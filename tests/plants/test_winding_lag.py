@@ -70,9 +70,8 @@ def test_at_speed_the_two_places_differ_and_at_rest_they_do_not():
     assert gap < 1e-3 * np.abs(slow_drive[:, 0]).max()
 
 
-def test_a_motor_driven_by_its_current_has_the_one_place():
-    plant = load_model("paper").plant
-    effect = plant.layout.effect("current_lag")
-    assert effect.words(effect.parameter("place")) == ("drive",)
+def test_only_a_motor_that_a_voltage_drives_has_both_places():
+    by_current = load_model("paper").plant.layout.effect("current_lag")
+    assert "place" not in [parameter.name for parameter in by_current.parameters]
     by_voltage = motor("winding").plant.layout.effect("current_lag")
     assert by_voltage.words(by_voltage.parameter("place")) == ("drive", "winding")

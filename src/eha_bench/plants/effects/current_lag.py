@@ -78,6 +78,7 @@ EFFECT = Effect(
             "place",
             ("drive", "winding"),
             "what lags: what the drive puts out, or the current in a winding that a voltage drives",
+            of_role="voltage_drive",
         ),
     ),
     actions={
@@ -90,7 +91,6 @@ EFFECT = Effect(
             {"drive": flowing},
             advance={"lagging": follow},
             start={"lagging": at_first},
-            choices={"place": ("drive",)},
         ),
     },
     states=("lagging",),
