@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eha_bench.core.errors import InputError
 from eha_bench.plants.model import load_model
 from eha_bench.posterior.file import read_posterior
 from eha_bench.sweeps.chance import Chance
@@ -194,6 +195,14 @@ def test_explanations_that_cannot_be_told_apart_are_drawn_in_turn(files: Path) -
         "current_lag", "command_delay",
     ]  # fmt: skip
     assert "do not distinguish: lag, delay" in known.notes[0]
+    # the effect stands in no line of diagnosis.json: the first model that it names does
+    (files / "diagnosis.json").write_text(json.dumps(content, indent=1))
+    (files / "plain.yaml").write_text(MODEL)
+    with pytest.raises(InputError) as refused:
+        read_posterior(files, load_model(files / "plain.yaml"))
+    line = (files / "diagnosis.json").read_text().splitlines()[refused.value.where.line - 1]
+    assert '"model": "rivals/lag.yaml"' in line
+    assert "it has the effect current_lag" in refused.value.what
 
 
 @pytest.mark.parametrize(

@@ -167,7 +167,11 @@ def _check_same(component: Component, model: Model, file: Path) -> None:
     def refuse(key: str, why: str) -> InputError:
         # only what is refused is read again, for the line
         lines = file.read_text(encoding="utf-8").splitlines()
-        line = next((n for n, item in enumerate(lines, 1) if f'"{key}"' in item), 0)
+        # an effect stands in the model that the file names
+        named = (
+            n for word in (key, "model") for n, item in enumerate(lines, 1) if f'"{word}"' in item
+        )
+        line = next(named, 0)
         return InputError(
             f"is the posterior of another model: {why}",
             where=Place(file=str(file), line=line, key=key),
