@@ -64,6 +64,8 @@ REPEATS = 10
 """Runs of the suite on the rig, each with other noise."""
 FIRST_REPEAT = 1000
 """Number of the first one's noise, which no draw has."""
+NOISES = 100_000
+"""Numbers of noise that a rig has to itself."""
 FRONTIER = 32
 """Gains that are tried on the declared model to know what can be asked."""
 FACTORS = (0.95, 1.15)
@@ -267,6 +269,11 @@ def near_the_best(
     return suite, factor, best.point, tuple(points[place] for place in settled)
 
 
+def with_noise(suite: Suite, seed: int) -> Suite:
+    """Return a suite whose runs have other noise."""
+    return replace(suite, trials=tuple(replace(trial, seed=seed) for trial in suite.trials))
+
+
 def kept(margins: FloatArray) -> BoolArray:
     """Return which runs keep all limits, (n,)."""
     return np.asarray((margins >= 0.0).all(axis=1))
@@ -286,7 +293,8 @@ def said_of(
     of_draws, of_rig = reached(suite, stated), reached(suite, happened)
     chosen: dict[str, list[int]] = {"response": [0], "overshoot": [1], "both": [0, 1]}
     # draws that state nothing, of another seed than those that do
-    others = reached(suite, bench.over_draws(suite, point, len(chosen), 1_000_000 + number))
+    noisy = with_noise(suite, NOISES * number + NOISES // 2)
+    others = reached(suite, bench.over_draws(noisy, point, len(chosen), 1_000_000 + number))
     for (limits, columns), most in zip(chosen.items(), others, strict=True):
         most_of_these = most[columns]
         if np.isfinite(most_of_these).all():
@@ -330,6 +338,8 @@ def run_case(plant: str, number: int, folder: Path, given: Any) -> Outcome:
     )  # fmt: skip
     rng = np.random.default_rng([number, 5])
     suite, factor, of_declared, spread = near_the_best(bench, rng)
+    # rigs that shared their noise would all be off to one side
+    suite = with_noise(suite, NOISES * number)
     start = time.perf_counter()
     best = bench.tuned(suite, bench.revised, bench.posterior, given.candidates)
     tuning = time.perf_counter() - start
