@@ -39,7 +39,6 @@ from eha_bench.experiment.decision import (
     DISTINGUISHED,
     DrawRows,
     Odds,
-    distances,
     inner_products,
     layout_of,
     odds,
@@ -69,10 +68,9 @@ WITHIN = 0.1
 _LONGEST = 4.0
 """Length at which experiments are compared, s; longer ones are made of several."""
 _SIZES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
-_GENTLER = (0.6, 0.6, 0.6, 0.6)
-"""Shares by which the experiment is made smaller, one after the other, while it still decides."""
-_PLENTY = 120.0
-"""Distance that it keeps then: four times what suffices, as no rival is quite the machine."""
+_GENTLER = 0.6
+"""Share by which the experiment is made smaller, again and again, while it still decides."""
+_SMALLEST = 0.01
 _BEST = 5
 _VARIATIONS = 5
 _TOGETHER = 3
@@ -396,22 +394,28 @@ class _ExperimentSearch:
         return None
 
     def _gentlest(self, chosen: Experiment, layout: DrawRows, expected: Odds) -> Experiment:
-        """Return an experiment at the smallest size that decides as surely.
+        """Return an experiment at the smallest size that decides as surely, longer where need be.
 
         Rivals were fitted to what has been recorded; the further beyond, the less they are worth.
         """
-        for share in _GENTLER:
+        longest = max(chosen.seconds, min(_LONGEST, self.budget))
+        while chosen.size > _SMALLEST:
             self.progress("gentler", 0.0)
-            item = chosen.sized(share * chosen.size)
+            item = chosen.sized(_GENTLER * chosen.size).lasting(longest)
             responses = self._respond(item, layout)
             if not responses.safe:
                 break
-            grams = self._products(responses, layout, self._ticks(item), 50)
-            found = odds(layout, grams, self._before)[-1]
-            plenty = float(distances(layout, grams[-1]).min()) >= _PLENTY
-            if not (plenty and found.right >= expected.right and found.wrong <= expected.wrong):
+            ticks = self._ticks(item)
+            after = odds(layout, self._products(responses, layout, ticks, 50), self._before)
+            enough = [
+                tick
+                for tick, found in zip(ticks, after, strict=True)
+                if found.right >= min(expected.right, self.probability)
+                and found.wrong <= max(expected.wrong, MOST_WRONG)
+            ]
+            if not enough:
                 break
-            chosen = item
+            chosen = item.lasting(max(enough[0] / self.bench.rate, chosen.seconds))
         return chosen
 
     def _drawn(self, candidate: Experiment, layout: DrawRows, number: int) -> _Tried | None:
