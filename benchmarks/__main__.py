@@ -34,6 +34,7 @@ FULL: dict[str, list[str]] = {
     "blind": ["--cases", "40"],
     "league": [],
     "next_experiment": ["--cases", "4", "--proposals", "5"],
+    "pool": [],
     "lives": ["--lives", "7", "--healthy", "2"],
     "rig_safety": ["--faults", "--kills", "30", "--signals", "5", "--disk", "--minutes", "10"],
     "rig_agreement": [],
@@ -55,6 +56,7 @@ QUICK: dict[str, list[str]] = {
     # of the product itself, `blind` tells that it runs
     "league": ["--quick", "--entrant", "sindy", "evolution", "declared"],
     "next_experiment": ["--quick"],
+    "pool": ["--quick"],
     "lives": ["--lives", "0", "--healthy", "1", "--nights", "12"],
     "rig_safety": ["--kills", "1", "--disk"],
     "rig_agreement": ["--rounds", "1", "--control", "host"],

@@ -85,14 +85,21 @@ class Arm:
         return Pair(self.joint, how, tuple(motions), causes, float(ratio))
 
 
-def pairs_of(arm: Arm, count: int, rng: np.random.Generator) -> list[Pair]:
-    """Return the pair that is ranked first, the one that is ranked last, and some at random."""
+def ranking(arm: Arm) -> list[str]:
+    """Return the other six motions as `next --from` ranks them."""
     from eha_bench.experiment.pool import rank
 
-    _, before = arm.diagnosed("first", FIRST)
+    arm.diagnosed("first", FIRST)
     others = [motion for motion in arm.motions if motion not in FIRST]
-    ranked = [Path(item.name).stem
-              for item in rank(arm.folder / "first", [arm.dataset("others", others)])]  # fmt: skip
+    found = rank(arm.folder / "first", [arm.dataset("others", others)])
+    return [Path(item.name).stem for item in found]
+
+
+def pairs_of(arm: Arm, count: int, rng: np.random.Generator) -> list[Pair]:
+    """Return the pair that is ranked first, the one that is ranked last, and some at random."""
+    _, before = arm.diagnosed("first", FIRST)
+    ranked = ranking(arm)
+    others = sorted(ranked)
     found = [arm.added("ranked first", ranked[:2], before)]
     print(found[-1], flush=True)
     found.append(arm.added("ranked last", ranked[-2:], before))
@@ -108,6 +115,7 @@ def main() -> int:
     """Rank, diagnose and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.pool", description=__doc__)
     parser.add_argument("--joints", nargs="+", choices=JOINTS, default=list(JOINTS))
+    parser.add_argument("--quick", action="store_true", help="rank only, one joint")
     parser.add_argument("--random", type=int, default=3, help="random pairs of each joint")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, help="folder of what was done; one given goes on")
@@ -117,6 +125,10 @@ def main() -> int:
         print(f"{LOGS} is not there: nothing to rank")
         return 0
     out = given.out or Path(tempfile.mkdtemp())
+    if given.quick:
+        ranked = ranking(Arm(JOINTS[0], out / JOINTS[0]))
+        write_rows(given.json, [Row("recordings ranked", len(ranked), "")])
+        return 0
     rng = np.random.default_rng(given.seed)
     done = [pair for joint in given.joints
             for pair in pairs_of(Arm(joint, out / joint), given.random, rng)]  # fmt: skip

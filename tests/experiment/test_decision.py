@@ -119,7 +119,7 @@ def test_forms_of_one_cause_need_not_be_told_from_one_another():
 
 def test_every_cause_counts_alike_however_many_forms_it_has():
     rng = np.random.default_rng(8)
-    near, far = np.full(400, 0.02), np.full(400, 0.5)
+    near, far = np.full(400, 0.02), np.ones(400)
     nothing = np.zeros((400, 1))
     # one form of 'b' is as good as 'a', three are far from it: 'b' is named in three of four
     layout, rows, _ = linear(rng, [0.0 * near, near, far, -far, 2.0 * far], [nothing] * 5, 0,

@@ -48,7 +48,8 @@ def test_a_motion_that_excites_what_differs_comes_first(pool: Path):
     first, last = rank(pool, [pool / "dataset.yaml"])
     assert (first.name, last.name) == ("fast", "still")
     assert first.right > 0.9
-    assert first.reached > 1.0 > last.reached
+    # 1.5 s are fifteen blocks, about as many as a cause needs
+    assert first.reached > 0.9 > last.reached
     assert last.right == 0.0
 
 

@@ -74,7 +74,7 @@ def test_no_draw_of_a_wide_posterior_breaks_a_tight_limit(tmp_path: Path):
     tight = {**LOCKED, "pressure_a": (-1e6, 1e6), "pressure_b": (-1e6, 1e6)}
     rivals = [rival(*DELAY, share=0.15), rival(*LAG, share=0.15)]
     folder = write_question(tmp_path, rivals, extremes=tight, unexplained={"pressure_a": 2e4})
-    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=1.0)
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=2.0)
     assert found.ending is ProposalEnding.PROPOSED
     assert max(room.used for trial in found.trials for room in trial.rooms) > 0.2
     rng = np.random.default_rng(8)

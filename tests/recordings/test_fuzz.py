@@ -112,7 +112,7 @@ def test_memory_and_hanging_are_seen(
 ) -> None:
     path = tmp_path / "small.csv"
     path.write_text("t,p\n0,1\n")
-    monkeypatch.setattr(fuzz, "read", lambda *_, **__: bytearray(b"x") * (40 << 20))
+    monkeypatch.setattr(fuzz, "read", lambda *_, **__: bytearray(b"x") * (160 << 20))
     with pytest.raises(AssertionError, match="read took"):
         fuzz.attempt(path, None)
     monkeypatch.setattr(fuzz, "SECONDS", 0.05)
