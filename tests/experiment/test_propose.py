@@ -108,7 +108,7 @@ def test_what_nothing_measured_tells_apart_asks_for_a_sensor(tmp_path: Path):
     for item in offsets:
         assert item.model.plant.id == "eha_knee"
     folder = write_question(tmp_path, offsets, noise={"motor_speed": 0.1})
-    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=1.0)
+    found = eb.next_experiment(folder, tmp_path / "next.yaml", budget=2.0)
     assert found.ending is ProposalEnding.NONE_PERMITTED
     assert found.sensor is not None
     assert found.sensor.channel.startswith("pressure")

@@ -53,7 +53,7 @@ def advice(
         ticks = [*range(block, count, block), count]
         grams = inner_products(layout, responses.outputs, plant.outputs, more, ticks, [7])
         found = odds(layout, grams, before)[-1]
-        if best is None or found.right > best.right:
+        if found.right > (0.0 if best is None else best.right):
             best = SensorAdvice(name, noise, plant.units.get(name, ""), found.right)
     return best
 
