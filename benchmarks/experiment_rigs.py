@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+from benchmarks.foreign_machine import LEVELS, ForeignMachine
 from fixtures.rig import kernel
 from fixtures.rig.case import Conditions, Plan, draw_hidden, draw_true
 from fixtures.rig.commands import Run, rod_from_knee, slope
@@ -25,21 +26,15 @@ from fixtures.rig.mcap_log import TOPICS, write_log
 from fixtures.rig.parameters import CALIBRATED, DECLARED
 from fixtures.rig.plant import Plant as KneePlant
 from fixtures.rig.sensors import COLUMNS, measured, stamps
-from fixtures.rigs.case import nearly_as_declared, sized
 from fixtures.rigs.catalogue import PLANTS
 from fixtures.rigs.effect import Effect
-from fixtures.rigs.logs import WRITERS, channels_files
-from fixtures.rigs.machine import Drive, Machine, Settings
+from fixtures.rigs.machine import Drive
 from fixtures.rigs.plant import Plant
-from fixtures.rigs.sensors import Sensors
-from fixtures.rigs.sheet import write_plant
-from fixtures.rigs.strength import TARGET, excess
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.trial import Bypass, Piston, Trial
 
 KNEE = "eha_knee"
-LEVELS = ("middle", "strong")
 SIZES = {
     "geared_servo": (0.08, 0.25),
     "valve_cylinder": (0.4, 1.5),
@@ -131,21 +126,13 @@ class ForeignRig(BlindRig):
 
     def __init__(self, plant: Plant, effect: Effect, number: int) -> None:
         super().__init__(effect.id, effect.variables)
-        self.plant, self.effect = plant, effect
-        self.rng = np.random.default_rng([number, sum(effect.key.encode())])
-        base = plant.drawn(self.rng, 0.5) | nearly_as_declared(plant, self.rng)
-        base |= Settings(effect.without)
-        drives = plant.drives(self.rng)
-        compared = excess(plant, base, drives)
-        form, size, _ = sized(compared, effect, TARGET[LEVELS[number % len(LEVELS)]], self.rng)
-        self.machine = Machine(plant.kind, base | form.settings(size))
-        self.sensors = Sensors.drawn(plant, self.rng)
-        self._excess = compared
+        self._own = ForeignMachine(plant, effect, number)
+        self.plant, self.rng = plant, self._own.rng
         self.first_seconds = float(self.rng.uniform(3.0, 6.0))
-        time = drives[0].time
+        time = self._own.drives[0].time
         time = time[time < self.first_seconds]
         wave = sine(time, SIZES[plant.name], self.rng)
-        values = drives[0].values
+        values = self._own.drives[0].values
         self.first = Drive(
             "first", "train", time, np.zeros(time.size), wave, LOOSE[plant.name], values
         )
@@ -157,17 +144,8 @@ class ForeignRig(BlindRig):
 
     def record_first(self, folder: Path) -> Path:
         """Write the first recording and what is declared; return the dataset."""
-        self.record(self.first, folder / "first.csv")
-        (folder / "channels.yaml").write_text(channels_files(self.plant)["channels_csv.yaml"])
-        missing = self.effect.undeclared_in_plant or self.effect.undeclared
-        write_plant(self.plant.name, folder / "plant.yaml", list(missing))
-        inputs = ", ".join(channel.name for channel in self.plant.channels[: self.plant.inputs])
-        path = folder / "dataset.yaml"
-        path.write_text(
-            f"model: plant.yaml\nchannels: channels.yaml\ninputs: [{inputs}]\nruns:\n"
-            "  - {log: first.csv, use: train}\n"
-        )
-        return path
+        self._own.record(self.first, folder / "first.csv")
+        return self._own.declare(folder, ["  - {log: first.csv, use: train}\n"])
 
     def perform(self, trial: Trial, path: Path) -> tuple[str, dict[str, FloatArray]]:
         """Run a trial that commands the plant itself."""
@@ -178,23 +156,13 @@ class ForeignRig(BlindRig):
             self.first.values,
         )  # fmt: skip
         log = path.with_suffix(".csv")
-        values = self.record(drive, log)
+        values = self._own.record(drive, log)
         names = [channel.name for channel in self.plant.channels]
         return f"  - {{log: {log.name}, use: train}}\n", dict(zip(names, values.T, strict=True))
 
     def also(self, number: int) -> None:
         """Put a second effect into the machine, of middle strength, that no diagnosis knows."""
-        second = self.plant.foreign[number % len(self.plant.foreign)]
-        form, size, _ = sized(self._excess, second, TARGET["middle"], self.rng)
-        self.machine = Machine(self.plant.kind, self.machine.settings | form.settings(size))
-
-    def record(self, drive: Drive, path: Path) -> FloatArray:
-        """Run, write a log as its sensors have it, and return what they read, (n, channels)."""
-        recorded = self.machine.run(drive)
-        inputs = recorded.inputs[:, : self.plant.inputs]
-        values = np.column_stack([inputs, self.sensors.read(recorded.readings, self.rng)])
-        WRITERS["csv"](path, self.plant, drive.time, values)
-        return values
+        self._own.add(self.plant.foreign[number % len(self.plant.foreign)], "middle")
 
 
 def sine(time: FloatArray, sizes: tuple[float, float], rng: np.random.Generator) -> FloatArray:

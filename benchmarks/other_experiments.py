@@ -20,10 +20,9 @@ from eha_bench.experiment.candidates import (
 from eha_bench.experiment.decision import inner_products, layout_of
 from eha_bench.experiment.hypothesis import compared, read_question
 from eha_bench.experiment.permitted import mode_of, permitted
-from eha_bench.experiment.response import Bench, Responses, respond
+from eha_bench.experiment.response import Bench, largest, respond
 from eha_bench.suites import Suite, load_suite
 
-_SMALLER = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
 _DRAWS = 12
 
 
@@ -92,15 +91,9 @@ class OtherPlanners:
 
     def _largest(self, item: Experiment) -> Experiment | None:
         """Return it at the largest size that keeps every limit over the posteriors."""
-        layout = layout_of(self.rivals, _DRAWS, np.random.default_rng(5))
-        for size in _SMALLER:
-            sized = item.sized(size)
-            trial = self.plan.trials([sized], ["t"])[0]
-            limits = self.permitted.limits[item.setup]
-            found: Responses = respond(self.rivals, layout.draws, trial, self.bench, limits)
-            if found.safe:
-                return sized
-        return None
+        draws = layout_of(self.rivals, _DRAWS, np.random.default_rng(5)).draws
+        limits = self.permitted.limits[item.setup]
+        return largest(self.rivals, draws, item, self.plan, self.bench, limits)
 
     def _suite(self, item: Experiment) -> Suite:
         return load_suite(self.plan.suite([item], ["part_1"]))

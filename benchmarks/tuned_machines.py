@@ -8,17 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from benchmarks.foreign_machine import LEVELS, ForeignMachine
 from benchmarks.rig_loop import Rig
 from fixtures.rig.case import Conditions, draw_hidden, draw_true, record_case
 from fixtures.rig.parameters import CALIBRATED
 from fixtures.rig.plans import make_plans
-from fixtures.rigs.case import nearly_as_declared, sized
 from fixtures.rigs.catalogue import PLANTS
-from fixtures.rigs.logs import WRITERS, channels_files
-from fixtures.rigs.machine import Drive, Machine, Settings
-from fixtures.rigs.sensors import Sensors
-from fixtures.rigs.sheet import write_plant
-from fixtures.rigs.strength import TARGET, excess
+from fixtures.rigs.machine import Drive, Settings
 
 KNEE, SERVO, VALVE = "eha_knee", "geared_servo", "valve_cylinder"
 VARY = {
@@ -39,8 +35,6 @@ VARY = {
 }
 SECONDS = {KNEE: 2.0, SERVO: 15.0, VALVE: 5.0}
 """Length of each run."""
-LEVELS = ("middle", "strong")
-"""How strong an effect is, in turn."""
 DRIVES = {
     SERVO: ("slow_triangle", "multisine", "angle_steps", "angle_steps_2"),
     VALVE: ("slow_triangle", "steps", "hold_prbs", "multisine_2"),
@@ -119,31 +113,15 @@ def _foreign(name: str, number: int, folder: Path, seconds: float) -> Recorded:
     # tick by tick this rig cannot look back on commands, so nothing is late in it
     known = [effect for effect in plant.listed if effect.id != "command_delay"]
     effect = known[number % len(known)]
-    rng = np.random.default_rng([number, sum(effect.key.encode())])
-    base = plant.drawn(rng, 0.5) | nearly_as_declared(plant, rng)
-    base |= Settings(effect.without)
-    compared = excess(plant, base, plant.drives(rng))
-    form, size, _ = sized(compared, effect, TARGET[LEVELS[number % len(LEVELS)]], rng)
-    machine = Machine(plant.kind, base | form.settings(size))
-    sensors = Sensors.drawn(plant, rng)
+    rig = ForeignMachine(plant, effect, number)
+    case = folder / "case"
+    case.mkdir(parents=True, exist_ok=True)
     rows = []
-    (folder / "case").mkdir(parents=True, exist_ok=True)
     for drive in plant.drives(np.random.default_rng([number, 17])):
-        run = machine.run(drive)
-        values = [run.inputs[:, : plant.inputs], sensors.read(run.readings, rng)]
-        log = folder / "case" / f"{drive.name}.csv"
-        WRITERS["csv"](log, plant, drive.time, np.column_stack(values))
+        rig.record(drive, case / f"{drive.name}.csv")
         rows.append(f"  - {{log: {drive.name}.csv, use: {drive.use}}}\n")
-    (folder / "case/channels.yaml").write_text(channels_files(plant)["channels_csv.yaml"])
-    missing = effect.undeclared_in_plant or effect.undeclared
-    write_plant(plant.name, folder / "case/plant.yaml", list(missing))
-    dataset = folder / "case/dataset.yaml"
-    inputs = ", ".join(channel.name for channel in plant.channels[: plant.inputs])
-    dataset.write_text(
-        f"model: plant.yaml\nchannels: channels.yaml\ninputs: [{inputs}]\nruns:\n{''.join(rows)}"
-    )
-    model = dataset.parent / "plant.yaml"
-    return Recorded(name, effect.id, machine.settings, dataset, model)
+    dataset = rig.declare(case, rows)
+    return Recorded(name, effect.id, rig.machine.settings, dataset, case / "plant.yaml")
 
 
 def _first(seconds: float, drive: Drive) -> Drive:

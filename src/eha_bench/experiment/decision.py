@@ -64,6 +64,11 @@ class Odds:
     draws: int
     by_rival: dict[str, float]
 
+    @property
+    def worth(self) -> float:
+        """What an experiment is worth: a wrong name costs as much as five right ones."""
+        return self.right - 5.0 * self.wrong
+
 
 @dataclass(frozen=True)
 class DrawRows:

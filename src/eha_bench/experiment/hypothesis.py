@@ -17,6 +17,7 @@ from eha_bench.core.json_file import read_object
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
 from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Standing
 from eha_bench.plants.model import Model, load_model
+from eha_bench.posterior.posterior import root_of
 
 _LEAST = 0.05
 """Share of a positive parameter's fitted value below which none is drawn."""
@@ -67,11 +68,7 @@ class Hypothesis:
     @cached_property
     def root(self) -> FloatArray:
         """R with R R' = covariance, (p, p): parameters are as fitted plus R z, z ~ N(0, 1)."""
-        # of the correlations: moduli beside delays, in SI, lie twenty decades apart
-        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        scale = np.where(deviation > 0.0, deviation, 1.0)
-        values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
-        return np.asarray(deviation[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+        return root_of(self.covariance)
 
     def at(self, z: FloatArray) -> FloatArray:
         """Return vectors of parameters, (m, size), inside their bounds.
@@ -93,7 +90,7 @@ class Hypothesis:
                 if math.isfinite(share)}  # fmt: skip
 
 
-MOST_CAUSES = 5
+_MOST_CAUSES = 5
 _MOST_RIVALS = 9
 
 
@@ -102,13 +99,12 @@ def compared(rivals: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
 
     Where there is one cause, its forms are nothing to separate: the first of them is returned.
     """
-    causes = list(dict.fromkeys(item.cause for item in rivals))[:MOST_CAUSES]
+    causes = list(dict.fromkeys(item.cause for item in rivals))[:_MOST_CAUSES]
     first = [next(item for item in rivals if item.cause == cause) for cause in causes]
     if len(first) < 2:
         return tuple(first)
-    forms = [
-        item for item in rivals if item.cause in causes and item.id not in {own.id for own in first}
-    ]
+    known = {item.id for item in first}
+    forms = [item for item in rivals if item.cause in causes and item.id not in known]
     return (*first, *forms[: _MOST_RIVALS - len(first)])
 
 

@@ -57,7 +57,7 @@ from eha_bench.experiment.permitted import (
     permitted,
 )
 from eha_bench.experiment.proposal import PlannedTrial, Proposal, ProposalEnding, Width
-from eha_bench.experiment.response import Bench, Responses, respond
+from eha_bench.experiment.response import Bench, Responses, largest, respond
 from eha_bench.experiment.sensors import advice
 
 MOST_WRONG = 0.02
@@ -67,7 +67,6 @@ WITHIN = 0.1
 """Half of a 95 % interval, as a share of the parameter, that is asked for by default."""
 _LONGEST = 4.0
 """Length at which experiments are compared, s; longer ones are made of several."""
-_SIZES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
 _GENTLER = 0.6
 """Share by which the experiment is made smaller, again and again, while it still decides."""
 _SMALLEST = 0.01
@@ -233,12 +232,7 @@ class _ExperimentSearch:
         """Return it at the largest size that keeps the limits at the rivals' fitted values."""
         nominal = [np.zeros((1, len(rival.keys))) for rival in self.rivals]
         limits = self.permitted.limits[candidate.setup]
-        for size in _SIZES:
-            item = candidate.sized(size * candidate.size)
-            trial = self.plan.trials([item], ["t"])[0]
-            if respond(self.rivals, nominal, trial, self.bench, limits).safe:
-                return item
-        return None
+        return largest(self.rivals, nominal, candidate, self.plan, self.bench, limits)
 
     def _try(self, candidate: Experiment) -> _Tried | None:
         """Simulate at the fitted values and along the posterior's axes; None if that is unsafe."""
@@ -353,6 +347,10 @@ class _ExperimentSearch:
             chosen = [self._gentlest(chosen[0], layout, expected)]
         return self._proposed(self._confirmed(chosen))
 
+    def _suffices(self, found: Odds) -> bool:
+        """Whether the right rival is named as surely as asked for."""
+        return found.right >= self.probability and found.wrong <= MOST_WRONG
+
     def _confirmed(self, chosen: list[Experiment]) -> list[Experiment]:
         """Return an experiment made longer until draws that did not choose it confirm its worth.
 
@@ -367,11 +365,10 @@ class _ExperimentSearch:
             if len(drawn) < len(parts):
                 break
             found = odds(layout, _one_after_the_other(drawn), self._before)[-1]
-            worth = found.right - 5.0 * found.wrong
-            if best is not None and worth < best[0] + _BETTER:
+            if best is not None and found.worth < best[0] + _BETTER:
                 break
-            best = worth, [item.candidate for item in drawn]
-            if found.right >= self.probability and found.wrong <= MOST_WRONG:
+            best = found.worth, [item.candidate for item in drawn]
+            if self._suffices(found):
                 break
             longer = self._longer(best[1])
             if longer is None:
@@ -450,8 +447,7 @@ class _ExperimentSearch:
                 seconds = gone + tick / rate
                 if seconds > self.budget + 0.5 / rate:
                     break
-                enough = found.right >= self.probability and found.wrong <= MOST_WRONG
-                short = 0.0 if enough else 1.0 - found.right + 5.0 * found.wrong
+                short = 0.0 if self._suffices(found) else 1.0 - found.worth
                 if best is None or (short, seconds) < best[0]:
                     cut = [*(item.candidate for item in first), last.cut(part, rate)]
                     best = (short, seconds), cut, found

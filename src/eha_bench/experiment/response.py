@@ -13,6 +13,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.diagnosis.outcome.rival import Covered
+from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import Limit
 from eha_bench.plants.network.integration import LANES
@@ -27,6 +28,8 @@ _SIGMAS = 4.0
 _REMAINDER = 3.0
 _TAIL = 3.1
 """Standard deviations that one of a thousand draws goes beyond."""
+_SIZES = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
+"""Shares of an experiment's size that are tried, the largest first."""
 _SHARE = 0.03
 """Further margin, as a share of the distance between a channel's start and its limit."""
 
@@ -129,6 +132,28 @@ def respond(
     vectors = [rival.at(z) for rival, z in zip(rivals, draws, strict=True)]
     outputs = simulated(rivals, vectors, drive)
     return Responses(trial, outputs, rooms_of(rivals, vectors, outputs, bench, limits))
+
+
+def largest(
+    rivals: Sequence[Hypothesis],
+    draws: Sequence[FloatArray],
+    candidate: Experiment,
+    plan: ExperimentSettings,
+    bench: Bench,
+    limits: Mapping[str, Limit],
+) -> Experiment | None:
+    """Return an experiment at the largest size that keeps every limit; None where none does.
+
+    Args:
+        rivals, draws, bench, limits: as of `respond`. candidate: at its full size.
+        plan: what all trials have in common.
+    """
+    for size in _SIZES:
+        item = candidate.sized(size * candidate.size)
+        trial = plan.trials([item], ["t"])[0]
+        if respond(rivals, draws, trial, bench, limits).safe:
+            return item
+    return None
 
 
 def simulated(

@@ -56,7 +56,7 @@ class Component:
         known = self.model.plant.layout.by_key
         own = [known[key.partition("[")[0]] for key in self.keys]
         low, high = np.array([item.low for item in own]), np.array([item.high for item in own])
-        root = _root(self.covariance)
+        root = root_of(self.covariance)
         centre = self.fitted
         for _ in range(_TRIES):
             found = centre + root @ generator.standard_normal(len(self.keys))
@@ -85,7 +85,7 @@ class Component:
         return model
 
 
-def _root(covariance: FloatArray) -> FloatArray:
+def root_of(covariance: FloatArray) -> FloatArray:
     """Return a matrix R with R R' the covariance, (p, p).
 
     It is taken of the correlations: variances in SI are up to 40 decades apart (a leakage next to a

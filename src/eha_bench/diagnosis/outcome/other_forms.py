@@ -57,7 +57,7 @@ def other_forms(search: Search, item: Accepted, start: Start, fit: Fit) -> list[
                 if value != own[at]
             )
             found.append((words, best))
-    return sorted(found, key=lambda item: item[1].cost)[:_KEPT]
+    return sorted(found, key=lambda form: form[1].cost)[:_KEPT]
 
 
 def _fitted(search: Search, item: Accepted, other: Start, start: Start, fit: Fit) -> Fit:

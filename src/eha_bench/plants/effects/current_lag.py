@@ -23,7 +23,7 @@ import math
 from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
-_DRIVE, _WINDING = 0.0, 1.0
+_WINDING = 1.0
 
 
 def follow(lagging: float, asked: float, h: float, time_constant: float) -> float:
