@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, lfilter
 from scipy.stats import t as students
 
-from eha_bench.metrics.noise import Noise, estimate
+from eha_bench.metrics.noise import Noise, estimate, white_noise
 
 WINDOW, HOLD, LEAD = 120, 300, 300
 
@@ -80,3 +80,14 @@ def test_other_noise_is_seldom_taken_for_one_over_f(kind):
     # that of 1 / f is correlated over the whole window
     taken = [estimate([KINDS[kind](rng)]).autocovariance.size == HOLD for _ in range(60)]
     assert np.mean(taken) <= 0.15
+
+
+@pytest.mark.parametrize("period", [20, 70, 200, 210])
+def test_a_long_series_has_the_noise_of_all_of_its_samples(period):
+    """Only some of its differences are looked at, whatever its signal's period is."""
+    rng = np.random.default_rng(period)
+    steps = np.repeat([0.0, 100.0], period)
+    values = np.resize(steps, 300_000) + rng.normal(0.0, 2.0, 300_000)
+    apart = np.abs(np.diff(values, 3))
+    expected = np.median(apart) / (0.6744897501960817 * np.sqrt(20.0))
+    assert white_noise(values) == pytest.approx(expected, rel=0.02)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import fftconvolve, lfilter
 from scipy.special import stdtrit
 
-from eha_bench.core.arrays import FloatArray
+from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.metrics.flicker import flicker
 
 _FEWEST = 8
@@ -29,6 +29,7 @@ _KNOWN = 2.5
 _SLOWEST = 0.99
 _BAND = 0.03  # cycles a sample: power at low frequency is looked at up to here ...
 _FEWEST_LINES = 4  # ... and on as many lines at least
+_DIFFERENCES = 30_000
 _PENALTY = 4.0  # per coefficient: Akaike's 2 would find correlation in a third of all white noise
 
 
@@ -316,12 +317,31 @@ def _correlation(coefficients: FloatArray) -> FloatArray:
 def white_noise(values: FloatArray) -> float:
     """Return the standard deviation of the white part of (n,) samples, from third differences.
 
-    The median absolute difference is blind to jumps; differencing is blind to what is smooth.
+    The median absolute difference is blind to jumps; differencing is blind to what is smooth. Of a
+    long series, `_DIFFERENCES` of them are enough: their median knows the deviation to 0.7 %.
     """
     if values.size < 8:
         return 0.0
-    apart = np.diff(values, 3)
+    if values.size > 2 * _DIFFERENCES:
+        places = _scattered(values.size - 3)
+        # in the order of sums that numpy.diff has
+        first, second, third, last = (values[places + k] for k in range(4))
+        middle = third - second
+        apart = ((last - third) - middle) - (middle - (second - first))
+    else:
+        apart = np.diff(values, 3)
     return _median(np.abs(apart, out=apart)) / (0.6744897501960817 * math.sqrt(20.0))
+
+
+@lru_cache(maxsize=4)
+def _scattered(count: int) -> IndexArray:
+    """Return places in 0 to `count`, evenly spread, that no period of a signal falls in with.
+
+    Multiples of the golden ratio modulo 1 (L. Kuipers and H. Niederreiter, Uniform Distribution of
+    Sequences, Wiley 1974, chapter 2.3).
+    """
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    return np.sort((np.arange(_DIFFERENCES) * golden % 1.0 * count).astype(np.intp))
 
 
 def _median(values: FloatArray) -> float:
