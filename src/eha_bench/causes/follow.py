@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from eha_bench.causes.cause import Cause
+from eha_bench.causes.correction import Metered
 from eha_bench.causes.estimates import Estimates, estimates
 from eha_bench.causes.evidence import (
     NightEvidence,
@@ -20,7 +21,7 @@ from eha_bench.causes.evidence import (
 )
 from eha_bench.causes.forecast import ahead_of, pace_of
 from eha_bench.causes.keeping import Kept
-from eha_bench.causes.limits import CauseLimits, Metered
+from eha_bench.causes.limits import CauseLimits
 from eha_bench.causes.nights import NightRuns, dataset_of, runs_of
 from eha_bench.causes.settings import CauseSettings
 from eha_bench.causes.wearing import (

@@ -2,10 +2,9 @@
 
 The suite is simulated along the cause, all else as on the healthy machine, at places that lie a
 factor of the root of two apart, until a limit is missed; in between, metrics follow straight lines.
-What the measured metrics are off the simulated ones, night by night at the cause's value of the
-night, is added: the way to a limit is that of the measured metric. A season does not average out,
-and where the model is off at the healthy machine it may be off by other than that at the limit:
-both stand in the place's uncertainty.
+What the measured metrics are off the simulated ones (`correction`) is added: the way to a limit is
+that of the measured metric. Simulated metrics need not be smooth along a cause (a delay moves what
+is sampled by whole samples), so a rough one is as steep as a parabola along several places says.
 """
 
 from __future__ import annotations
@@ -16,8 +15,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from eha_bench.causes.cause import Cause
+from eha_bench.causes.correction import Metered, correction_of
 from eha_bench.causes.keeping import Kept
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
@@ -32,29 +33,12 @@ _FIRST: Final = 0.125
 """Of a cause's step: the first place that is simulated."""
 _APART: Final = math.sqrt(2.0)
 _MOST: Final = 40
-_DISCREPANCY: Final = 1.0 / 3.0
-"""Of what the model is off by on the healthy machine: standard deviation of what more it may be."""
-_TO_SIGMA: Final = 1.4826
-
-
-@dataclass(frozen=True)
-class Metered:
-    """A measured metric over the nights.
-
-    Attributes:
-        values: (nights,) SI, NaN where it was not scored. healthy: how many of them, from the
-            first on, are of the healthy machine.
-    """
-
-    values: FloatArray
-    healthy: int
-
-    @property
-    def level(self) -> float:
-        """On the healthy machine: the median; NaN where it was never scored."""
-        known = self.values[: self.healthy]
-        known = known[np.isfinite(known)]
-        return float(np.median(known)) if known.size else math.nan
+_PLACES: Final = 6
+"""The last places, along which a metric is smoothed."""
+_ROUGH: Final = 0.1
+"""Of what a metric changes by between two places: roughness from which on it is smoothed."""
+_LEAST: Final = 0.2
+"""Of the slope between two places: the least that a rough metric is taken to have."""
 
 
 @dataclass(frozen=True)
@@ -183,37 +167,40 @@ def _crossing(
     values: FloatArray,
 ) -> LimitCrossing | None:
     """Return where a metric meets its limit between the last two places; None where it does not."""
-    along = [curve.get(item.key, math.nan) for curve in curves]
-    offset, deviation = _offset(item, places, along, values)
-    near, far = item.inside(along[-2] + offset), item.inside(along[-1] + offset)
+    along = np.array([curve.get(item.key, math.nan) for curve in curves])
+    known = np.isfinite(along)
+    order = np.argsort(np.array(places)[known])
+    at, simulated = np.array(places)[known][order], along[known][order]
+    nights = np.interp(values, at, simulated)
+    correction = correction_of(item.metered, nights, float(along[0]))
+    near, far = (item.inside(correction.measured(float(metric))) for metric in along[-2:])
     if far >= 0.0:
         return None
     gap = places[-1] - places[-2]
     if not math.isfinite(far):
-        place, known = places[-2] + 0.5 * gap, 0.25 * abs(gap)
+        place, deviation = places[-2] + 0.5 * gap, 0.25 * abs(gap)
     else:
         # where it is beyond already by its offset, the line is followed back
         share = max(near / (near - far), -1.0) if near != far else 0.5
-        place, known = places[-2] + share * gap, deviation * abs(gap / (far - near))
+        place, steep = places[-2] + share * gap, abs((far - near) / gap)
+        curve, rough = _parabola(np.array(places), along)
+        slope = abs(float(curve.deriv()(place)))
+        if rough > _ROUGH * abs(far - near):
+            # one step of a rough metric may be steep by chance
+            steep = max(min(slope, steep), _LEAST * steep)
+            inside = item.inside(correction.measured(float(curve(place))))
+            place += (
+                math.copysign(min(inside / steep, 2.0 * abs(gap)), gap) if inside > 0.0 else 0.0
+            )
+        deviation = math.hypot(correction.deviation(float(curve(place))), rough) / steep
     trial, limit = item.trial, item.limit
-    return LimitCrossing(place, known, trial, limit.metric, limit.text)
+    return LimitCrossing(place, deviation, trial, limit.metric, limit.text)
 
 
-def _offset(
-    item: _Limited, places: list[float], along: list[float], values: FloatArray
-) -> tuple[float, float]:
-    """Return how far the measured metric is off the simulated one, and its standard deviation."""
-    healthy = item.metered.level - along[0]
-    known = np.isfinite(along)
-    order = np.argsort(np.array(places)[known])
-    x, y = np.array(places)[known][order], np.array(along)[known][order]
-    measured = item.metered.values
-    if measured.size != values.size:
-        return healthy, 0.0
-    nights = measured - np.interp(values, x, y)
-    nights = nights[np.isfinite(nights)]
-    if not nights.size:
-        return healthy, 0.0
-    offset = float(np.median(nights))
-    spread = _TO_SIGMA * float(np.median(np.abs(nights - offset)))
-    return offset, math.hypot(spread, _DISCREPANCY * offset)
+def _parabola(places: FloatArray, metric: FloatArray) -> tuple[Polynomial, float]:
+    """Return the parabola along the last places, and the standard deviation that it leaves."""
+    known = np.flatnonzero(np.isfinite(metric))[-_PLACES:]
+    x, y = places[known], metric[known]
+    parabola = Polynomial.fit(x, y, min(2, known.size - 1))
+    rest = y - parabola(x)
+    return parabola, math.sqrt(float(rest @ rest) / max(known.size - 3, 1))
