@@ -171,6 +171,7 @@ def test_a_history_of_runs_is_a_site(cli: Cli, ran: Path, tmp_path: Path) -> Non
     assert (tmp_path / "site" / "index.html").is_file()
 
 
+@pytest.mark.slow
 def test_pytest_runs_a_suite_limit_by_limit(forked: Forked, suite: Path, tmp_path: Path) -> None:
     suite.write_text(SUITE.replace("max: 12 A", "max: 1 A"), encoding="utf-8")
     (tmp_path / "broken.yaml").write_text("name: [", encoding="utf-8")

@@ -126,6 +126,7 @@ def test_all_of_the_noise_is_seen_once_its_colour_is_known() -> None:
     assert noise_of(Colour((a,)).whitened(values)) == pytest.approx(3.0, rel=0.03)
 
 
+@pytest.mark.slow
 def test_long_stretches_are_fitted_in_parts_and_not_all_of_many() -> None:
     generator = np.random.default_rng(6)
     long = [*_noise(generator, 0.9, (8, 1280))]

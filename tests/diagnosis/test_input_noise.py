@@ -105,6 +105,7 @@ def _measured(model, driven_by: str, seed: int, *, locked: bool):
     return admit(run, reading, [driven_by], model.plant.determined([driven_by]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driven_by", ["current", "motor_speed"])
 def test_the_right_model_leaves_noise_though_its_input_is_noisy(model, driven_by) -> None:
     noise = {name: sigma for name, sigma in SIGMA.items() if name != driven_by}
@@ -142,6 +143,7 @@ def test_what_was_asked_for_is_exact(model) -> None:
     assert len(cut(measured, {"motor_speed": 0.1})) == 1
 
 
+@pytest.mark.slow
 def test_other_noise_only_weighs_the_responses_anew(model) -> None:
     measured = _measured(model, "current", 0, locked=True)
     noise = {name: sigma for name, sigma in SIGMA.items() if name != "current"}

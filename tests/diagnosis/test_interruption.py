@@ -61,6 +61,7 @@ def _pressed(
     return forked.run(stage, share, *arguments, folder=folder, code=PRESS)
 
 
+@pytest.mark.slow
 def test_a_program_of_several_diagnoses_ends_once_the_first_is_kept(
     forked, dataset, tmp_path
 ) -> None:

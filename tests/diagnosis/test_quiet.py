@@ -80,6 +80,7 @@ def test_quiet_is_before_anything_was_asked_for(model) -> None:
     assert before[0]["motor_speed"] == pytest.approx(measured.values[:128, 1])
 
 
+@pytest.mark.slow
 def test_a_sensor_that_remembers_is_told_and_no_other(model) -> None:
     runs = [_run(model, _steps(), filtered=("pressure_a", "piston_velocity"), seed=k)
             for k in range(2)]  # fmt: skip
@@ -101,6 +102,7 @@ def test_where_all_moves_nothing_is_told(model) -> None:
     assert coloured(runs)[0] is runs[0]
 
 
+@pytest.mark.slow
 def test_the_right_model_leaves_white_noise_behind_filters(model) -> None:
     runs = [_run(model, _steps(), filtered=tuple(SIGMA), seed=k) for k in range(2)]
     noise = {name: sigma for name, sigma in SIGMA.items() if not name.startswith("piston")}

@@ -24,6 +24,7 @@ def _noise(generator: np.random.Generator, a: float) -> np.ndarray:
     return lfilter([1.0], [1.0, -a], white, axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("a", [0.0, 0.4, 0.8])
 def test_level_and_colour_of_noise_alone(a: float) -> None:
     level, colour = noise_of_stretches(list(_noise(np.random.default_rng(1), a)))
@@ -33,6 +34,7 @@ def test_level_and_colour_of_noise_alone(a: float) -> None:
         assert colour.correlations(2)[1] == pytest.approx(a, abs=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("a", [0.0, 0.4])
 def test_what_the_model_lacks_in_a_third_of_the_stretches_is_no_noise(a: float) -> None:
     generator = np.random.default_rng(2)

@@ -69,6 +69,7 @@ def test_the_suite_keeps_every_limit_when_either_cause_is_the_true_one(proposed:
         assert Bounds(low, high).holds(float(np.abs(outcome.recording["current_command"]).max()))
 
 
+@pytest.mark.slow
 def test_no_draw_of_a_wide_posterior_breaks_a_tight_limit(tmp_path: Path):
     # limits that only a small experiment keeps, and parameters that may be off by a third
     tight = {**LOCKED, "pressure_a": (-1e6, 1e6), "pressure_b": (-1e6, 1e6)}

@@ -189,6 +189,7 @@ def test_what_is_no_metric_is_said(installed, name):
 # --- speed ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_ten_minutes_of_twelve_channels_are_scored_in_seconds(kit):
     count = 600_000
     time = np.arange(count) / 1000.0

@@ -78,6 +78,7 @@ def check_killed_runs(forked: Forked, folder: Path, count: int) -> None:
             assert ticks <= AT_RISK * 1000 + 50
 
 
+@pytest.mark.slow
 def test_kill_9(forked: Forked, tmp_path: Path) -> None:
     check_killed_runs(forked, tmp_path, 3)
 

@@ -4,6 +4,7 @@ import struct
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -64,6 +65,7 @@ def test_nothing_is_lost_or_made_up(first: list[Record], second: list[Record]) -
         assert [opcode for opcode, _, _ in found.others] == [r[0] for r in records if r[0] != 5]
 
 
+@pytest.mark.slow
 @given(records=st.lists(record, min_size=150, max_size=400), data=st.data())
 def test_an_index_changes_nothing(records: list[Record], data: st.DataObject) -> None:
     content, index = build(records)

@@ -29,6 +29,7 @@ def material(fuzz: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     return folder, fuzz.seeds(folder)
 
 
+@pytest.mark.slow
 def test_the_seeds_are_sound(fuzz: Any, material: tuple[Path, list[Any]]) -> None:
     folder, seeds = material
     assert len(seeds) >= 14

@@ -41,6 +41,7 @@ def same_bits(left: np.ndarray, right: np.ndarray) -> bool:
     return bool(np.array_equal(left.view(np.uint64), right.view(np.uint64)))
 
 
+@pytest.mark.slow
 @given(recordings_strategy())
 def test_everything_survives(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording

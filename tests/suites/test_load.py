@@ -320,6 +320,7 @@ def test_error_in_defaults_is_placed_there(tmp_path: Path) -> None:
     assert (error.where.key, error.where.line) == ("defaults.accept.peak", 9)
 
 
+@pytest.mark.slow
 def test_missing_and_deep_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         load_suite(tmp_path / "none.yaml")
