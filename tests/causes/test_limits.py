@@ -83,6 +83,16 @@ def test_a_rough_metric_is_no_surer_than_its_roughness(leak, size):
     assert held >= 0.9 * many
 
 
+def test_a_metric_that_comes_back_has_met_no_limit(leak):
+    def response(size):
+        return 0.052 if 0.009 < size < 0.011 else 0.04 + 0.1 * size
+
+    limits, cause, curves = leak(response)
+    found = limits.first(cause, np.full(9, np.nan), 1.0)
+    assert any(0.009 < place < 0.011 for place in curves.asked)
+    assert found.value == pytest.approx(0.1, rel=1e-3)
+
+
 def test_the_first_of_two_limits_is_the_one(leak):
     limits, cause, _ = leak(lambda size: 0.04 + 0.1 * size, current=lambda size: 18.0 + 40.0 * size)
     found = limits.first(cause, np.full(9, np.nan), 1.0)

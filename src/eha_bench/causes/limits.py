@@ -1,10 +1,11 @@
 """Where a cause takes a suite's metrics to their acceptance limits.
 
 The suite is simulated along the cause, all else as on the healthy machine, at places that lie a
-factor of the root of two apart, until a limit is missed; in between, metrics follow straight lines.
-What the measured metrics are off the simulated ones (`correction`) is added: the way to a limit is
-that of the measured metric. Simulated metrics need not be smooth along a cause (a delay moves what
-is sampled by whole samples), so a rough one is as steep as a parabola along several places says.
+factor of the root of two apart, until a limit is missed at two of them; in between, metrics follow
+straight lines. What the measured metrics are off the simulated ones (`correction`) is added: the
+way to a limit is that of the measured metric. Simulated metrics need not be smooth along a cause (a
+delay moves what is sampled by whole samples), so a rough one is as steep as a parabola along
+several places says.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from eha_bench.causes.cause import Cause
-from eha_bench.causes.correction import Metered, correction_of
+from eha_bench.causes.correction import Correction, Metered, correction_of
 from eha_bench.causes.keeping import Kept
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
@@ -105,17 +106,23 @@ class CauseLimits:
             side: positive for growing, negative for falling.
         """
         places, curves = [float(self._healthy[cause.place])], [self._at(cause, None)]
+        beyond: list[tuple[_Limited, LimitCrossing]] = []
         for place in self._places(cause, math.copysign(1.0, side)):
             places.append(place)
             curves.append(self._at(cause, place))
-            found = [
-                crossing
+            # where it is beyond at one place alone, it is rough
+            stayed = [
+                crossing for item, crossing in beyond if _missed(item, places, curves, values)
+            ]
+            if stayed:
+                return min(stayed, key=lambda crossing: abs(crossing.value - places[0]))
+            beyond = [
+                (item, crossing)
                 for item in self._limits
                 if (crossing := _crossing(item, places, curves, values)) is not None
             ]
-            if found:
-                return min(found, key=lambda crossing: abs(crossing.value - places[0]))
-        return None
+        found = [crossing for _, crossing in beyond]
+        return min(found, key=lambda crossing: abs(crossing.value - places[0]), default=None)
 
     def _places(self, cause: Cause, side: float) -> Iterator[float]:
         """Yield values of a cause, ever further from the healthy machine, to its bound."""
@@ -160,6 +167,32 @@ class CauseLimits:
         return values
 
 
+def _correction(
+    item: _Limited,
+    places: list[float],
+    curves: list[Mapping[str, float]],
+    values: FloatArray,
+) -> Correction:
+    """Return what makes the measured metric of the simulated one."""
+    along = np.array([curve.get(item.key, math.nan) for curve in curves])
+    known = np.isfinite(along)
+    order = np.argsort(np.array(places)[known])
+    at, simulated = np.array(places)[known][order], along[known][order]
+    nights = np.interp(values, at, simulated)
+    return correction_of(item.metered, nights, float(along[0]))
+
+
+def _missed(
+    item: _Limited,
+    places: list[float],
+    curves: list[Mapping[str, float]],
+    values: FloatArray,
+) -> bool:
+    """Return whether a metric misses its limit at the last place."""
+    correction = _correction(item, places, curves, values)
+    return item.inside(correction.measured(curves[-1].get(item.key, math.nan))) < 0.0
+
+
 def _crossing(
     item: _Limited,
     places: list[float],
@@ -167,12 +200,8 @@ def _crossing(
     values: FloatArray,
 ) -> LimitCrossing | None:
     """Return where a metric meets its limit between the last two places; None where it does not."""
+    correction = _correction(item, places, curves, values)
     along = np.array([curve.get(item.key, math.nan) for curve in curves])
-    known = np.isfinite(along)
-    order = np.argsort(np.array(places)[known])
-    at, simulated = np.array(places)[known][order], along[known][order]
-    nights = np.interp(values, at, simulated)
-    correction = correction_of(item.metered, nights, float(along[0]))
     near, far = (item.inside(correction.measured(float(metric))) for metric in along[-2:])
     if far >= 0.0:
         return None
