@@ -19,6 +19,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Improvement
 from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.search import equivalent, stepwise
 from eha_bench.diagnosis.search.screen import Screen
@@ -176,6 +177,7 @@ class Peaks:
 
     def __init__(self) -> None:
         layout = VALVE_CYLINDER.plant.layout
+        self.places = Places(layout)
         self.conductance = layout.index["relief_valve.valve_conductance"]
         self.setting = layout.index["relief_valve.setting"]
         time = np.linspace(0.0, 40.0, 4000)

@@ -38,6 +38,19 @@ class Equation(StrEnum):
 
 
 @dataclass(frozen=True)
+class Opening:
+    """What opens above a setting, and is shut most of the time.
+
+    Attributes:
+        setting: the parameter. reached: function returning what is held against it, of `p_a` and
+            `p_b` (pressures of two chambers) and the effect's choices.
+    """
+
+    setting: str
+    reached: Callable[..., float]
+
+
+@dataclass(frozen=True)
 class Action:
     """How an effect acts in one role.
 
@@ -56,6 +69,7 @@ class Action:
         alike: two parameters of the place that are declared the same where the effect can be what
             is missing.
         charges: the effect's parameter that is the pressure of the oil at rest, "" for none.
+        opens: a setting that is not reached most of the time, None where there is none.
     """
 
     hooks: Mapping[str, Callable[..., object]] = field(default_factory=dict)
@@ -69,6 +83,7 @@ class Action:
     same_as: str = ""
     alike: tuple[str, str] | None = None
     charges: str = ""
+    opens: Opening | None = None
 
 
 @dataclass(frozen=True)
@@ -116,7 +131,8 @@ class Effect:
         parameters = [item.name for item in self.parameters]
         for action in self.actions.values():
             self._refuse_unknown("state", (*action.advance, *action.start), self.states)
-            named = (*action.choices, action.chosen_by, action.charges)
+            setting = action.opens.setting if action.opens else ""
+            named = (*action.choices, action.chosen_by, action.charges, setting)
             self._refuse_unknown("parameter", filter(None, named), parameters)
         for start in self.starts:
             self._refuse_unknown("parameter", start, parameters)

@@ -20,6 +20,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.dataset import Run
 from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.fit.openings import LeastSetting, least_settings
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 
@@ -65,12 +66,21 @@ class Places:
 
     Attributes:
         layout: of the plant. own: the runs' own parameters, in the order of their places.
-        late: clocks whose lateness is estimated.
+        late: clocks whose lateness is estimated. settings: what effects open at, at the least.
     """
 
     layout: Layout
     own: tuple[Own, ...] = ()
     late: tuple[Late, ...] = ()
+    settings: tuple[LeastSetting, ...] = ()
+
+    def least(self, key: str, vector: FloatArray) -> float:
+        """Return the least that a number may be by what was measured, SI; mostly -inf."""
+        return max((item.at(vector) for item in self.settings if item.key == key), default=-np.inf)
+
+    def permits(self, vector: FloatArray, keys: Iterable[str]) -> bool:
+        """Return whether numbers of a vector are no less than measurements let them be."""
+        return all(vector[self.index[key]] >= self.least(key, vector) for key in keys)
 
     @cached_property
     def behind(self) -> tuple[Own | Late, ...]:
@@ -135,7 +145,8 @@ def places_of(layout: Layout, runs: Iterable[Measured]) -> Places:
     """Return where the numbers of a plant and of some runs stand."""
     own: dict[int, Own] = {}
     late: dict[int, Late] = {}
-    for item in runs:
+    known = list({id(item): item for item in runs}.values())
+    for item in known:
         run = item.run
         own |= {place: Own(key, run.name, place) for key, place in run.own.items()}
         late |= {place: Late(clock, place) for clock, place in item.clocks.items()}
@@ -143,6 +154,7 @@ def places_of(layout: Layout, runs: Iterable[Measured]) -> Places:
         layout,
         tuple(own[place] for place in sorted(own)),
         tuple(late[place] for place in sorted(late)),
+        least_settings(layout, known),
     )
 
 

@@ -13,13 +13,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import Start, all_starts
+from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.equivalent import is_as_good
 from eha_bench.diagnosis.search.refit import Near, polish_at_rest
-from eha_bench.diagnosis.search.state import Accepted, Refit, Search, Thresholds
+from eha_bench.diagnosis.search.state import Accepted, Refit, Search, Thresholds, starts_of
 
 _RIVALS = 3
 CLOSE = 0.4
@@ -75,7 +75,7 @@ def _rivals(search: Search, item: Accepted) -> list[Start]:
     turning = {effect.id for effect in layout.effects if is_periodic(effect)}
     scanned = [item.start, *(trial.start for trial in trials if trial.candidate in names[1:])]
     kept = [name for name in taken if name != item.start.candidate]
-    starts = all_starts(layout, search.fit.vector, [*search.declared, *kept], search.keys)
+    starts = starts_of(search, kept)
     return [
         *(s for s in starts if s.candidate in set(names) - turning and not s.mundane),
         *(s for s in scanned if s.candidate in turning),

@@ -12,13 +12,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Improvement, compare, excess
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import without
 from eha_bench.diagnosis.search.refit import Near, Nearby, polish_at_rest
 from eha_bench.diagnosis.search.settle import rebase, settle
-from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
+from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds, starts_of
 
 _FIRSTS = 4
 _SECONDS = 3
@@ -71,7 +70,7 @@ def _best(search: Search) -> Nearby | None:
     """Return the best pair refitted to the end, None where none is worth it."""
     layout = search.problem.plant.layout
     near = Near.of(search, search.problem.at_step(COARSE))
-    starts = all_starts(layout, search.fit.vector, search.declared, search.keys)
+    starts = starts_of(search)
     turning = [effect.id for effect in layout.effects if is_periodic(effect)]
     # effects of the shaft's angle are scanned for at length: only where that was worth it before
     seen = {trial.candidate for trials in search.looks for trial in trials}

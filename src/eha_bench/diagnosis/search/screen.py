@@ -125,10 +125,12 @@ class Screen:
             for factor in (step, 1.0 / step):
                 while True:
                     value = dict(item.start.settings)[at] * factor
-                    if not parameter.low <= value <= parameter.high:
-                        break
                     settings = {**dict(item.start.settings), at: value}
                     start = replace(item.start, settings=tuple(settings.items()))
+                    vector = start.apply(self.fit.vector)
+                    permitted = self.problem.places.permits(vector, start.keys)
+                    if not parameter.low <= value <= parameter.high or not permitted:
+                        break
                     found = self.run(start, (max(abs(item.amplitude), _SMALLEST),))
                     if found.gain <= item.gain:
                         break

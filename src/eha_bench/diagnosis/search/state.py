@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import Baseline
-from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.candidates import Start, all_starts
 from eha_bench.diagnosis.fit.evidence import (
     REST_SIGNIFICANCE,
     SOFT_MEAN,
@@ -113,6 +114,18 @@ class Search:
     def effects(self) -> list[Accepted]:
         """What was added and is an effect."""
         return [item for item in self.accepted if not item.start.mundane]
+
+
+def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
+    """Return the starting points of everything that may be missing and that data permit.
+
+    Args:
+        search: its state. taken: ids of effects that are there besides the declared ones.
+    """
+    places, vector = search.problem.places, search.fit.vector
+    declared = [*search.declared, *taken]
+    starts = all_starts(places.layout, vector, declared, search.keys)
+    return [start for start in starts if places.permits(start.apply(vector), start.keys)]
 
 
 def begin(baseline: Baseline) -> Search:

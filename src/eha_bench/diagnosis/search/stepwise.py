@@ -11,7 +11,6 @@ from dataclasses import replace
 
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
-from eha_bench.diagnosis.fit.candidates import all_starts
 from eha_bench.diagnosis.fit.evidence import (
     REST_SIGNIFICANCE,
     Groups,
@@ -38,6 +37,7 @@ from eha_bench.diagnosis.search.state import (
     Thresholds,
     begin,
     rival_share,
+    starts_of,
 )
 from eha_bench.plants.layout import Layout
 
@@ -165,11 +165,7 @@ def look(search: Search, *, first: bool) -> list[Refit]:
     """Screen everything, refit the most promising, and return these, the best first."""
     layout = search.problem.plant.layout
     used = [item.start.candidate for item in search.accepted]
-    starts = [
-        start
-        for start in all_starts(layout, search.fit.vector, [*search.declared, *used], search.keys)
-        if start.candidate not in used
-    ]
+    starts = [start for start in starts_of(search, used) if start.candidate not in used]
     turning = [effect.id for effect in layout.effects if is_periodic(effect)]
     still = [start for start in starts if start.candidate not in turning]
     # screening and first refits only compare candidates, so a coarser step is enough

@@ -5,14 +5,14 @@
 either from each chamber to the reservoir (p of the chamber), or from one chamber to the other
 (p = |p_a - p_b|). The valve's own motion is fast against the chambers' and is left out. A relief
 valve opens far above what a machine works at, and then lets a pump's whole flow out within some
-bar: a conductance like a leak's, or a setting of a few bar, is not a relief valve.
+bar: a setting of a few bar, or one that the pressure is above half of the time, is a leak's.
 
 Source: Merritt, Hydraulic Control Systems, Wiley 1967; Yang et al. 2023, Section 2.
 """
 
 from __future__ import annotations
 
-from eha_bench.plants.effect import Action, Effect
+from eha_bench.plants.effect import Action, Effect, Opening
 from eha_bench.plants.parameter import Parameter, choice
 
 _TANK, _PORTS = 0.0, 1.0
@@ -59,6 +59,11 @@ def slope_ab(
     return value + valve_conductance if route == _PORTS and abs(p_a - p_b) > setting else value
 
 
+def reached(p_a: float, p_b: float, route: float) -> float:
+    """Return the pressure that the setting is held against, Pa."""
+    return max(p_a, p_b) if route == _TANK else abs(p_a - p_b)
+
+
 EFFECT = Effect(
     id="relief_valve",
     summary="A pressure-limiting valve lets oil out above its setting.",
@@ -75,7 +80,8 @@ EFFECT = Effect(
                 "ground_a": slope_a,
                 "ground_b": slope_b,
                 "link": slope_ab,
-            }
+            },
+            opens=Opening("setting", reached),
         )
     },
     source="Merritt, Hydraulic Control Systems, Wiley 1967",

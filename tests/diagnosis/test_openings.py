@@ -1,0 +1,70 @@
+"""A setting is no lower than what is reached half of the time."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from eha_bench.diagnosis.fit.least_squares import free_parameters
+from eha_bench.diagnosis.fit.openings import least_settings
+from eha_bench.diagnosis.fit.own_parameters import Places
+from eha_bench.plants.channel_roles import KNOWN
+from eha_bench.plants.plant import get_plant
+
+TANK, PORTS = 0.0, 1.0
+
+
+@pytest.fixture
+def layout():
+    return get_plant("eha_knee").layout
+
+
+def measured(pressure_a, pressure_b, valid=None):
+    values = np.column_stack([pressure_a, pressure_b])
+    return SimpleNamespace(
+        inputs={}, outputs=("pressure_a", "pressure_b"), values=values, roles=KNOWN,
+        valid=np.ones(values.shape, bool) if valid is None else valid,
+    )  # fmt: skip
+
+
+def vector_with(layout, route, setting=20e6):
+    vector = np.zeros(layout.size)
+    vector[layout.index["relief_valve.route"]] = route
+    vector[layout.index["relief_valve.setting"]] = setting
+    return vector
+
+
+@pytest.mark.parametrize(("route", "least"), [(TANK, 10e6), (PORTS, 9e6)])
+def test_it_depends_on_where_the_oil_goes(layout, route, least):
+    # chamber A at 0 to 20 MPa, B at 1 MPa: the medians are 10 MPa, and 9 MPa between the two
+    run = measured(np.linspace(0.0, 20e6, 2001), np.full(2001, 1e6))
+    places = Places(layout, settings=least_settings(layout, [run]))
+    vector = vector_with(layout, route)
+    (free,) = free_parameters(places, ["relief_valve.setting"], vector)
+    assert free.low == pytest.approx(least, rel=2e-3)
+    assert places.permits(vector, ["relief_valve.setting"])
+    below = vector_with(layout, route, 0.9 * least)
+    assert not places.permits(below, ["relief_valve.setting", "relief_valve.valve_conductance"])
+
+
+def test_what_was_not_read_says_nothing(layout):
+    run = measured(np.linspace(0.0, 20e6, 100), np.full(100, 1e6))
+    valid = run.valid.copy()
+    valid[50:] = False  # beyond 10 MPa nothing was believed
+    half = SimpleNamespace(**{**vars(run), "valid": valid})
+    (found,) = least_settings(layout, [half])
+    assert found.at(vector_with(layout, TANK)) == pytest.approx(5e6, rel=0.05)
+    one = SimpleNamespace(**{**vars(run), "outputs": ("pressure_a",)})
+    assert least_settings(layout, [one]) == ()
+    (free,) = free_parameters(Places(layout), ["relief_valve.setting"], vector_with(layout, TANK))
+    assert free.low == layout.by_key["relief_valve.setting"].low
+
+
+def test_a_plant_without_a_pair_of_chambers_has_none():
+    servo = get_plant("geared_servo").layout
+    run = measured(np.ones(10), np.ones(10))
+    assert (
+        least_settings(servo, [SimpleNamespace(**{**vars(run), "roles": replace(KNOWN, pair=())})])
+        == ()
+    )
