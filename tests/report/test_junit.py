@@ -79,6 +79,7 @@ def test_an_interrupted_result_is_an_error_even_if_all_that_ran_passed() -> None
     assert counts(result)["errors"] == 1
 
 
+@pytest.mark.slow
 @given(st.text(max_size=30), st.text(max_size=30))
 def test_any_text_is_well_formed_xml(name: str, reason: str) -> None:
     result = replace(one(Status.FAULT, ScoreStatus.NOT_SCORED, reason=reason), suite=name)

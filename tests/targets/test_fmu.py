@@ -234,6 +234,7 @@ def test_an_fmu_that_does_not_come_back_is_a_fault(folder: Path, version: int) -
     assert "the FMU does not answer at 0.01 s: waited 2 s" in result.trials[0].reason
 
 
+@pytest.mark.slow
 def test_ctrl_c_does_not_wait_for_an_fmu_that_does_not_come_back(
     folder: Path, version: int
 ) -> None:
