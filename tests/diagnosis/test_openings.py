@@ -1,11 +1,13 @@
 """A setting is no lower than what is reached half of the time."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.least_squares import free_parameters
 from eha_bench.diagnosis.fit.openings import least_settings
 from eha_bench.diagnosis.fit.own_parameters import Places
@@ -20,9 +22,16 @@ def layout():
     return get_plant("eha_knee").layout
 
 
+def read(**attributes):
+    """Return what a run's pressures are asked for."""
+    run = SimpleNamespace(**attributes)
+    run.column = partial(Measured.column, run)
+    return run
+
+
 def measured(pressure_a, pressure_b, valid=None):
     values = np.column_stack([pressure_a, pressure_b])
-    return SimpleNamespace(
+    return read(
         inputs={}, outputs=("pressure_a", "pressure_b"), values=values, roles=KNOWN,
         valid=np.ones(values.shape, bool) if valid is None else valid,
     )  # fmt: skip
@@ -52,10 +61,10 @@ def test_what_was_not_read_says_nothing(layout):
     run = measured(np.linspace(0.0, 20e6, 100), np.full(100, 1e6))
     valid = run.valid.copy()
     valid[50:] = False  # beyond 10 MPa nothing was believed
-    half = SimpleNamespace(**{**vars(run), "valid": valid})
+    half = read(**{**vars(run), "valid": valid})
     (found,) = least_settings(layout, [half])
     assert found.at(vector_with(layout, TANK)) == pytest.approx(5e6, rel=0.05)
-    one = SimpleNamespace(**{**vars(run), "outputs": ("pressure_a",)})
+    one = read(**{**vars(run), "outputs": ("pressure_a",)})
     assert least_settings(layout, [one]) == ()
     (free,) = free_parameters(Places(layout), ["relief_valve.setting"], vector_with(layout, TANK))
     assert free.low == layout.by_key["relief_valve.setting"].low
@@ -64,7 +73,4 @@ def test_what_was_not_read_says_nothing(layout):
 def test_a_plant_without_a_pair_of_chambers_has_none():
     servo = get_plant("geared_servo").layout
     run = measured(np.ones(10), np.ones(10))
-    assert (
-        least_settings(servo, [SimpleNamespace(**{**vars(run), "roles": replace(KNOWN, pair=())})])
-        == ()
-    )
+    assert least_settings(servo, [read(**{**vars(run), "roles": replace(KNOWN, pair=())})]) == ()

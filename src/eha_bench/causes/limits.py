@@ -5,13 +5,13 @@ factor of the root of two apart, until a limit is missed at two of them; in betw
 straight lines. What the measured metrics are off the simulated ones (`correction`) is added: the
 way to a limit is that of the measured metric. Simulated metrics need not be smooth along a cause (a
 delay moves what is sampled by whole samples), so a rough one is as steep as a parabola along
-several places says.
+several places says, and meets its limit where that does.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -50,6 +50,10 @@ class _Limited:
     limit: AcceptanceLimit
     key: str
     metered: Metered
+
+    def along(self, curves: Sequence[Mapping[str, float]]) -> FloatArray:
+        """Return the simulated metric at every place, (places,) SI, NaN where it is not scored."""
+        return np.array([metrics.get(self.key, math.nan) for metrics in curves])
 
     def inside(self, value: float) -> float:
         """Return how far a metric is inside of the limit, SI; negative outside, also unscored."""
@@ -174,7 +178,7 @@ def _correction(
     values: FloatArray,
 ) -> Correction:
     """Return what makes the measured metric of the simulated one."""
-    along = np.array([curve.get(item.key, math.nan) for curve in curves])
+    along = item.along(curves)
     known = np.isfinite(along)
     order = np.argsort(np.array(places)[known])
     at, simulated = np.array(places)[known][order], along[known][order]
@@ -190,7 +194,7 @@ def _missed(
 ) -> bool:
     """Return whether a metric misses its limit at the last place."""
     correction = _correction(item, places, curves, values)
-    return item.inside(correction.measured(curves[-1].get(item.key, math.nan))) < 0.0
+    return item.inside(correction.measured(float(item.along(curves)[-1]))) < 0.0
 
 
 def _crossing(
@@ -200,8 +204,7 @@ def _crossing(
     values: FloatArray,
 ) -> LimitCrossing | None:
     """Return where a metric meets its limit between the last two places; None where it does not."""
-    correction = _correction(item, places, curves, values)
-    along = np.array([curve.get(item.key, math.nan) for curve in curves])
+    correction, along = _correction(item, places, curves, values), item.along(curves)
     near, far = (item.inside(correction.measured(float(metric))) for metric in along[-2:])
     if far >= 0.0:
         return None
@@ -215,12 +218,10 @@ def _crossing(
         curve, rough = _parabola(np.array(places), along)
         slope = abs(float(curve.deriv()(place)))
         if rough > _ROUGH * abs(far - near):
-            # one step of a rough metric may be steep by chance
+            # one step of a rough metric may be steep, or be beyond the limit, by chance
             steep = max(min(slope, steep), _LEAST * steep)
-            inside = item.inside(correction.measured(float(curve(place))))
-            place += (
-                math.copysign(min(inside / steep, 2.0 * abs(gap)), gap) if inside > 0.0 else 0.0
-            )
+            inside = max(item.inside(correction.measured(float(curve(place)))), 0.0)
+            place += math.copysign(min(inside / steep, 2.0 * abs(gap)), gap)
         deviation = math.hypot(correction.deviation(float(curve(place))), rough) / steep
     trial, limit = item.trial, item.limit
     return LimitCrossing(place, deviation, trial, limit.metric, limit.text)

@@ -29,7 +29,7 @@ _KNOWN = 2.5
 _SLOWEST = 0.99
 _BAND = 0.03  # cycles a sample: power at low frequency is looked at up to here ...
 _FEWEST_LINES = 4  # ... and on as many lines at least
-_DIFFERENCES = 30_000
+_DIFFERENCES = 30_000  # of a long series: all would cost a quarter of a scoring
 _PENALTY = 4.0  # per coefficient: Akaike's 2 would find correlation in a third of all white noise
 
 

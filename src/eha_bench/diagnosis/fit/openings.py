@@ -8,7 +8,7 @@ two apart. So a setting is no lower than what is reached half of the time.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 
@@ -75,15 +75,9 @@ def _least(layout: Layout, effect: BoundEffect, pressures: FloatArray) -> LeastS
 
 def _pair(run: Measured) -> FloatArray:
     """Return both pressures where both were read, (k, 2) Pa; none where they were not."""
-    channels: Sequence[str] = run.roles.pair
-    read = []
-    for name in channels:
-        if name in run.inputs:
-            read.append(np.asarray(run.inputs[name], dtype=np.float64))
-        elif name in run.outputs:
-            at = run.outputs.index(name)
-            read.append(np.where(run.valid[:, at], run.values[:, at], np.nan))
-    if len(read) != 2:
+    read = [run.inputs[name] if name in run.inputs else run.column(name) for name in run.roles.pair]
+    known = [values for values in read if values is not None]
+    if len(known) != 2:
         return np.zeros((0, 2))
-    both = np.column_stack(read)
+    both = np.column_stack(known)
     return np.asarray(both[np.isfinite(both).all(axis=1)])
