@@ -11,6 +11,7 @@ from eha_bench.cli.help import WORDS, WORDS_OF
 
 from .conftest import Cli
 
+# typer says that it gives a command, and gives a group of them
 COMMANDS: dict[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 TYPE_NAME = re.compile(r"<\w[\w \[\]|]*>|\b(TEXT|INTEGER|FLOAT|PATH|RANGE|x[<>]=|<=x)\b|\[\[")
 

@@ -51,7 +51,7 @@ class Cluster:
 @contextmanager
 def two_workers(folder: Path) -> Iterator[Cluster]:
     """Give a cluster once both workers are there; the test is skipped where Dask is not."""
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed", reason="Dask is an extra")
     started = Cluster(folder, 2)
     try:
         address = started.name.replace("dask://", "tcp://")

@@ -37,7 +37,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Install:
 
     def register(group: str, found: Any) -> None:
         module = ModuleType("own_plugin")
-        module.found = found  # type: ignore[attr-defined]
+        module.found = found  # type: ignore[attr-defined]  # as a package would define it
         monkeypatch.setitem(sys.modules, "own_plugin", module)
         point = EntryPoint("own", "own_plugin:found", f"eha_bench.{group}")
         monkeypatch.setattr(
@@ -285,7 +285,7 @@ def test_an_effect_names_what_it_has(more: dict[str, Any], says: str) -> None:
 
 
 def test_an_effect_acts_at_hooks_that_its_role_has() -> None:
-    spot = Spot("pump", None, {"dry_friction": (Hook("pump_dry"),)})  # type: ignore[arg-type]
+    spot = Spot("pump", None, {"dry_friction": (Hook("pump_dry"),)})  # type: ignore[arg-type]  # no balance
     right = _effect(actions={"pump": Action({"dry_friction": _hold})})
     assert [item.id for item in bound([right], {"pump": [spot]})] == ["own"]
     wrong = _effect(actions={"pump": Action({"dry_frction": _hold})})

@@ -73,7 +73,7 @@ def test_workers_by_name() -> None:
 
 @pytest.mark.slow
 def test_a_scheduler_that_does_not_answer_is_told() -> None:
-    pytest.importorskip("distributed")
+    pytest.importorskip("distributed", reason="Dask is an extra")
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         DaskCluster("tcp://127.0.0.1:1").map(square, ITEMS)
 

@@ -21,7 +21,7 @@ def misspelt(speed: float, damping: float) -> float:
 
 
 def misspelt_of_math(speed: float, damping: float) -> float:
-    return damping * math.copysig(1.0, speed)  # type: ignore[attr-defined]
+    return damping * math.copysig(1.0, speed)  # type: ignore[attr-defined]  # the mistake
 
 
 def nothing(speed: float, damping: float) -> None:

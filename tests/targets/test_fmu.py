@@ -18,7 +18,7 @@ from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Ending
 
-pytest.importorskip("fmpy")
+pytest.importorskip("fmpy", reason="FMPy is an extra")
 from fmus import build_line, rewritten
 
 TARGET = """\

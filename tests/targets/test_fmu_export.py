@@ -10,7 +10,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.shipped import shipped
 from eha_bench.targets.fmu.export import export_fmu
 
-pytest.importorskip("fmpy")
+pytest.importorskip("fmpy", reason="FMPy is an extra")
 
 MODEL = """\
 model: eha_knee

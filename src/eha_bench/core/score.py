@@ -97,7 +97,7 @@ _OPEN = {
 def number_of(value: object) -> float:
     """Return a number of JSON, NaN for null; raises ValueError for anything else."""
     try:
-        return math.nan if value is None else float(value)  # type: ignore[arg-type]
+        return math.nan if value is None else float(value)  # type: ignore[arg-type]  # else it raises
     except (TypeError, ValueError) as error:
         raise ValueError(f"{value!r} is not a number") from error
 

@@ -217,12 +217,13 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
     best = max(shares, default=0.0)
     accepted = {item.start.candidate: item.comparison for item in search.accepted}
     others = any(item.refitted for item in search.ranking)
-    for item in search.ranking:
-        if item.candidate in accepted:
+    for tried in search.ranking:
+        item = tried
+        if tried.candidate in accepted:
             # what it was added for, which may be more than it could do as the first one
-            found = accepted[item.candidate]
+            found = accepted[tried.candidate]
             share = min(found.share, found.share_out)
-            item = replace(item, score=share, p_value=found.p_value, refitted=True)  # noqa: PLW2901
+            item = replace(tried, score=share, p_value=found.p_value, refitted=True)
         error = float(np.sqrt(max(item.cost, 0.0) / size))
         place = order.get(item.candidate, len(order) + (0 if item.refitted else 1))
         reason = "added" if item.candidate in order else _why(item, best, others=others)
