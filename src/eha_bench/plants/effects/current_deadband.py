@@ -25,7 +25,7 @@ from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
 _DRIVE, _MOTOR = 0.0, 1.0
-_EQUAL = 0.0
+_EQUAL, _UNEQUAL = 0.0, 1.0
 
 
 class DeadZone(NamedTuple):
@@ -73,4 +73,5 @@ EFFECT = Effect(
     source="Tao, Kokotovic, IEEE Trans. Automatic Control 39 (1994) 59, doi:10.1109/9.273339",
     separate="slow current ramps through zero without load: friction sticks, a dead zone takes the "
     "same current from every torque",
+    starts=({"edges": _UNEQUAL, "asymmetry": -0.3},),
 )  # fmt: skip
