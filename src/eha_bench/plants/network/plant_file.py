@@ -21,6 +21,7 @@ from eha_bench.plants.network.network import (
     element_kinds,
 )
 from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.place_unit import unit_at_place
 
 NETWORK_KEYS = ("plant", "nodes", "elements", "inputs", "channels", "names", "assumed")
 """Keys of a plant.yaml that say what the plant is; a model's keys may be added."""
@@ -379,17 +380,7 @@ def _unit(parameter: Parameter, tokens: Mapping[str, str]) -> str | None:
     """Return a parameter's unit, None where it depends on what another element does."""
     if "{command}" in parameter.unit:
         return None
-    return unit_of(parameter.unit, tokens)
-
-
-def unit_of(unit: str, tokens: Mapping[str, str]) -> str:
-    """Return a unit with the places that depend on the node filled in."""
-    if "{" not in unit:
-        return unit
-    if unit == "{effort}/{position}":
-        # (N*m)/rad is written with the angle in it
-        return f"{tokens['effort']}/{tokens['position']}"
-    return unit.format(**tokens)
+    return unit_at_place(parameter.unit, tokens)
 
 
 def _quantity(parameter: Parameter, unit: str, raw: Any, where: Place) -> float:
