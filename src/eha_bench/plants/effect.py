@@ -17,8 +17,8 @@ from functools import cached_property
 
 from eha_bench.core.errors import PluginError
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.place_unit import unit_at_place, usual_size
 from eha_bench.plants.parameter import Parameter, choice
-from eha_bench.plants.place_unit import unit_at_place, usual_size
 
 AT = "at"
 """The parameter that says where an effect acts, where there is more than one place."""

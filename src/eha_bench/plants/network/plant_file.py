@@ -9,6 +9,7 @@ from typing import Any
 from eha_bench.core import units
 from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.place_unit import unit_at_place
 from eha_bench.plants.network.element import ElementKind, NodeKind, Port
 from eha_bench.plants.network.network import (
     NODE_PARAMETERS,
@@ -21,7 +22,6 @@ from eha_bench.plants.network.network import (
     element_kinds,
 )
 from eha_bench.plants.parameter import Parameter
-from eha_bench.plants.place_unit import unit_at_place
 
 NETWORK_KEYS = ("plant", "nodes", "elements", "inputs", "channels", "names", "assumed")
 """Keys of a plant.yaml that say what the plant is; a model's keys may be added."""

@@ -20,6 +20,7 @@ from eha_bench.core.channels import unit_of as unit_of_channel
 from eha_bench.core.error_text import error_text
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.place_unit import unit_at_place
 from eha_bench.plants.network.element import (
     HYDRAULIC,
     MECHANICAL,
@@ -47,7 +48,6 @@ from eha_bench.plants.network.network import (
 )
 from eha_bench.plants.network.plant_file import Locate
 from eha_bench.plants.parameter import Parameter
-from eha_bench.plants.place_unit import unit_at_place
 
 BYPASS = "bypass"
 """The signal that is 1 while the bypass is open."""

@@ -3,12 +3,12 @@
 import pytest
 
 from eha_bench.core.errors import PluginError
+from eha_bench.core.place_unit import powers, unit_at_place, usual_size
 from eha_bench.core.units import parse
 from eha_bench.plants.effect import Action, Effect, bound
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.network.roles import roles_of, usual_effort
 from eha_bench.plants.parameter import Parameter
-from eha_bench.plants.place_unit import powers, unit_at_place, usual_size
 from eha_bench.plants.plant import get_plant
 
 TURNS = {"effort": "N*m", "speed": "rad/s", "damping": "N*m*s/rad", "position": "rad", "none": ""}
