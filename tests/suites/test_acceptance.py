@@ -263,9 +263,7 @@ def test_a_limit_on_a_metric_that_has_its_channels_unit_in_it(
     tmp_path: Path, mode: str, final: str, limit: str, unit: str, high: float
 ) -> None:
     text = STEP.replace("mode: pressure", f"mode: {mode}").replace("15 MPa", final)
-    trial = only(
-        tmp_path, f"{text}    accept: {{iae: '{limit}'}}\n".replace("'{", "{").replace("}'", "}")
-    )
+    trial = only(tmp_path, f"{text}    accept: {{iae: {limit}}}\n")
     (found,) = trial.limits
     assert found.unit == unit
     assert found.bounds.high == pytest.approx(high)
