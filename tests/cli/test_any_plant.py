@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from eha_bench.core import plugins
-from eha_bench.plants.plant import get_plant
+from eha_bench.plants.registry import get_plant
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "targets"))
 from strangers_plant import write_package

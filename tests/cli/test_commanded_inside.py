@@ -11,6 +11,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.shipped import shipped
 from eha_bench.plants.model import model_from
 from eha_bench.plants.plant import Drive
+from eha_bench.plants.session import Session
 
 SUITE = """\
 name: goals
@@ -47,4 +48,4 @@ def test_a_smart_servo_is_commanded_through_its_own_loop(cli, tmp_path: Path, ra
 def test_a_plant_without_such_a_controller_says_so() -> None:
     model = model_from(shipped("plants/geared_servo.yaml"))
     with pytest.raises(InputError, match="nothing that a controller inside geared_servo follows"):
-        model.plant.session(model.vector(), {}, step=1e-4, command="goal_position")
+        Session(model.plant, model.vector(), {}, step=1e-4, command="goal_position")

@@ -38,7 +38,8 @@ from eha_bench.diagnosis.unknown.locator import (
 from eha_bench.diagnosis.unknown.places import SuspectPlace, Template, places_of
 from eha_bench.plants.effects.learned import KNOTS
 from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive, Plant, get_plant
+from eha_bench.plants.plant import Drive, Plant
+from eha_bench.plants.registry import get_plant
 
 EMPTY = np.zeros(0)
 
@@ -210,7 +211,7 @@ def test_an_effect_beside_a_remainder_stands_where_nothing_else_explains_as_much
     item = SimpleNamespace(
         start=SimpleNamespace(candidate="seal_friction", mundane=False, equation="force")
     )
-    base, left = (Excess(size, 1000, {}, 50.0, {}) for size in (missing, 0.7 * missing))
+    base, left = (Excess(size, 1000, 50.0, {}) for size in (missing, 0.7 * missing))
     search = Search(
         cast("Problem", None), (), (), cast("Fit", "without"), cast("Fit", "with it"),
         cast("Groups", None), EMPTY, base, left, [cast("Accepted", item)],
@@ -232,7 +233,7 @@ def test_an_effect_beside_a_remainder_stands_where_nothing_else_explains_as_much
 
 def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no place can act there is no equation, and none is made up."""
-    left = Excess(1e4, 1000, {}, 50.0, {})
+    left = Excess(1e4, 1000, 50.0, {})
     search = cast("Search", SimpleNamespace(
         excess_left=left, excess_base=left, effects=[], fit=None,
         problem=SimpleNamespace(plant=None),

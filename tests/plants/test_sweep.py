@@ -19,7 +19,8 @@ from eha_bench.plants.network import vector_math
 from eha_bench.plants.network.file import load_plant, plant_of
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.network.vector_math import vectorised
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 STEP = 50e-6
 N = 301

@@ -17,7 +17,8 @@ import eha_bench
 from eha_bench.core import plugins
 from eha_bench.core.errors import InputError
 from eha_bench.plants.model import Model, load_model
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 from eha_bench.suites import load_suite
 
 DRIVE_MODEL = """\

@@ -48,7 +48,7 @@ def _effects() -> Iterator[Row]:
 def _plants() -> Iterator[Row]:
     from eha_bench.core import plugins
     from eha_bench.core.shipped import names, shipped
-    from eha_bench.plants.plant import get_plant
+    from eha_bench.plants.registry import get_plant
 
     for name in names("plants"):
         plant = get_plant(name)

@@ -20,6 +20,7 @@ from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.model import Model, model_from
+from eha_bench.plants.session import Session
 from eha_bench.targets.channel_check import check_channels
 from eha_bench.targets.closed_loop import ClosedLoop
 from eha_bench.targets.sensors import RIG_SENSORS, SimulatedSensor
@@ -134,7 +135,8 @@ class Simulator(Target):
 
     def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
         """Run one repeat; the same trial, repeat and files give the same recording."""
-        session = self._plant.session(
+        session = Session(
+            self._plant,
             self._vector,
             self._initial(trial),
             locked=trial.setup.piston is Piston.LOCKED,
