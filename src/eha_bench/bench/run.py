@@ -13,12 +13,12 @@ from types import TracebackType
 import numpy as np
 
 from eha_bench.bench.ahead import ahead
-from eha_bench.bench.budget import StopCondition
 from eha_bench.bench.circumstances import Circumstances
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.judging import judge, judge_together, summed_up
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
+from eha_bench.bench.stop_condition import StopCondition
 from eha_bench.bench.store import Shelf
 from eha_bench.core.errors import (
     EhaBenchError,

@@ -17,9 +17,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from eha_bench.core.aside import STAMP, name_aside
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.output_folder import writable
+from eha_bench.core.output_folder import STAMP, name_aside, writable
 
 LATEST: Final = "latest"
 REPORTS: Final = Path("reports")

@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from eha_bench.causes.cause import Cause
 from eha_bench.causes.correction import Metered
 from eha_bench.causes.estimates import Estimates, estimates
 from eha_bench.causes.evidence import (
@@ -352,6 +351,3 @@ def _night_numbers(nights: Sequence[Night]) -> FloatArray:
         return places
     usual = _DAY if usual < 1.5 * _DAY else usual
     return np.asarray((moments - moments[0]) / usual)
-
-
-__all__ = ["Cause", "causes_behind"]

@@ -42,8 +42,6 @@ SUFFIX = "_uncertainty"
 _PLAUSIBLE = 3.0
 _OFF = 0.05
 _BELIEVED = 0.01
-_FIVE_SIGMA = 5.7e-7
-_TIED = 0.01
 _FAINT = 1e-3
 """Pull of a calibrated parameter to where it began, for its own size: it holds what no point tells,
 and shows in nothing that any point does."""

@@ -73,6 +73,7 @@ from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
+from eha_bench.diagnosis.search.state import begin
 from eha_bench.diagnosis.unknown.locator import locate
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
@@ -364,7 +365,7 @@ class _Closing:
         self.dataset, self.base, self.out, self.progress = dataset, base, out, progress
         self.stage = "search"
         self.refused: list[str] = []
-        self.search = stepwise.begin(base)
+        self.search = begin(base)
         note = "no effect was tried yet, so the verdict is open"
         self.decision = self._open(note)
         self.found = _unsearched(dataset, base, self.decision)
@@ -375,7 +376,7 @@ class _Closing:
             with checkpoints(asked), fits_by(workers):
                 self._decided()
                 if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
-                    self.base, self.search = slow, stepwise.begin(slow)
+                    self.base, self.search = slow, begin(slow)
                     self._decided()
         except KeyboardInterrupt:
             self.decision = self._stopped()
@@ -517,6 +518,3 @@ def _unsearched(dataset: Dataset, base: Baseline, decision: Decision) -> Diagnos
         notes=(*base.notes, *decision.notes),
         complete=False,
     )
-
-
-__all__ = ["Calibration", "calibrate", "diagnose"]

@@ -45,7 +45,7 @@ from eha_bench.experiment.decision import (
     posterior_after,
     shares_of_a_decision,
 )
-from eha_bench.experiment.describe import planned, sentence_of, words_of
+from eha_bench.experiment.describe import planned, sentence_of
 from eha_bench.experiment.hypothesis import Hypothesis, Question, compared, read_question
 from eha_bench.experiment.permitted import (
     PLANT,
@@ -629,6 +629,3 @@ def _limit_text(limit: Limit) -> str:
     if low:
         return f">= {limit.low:.6g}"
     return f"<= {limit.high:.6g}" if high else ""
-
-
-__all__ = ["propose", "words_of"]

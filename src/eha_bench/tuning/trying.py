@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from eha_bench.bench.judging import score_limits
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.workers import Workers
+from eha_bench.metrics import score_limits
 from eha_bench.plants.model import Model
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.evaluation import PointResult, evaluated, limits_of

@@ -28,8 +28,7 @@ from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rivals import found_rival
-from eha_bench.diagnosis.search.state import RankedCandidate
-from eha_bench.diagnosis.search.stepwise import Search
+from eha_bench.diagnosis.search.state import RankedCandidate, Search
 from eha_bench.plants.effect import AT, BoundEffect
 from eha_bench.plants.model import Model
 

@@ -26,13 +26,7 @@ from eha_bench.plants.compiled import Compiled, njit
 pi, e, tau, inf, nan = math.pi, math.e, math.tau, math.inf, math.nan
 sqrt, fabs, copysign = math.sqrt, math.fabs, math.copysign
 
-_SHIFT = 6755399441055744.0
-"""1.5 * 2^52: added and taken away again, it rounds to the nearest integer."""
-
 _WORD = ir.IntType(64)
-
-_LARGEST_ANGLE = 1e5
-"""Beyond it the reduction of an angle loses digits, rad."""
 
 
 def _on_bits(change: Callable[[Any, Any], Any]) -> Callable[[float], float]:
