@@ -430,3 +430,8 @@ def test_rows_of_a_trial_and_an_aspect_stand_together(tmp_path: Path) -> None:
         "Speed", "Rise time (10–90 %)", "Peak time", "Damping", "Overshoot",
         "Damping", "Overshoot", "Settling time (2 %)", "Speed", "Rise time (10–90 %)",
     ]  # fmt: skip
+
+
+def test_two_sides_that_differ_in_nothing_else_need_no_caveat() -> None:
+    origin = {"suite_sha256": "a", "host": "bench-1", "version": "1"}
+    assert compare(result(BASE, **origin), result(BASE, **origin)).caveats == ()
