@@ -22,7 +22,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure
 from eha_bench.report.comparison_markdown import comparison_markdown
-from eha_bench.report.comparison_report import needed, write_comparison
+from eha_bench.report.comparison_report import repeats_needed, write_comparison
 from eha_bench.report.comparison_rows import row_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -163,7 +163,9 @@ def test_what_is_clipped_decides_only_what_it_can(
     assert None in (entry["low"], entry["high"])
     said = "More repeats would be cut off as well"
     assert (said in row_of(item).note) == (expected is ComparisonVerdict.UNDECIDED)
-    assert ("more repeats would" in needed(found)) == (expected is ComparisonVerdict.UNDECIDED)
+    assert ("more repeats would" in repeats_needed(found)) == (
+        expected is ComparisonVerdict.UNDECIDED
+    )
 
 
 def test_a_clipped_result_is_the_same_as_itself() -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from eha_bench.comparison.scatters import RATIOS, learned_ratios
+from eha_bench.comparison.scatters import RATIOS, ratio_priors
 
 
 def drawn(rng: np.random.Generator, ratio: float, metrics: int) -> tuple[list, np.ndarray]:
@@ -22,7 +22,7 @@ def drawn(rng: np.random.Generator, ratio: float, metrics: int) -> tuple[list, n
 @pytest.mark.parametrize("ratio", [0.25, 1.0, 4.0])
 def test_the_prior_of_one_metric_lies_where_the_others_ratios_lie(ratio: float) -> None:
     sides, likelihoods = drawn(np.random.default_rng(3), ratio, 24)
-    for prior in learned_ratios(likelihoods, sides):
+    for prior in ratio_priors(likelihoods, sides):
         assert prior.mean() == pytest.approx(1.0)
         # most likely there, symmetric in the logarithm, and never without a flat part
         best = int(np.argmax(prior))
@@ -34,4 +34,4 @@ def test_the_prior_of_one_metric_lies_where_the_others_ratios_lie(ratio: float) 
 
 def test_one_metric_alone_learns_nothing() -> None:
     sides, likelihoods = drawn(np.random.default_rng(3), 4.0, 1)
-    np.testing.assert_array_equal(learned_ratios(likelihoods, sides)[0], np.ones(RATIOS.size))
+    np.testing.assert_array_equal(ratio_priors(likelihoods, sides)[0], np.ones(RATIOS.size))

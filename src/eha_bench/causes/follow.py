@@ -35,7 +35,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.moment import seconds_of
 from eha_bench.diagnosis.data.dataset import Run
-from eha_bench.diagnosis.fit.baseline import COARSE, calibrated
+from eha_bench.diagnosis.fit.baseline import COARSE, calibrated_baseline
 from eha_bench.diagnosis.fit.side_by_side import one_thread_of_algebra
 from eha_bench.sweeps.evaluation import score_key
 from eha_bench.trends.changes import FEWEST
@@ -110,7 +110,7 @@ def _reference(
     ]
     if not runs:
         raise EhaBenchError("no night has a recording")
-    base = calibrated(dataset_of(tuple(runs), settings))
+    base = calibrated_baseline(dataset_of(tuple(runs), settings))
     size = settings.model.plant.layout.size
     level = base.fit.cost / max(1, base.problem.size)
     noise = {name: float(value) for name, value in base.problem.noise.items()}

@@ -128,7 +128,7 @@ class PointEvaluation:
                 (math.nan,) * len(limits_of(self.space.case.suite)),
                 reason=error.what,
             )
-        return evaluated(case)
+        return figures_of_case(case)
 
 
 MOST_SAMPLES: Final = 400
@@ -160,10 +160,10 @@ class Evaluated:
     def of(case: Case, draw: int = 0, *, curves: bool = False) -> Evaluated:
         """Run and judge a case; `draw` chooses the noise of the sensors."""
         kept: dict[str, TrialResponse] = {}
-        return Evaluated(evaluated(case, draw, kept if curves else None), kept)
+        return Evaluated(figures_of_case(case, draw, kept if curves else None), kept)
 
 
-def evaluated(
+def figures_of_case(
     case: Case,
     draw: int = 0,
     curves: dict[str, TrialResponse] | None = None,

@@ -15,7 +15,7 @@ from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.limit import Bounds
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import StrictModel
@@ -257,7 +257,7 @@ def simulator_from_file(path: Path) -> Simulator:
     own = beside("controller", file.controller) if file.controller else None
     return Simulator(
         model,
-        load_controllers(own or shipped("controllers/paper.yaml")),
+        load_controllers(own or shipped_file("controllers/paper.yaml")),
         sensors=file.sensors,
         step=file.step,
         name=f"simulator:{path.stem}",
@@ -266,9 +266,9 @@ def simulator_from_file(path: Path) -> Simulator:
 
 def default_simulator(model: Path | None = None, controller: Path | None = None) -> Simulator:
     """Return the simulator with the shipped model and controller, or those given."""
-    chosen = model or shipped("models/paper.yaml")
+    chosen = model or shipped_file("models/paper.yaml")
     return Simulator(
-        model_from(chosen), load_controllers(controller or shipped("controllers/paper.yaml"))
+        model_from(chosen), load_controllers(controller or shipped_file("controllers/paper.yaml"))
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.shipped import names, shipped
+from eha_bench.core.shipped import names, shipped_file
 from eha_bench.plants.effect import registered_effects
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.network.plant_file import NETWORK_KEYS, Locate, parse_network
@@ -67,7 +67,7 @@ def shipped_plant(name: str) -> NetworkPlant:
     Raises:
         InputError: none of that name is shipped.
     """
-    return load_plant(shipped(f"{SHIPPED}/{name}.yaml"))
+    return load_plant(shipped_file(f"{SHIPPED}/{name}.yaml"))
 
 
 @cache

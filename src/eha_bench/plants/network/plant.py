@@ -23,7 +23,7 @@ from eha_bench.plants.network.channels import (
     roles_of_channels,
     units_of_channels,
 )
-from eha_bench.plants.network.compiler import compiled, refuse_uncompiled
+from eha_bench.plants.network.compiler import compiled_kernel, refuse_uncompiled
 from eha_bench.plants.network.element import Friction
 from eha_bench.plants.network.hooks import Hooks
 from eha_bench.plants.network.integration import LANES
@@ -171,7 +171,7 @@ class NetworkPlant(Plant):
         refuse_uncompiled(self._written(self.system, self.layout)[1])
 
     def _compile(self, system: System, layout: Layout) -> ModuleType:
-        return compiled(self.id, *self._written(system, layout))
+        return compiled_kernel(self.id, *self._written(system, layout))
 
     def _written(self, system: System, layout: Layout) -> tuple[str, list[Callable[..., object]]]:
         """Return the kernel's source, and the functions that it imports."""
@@ -406,7 +406,7 @@ class NetworkPlant(Plant):
         text = sweep_source(self.system, hooks, scalar.__name__, self.bare.size)
         if text is None:
             return None
-        kernel = compiled(self.id, text, [*self.system.laws], "sweep")
+        kernel = compiled_kernel(self.id, text, [*self.system.laws], "sweep")
         sweep: Callable[..., None] = kernel.sweep
         return sweep
 
@@ -535,13 +535,13 @@ class NetworkPlant(Plant):
                     hint=f"name '{name}' under inputs, or give the node an inertia",
                 )
 
-    # --- what channels tell ------------------------------------------------------------------
+    # --- channels ---------------------------------------------------------------------------
 
     def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
         """Return the outputs that these inputs determine."""
         nodes = determined_nodes(self.system, self.state_places, frozenset(inputs))
         places = {self.state_places[name] for name in inputs if name in self.state_places}
-        # of what is imposed, a position follows from its rate, and nothing else is told
+        # of what is imposed, a position follows from its rate, and nothing else follows
         still = {
             place
             for item in self.system.coordinates

@@ -1,9 +1,9 @@
 """Mathematical functions that LLVM can turn into vector instructions: no branches and no calls.
 
 Laws of elements call `math.exp` and its like, and a call into the C library keeps a loop over
-parameter sets from being vectorised. `vectorised` returns a law whose `math` is this module. Each
-function here is within a few units of the last place of the C library's; outside the range that it
-is written for it returns NaN, and the step is then done by the scalar kernel.
+parameter sets from being vectorised. `vectorised_law` returns a law whose `math` is this module.
+Each of its functions is within a few units of the last place of the C library's; outside the range
+that it is written for it returns NaN, and the step is then done by the scalar kernel.
 
 Reductions and polynomials: Cody, Waite, Software Manual for the Elementary Functions, Prentice Hall
 1980; Muller, Elementary Functions, 3rd ed., Birkhäuser 2016, chapters 3 and 11.
@@ -194,7 +194,7 @@ _BUILTINS = frozenset({"abs", "max", "min", "float", "bool"})
 _LOOPS = ("JUMP_BACKWARD", "FOR_ITER", "SEND")
 
 
-def vectorised(law: Callable[..., Any]) -> FunctionType | None:
+def vectorised_law(law: Callable[..., Any]) -> FunctionType | None:
     """Return a law with this module for `math`, None where LLVM could not vectorise it.
 
     It cannot be where it loops, raises to a power by `**`, or calls what has no twin here.
