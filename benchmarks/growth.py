@@ -32,7 +32,8 @@ from fixtures.rig.plans import make_plans
 import eha_bench as eb
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 from eha_bench.recordings import info, read, recover, write
 from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target

@@ -23,7 +23,7 @@ from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.evidence import groups_of
-from eha_bench.diagnosis.fit.finish import finished
+from eha_bench.diagnosis.fit.finish import converged_fit
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.uncertainty import estimates
@@ -103,7 +103,7 @@ def held(kind: str, case: int, seed: int) -> list[bool]:
     free = free_parameters(model.plant.layout, list(TRUTH), vector)
     fit = levenberg_marquardt(problem, vector, free)
     problem.prepare(fit.vector)
-    end = finished(problem, fit)
+    end = converged_fit(problem, fit)
     found = estimates(end.fit, groups_of(problem), {}, shift=end.shifts)
     return [bool(found[key].low <= value <= found[key].high) for key, value in TRUTH.items()]
 

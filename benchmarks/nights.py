@@ -15,13 +15,13 @@ from benchmarks.line import Line, rate
 from scipy.signal import lfilter
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.core.workers import Here, Workers
+from eha_bench.core.workers import InProcess, Workers
 from eha_bench.trends.specimens import kin_of
 from eha_bench.trends.trend import Trend, judge
 
 Draw = Callable[[np.random.Generator, int], FloatArray]
 
-_HERE = Here()
+_HERE = InProcess()
 METRICS = 20
 LONGEST = 60
 """Nights after which a drift that was put in ends, if the history does not end before."""

@@ -14,11 +14,11 @@ from eha_bench.experiment.candidates import (
     Experiment,
     ExperimentSettings,
     candidates,
+    neighbour_of,
     unit_of_level,
-    varied,
 )
 from eha_bench.experiment.decision import inner_products, layout_of
-from eha_bench.experiment.hypothesis import compared, read_question
+from eha_bench.experiment.hypothesis import read_question, rivals_to_separate
 from eha_bench.experiment.permitted import mode_of, permitted
 from eha_bench.experiment.response import Bench, largest, respond
 from eha_bench.suites import Suite, load_suite
@@ -36,7 +36,7 @@ class OtherPlanners:
 
     def __init__(self, diagnosis: Path, safety: Path, seconds: float, seed: int) -> None:
         question = read_question(diagnosis)
-        self.rivals = compared(question.rivals)
+        self.rivals = rivals_to_separate(question.rivals)
         plant = self.rivals[0].model.plant
         self.plant = plant
         self.bench = Bench.of(question.covered, plant.outputs, plant.command)
@@ -57,7 +57,7 @@ class OtherPlanners:
         every = list(candidates(self.plan, self.seconds))
         for _ in range(40):
             drawn = every[int(self.rng.integers(len(every)))]
-            drawn = varied(drawn, self.rng, self.plan).lasting(self.seconds)
+            drawn = neighbour_of(drawn, self.rng, self.plan).lasting(self.seconds)
             safe = self._largest(drawn)
             if safe is not None:
                 return self._suite(safe.sized(safe.size * float(self.rng.uniform(0.3, 1.0))))

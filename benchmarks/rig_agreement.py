@@ -23,7 +23,7 @@ from pathlib import Path
 from benchmarks.rig_safety import Rig
 from benchmarks.table import Row, write_rows
 
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.metrics import score
 from eha_bench.suites import load_suite
 from eha_bench.targets.simulator import Simulator, default_simulator
@@ -36,7 +36,7 @@ _TRIES = 12
 def late_simulator(folder: Path, delay: float) -> Simulator:
     """Return the simulator whose commands take effect `delay` s late."""
     path = folder / "late.yaml"
-    text = shipped("models/paper.yaml").read_text(encoding="utf-8")
+    text = shipped_file("models/paper.yaml").read_text(encoding="utf-8")
     path.write_text(f"{text}\neffects:\n  - {{effect: command_delay, delay: {delay * 1e3} ms}}\n")
     return default_simulator(path)
 
@@ -44,7 +44,7 @@ def late_simulator(folder: Path, delay: float) -> Simulator:
 def simulated(rounds: int, simulator: Simulator) -> Values:
     """Return the limited scores of the suite on a simulator, by trial and metric."""
     found: Values = {}
-    for trial in load_suite(shipped("paper.yaml")).trials:
+    for trial in load_suite(shipped_file("paper.yaml")).trials:
         for repeat in range(rounds):
             for item in score(simulator.run(trial, repeat).recording, trial):
                 if item.limit:
@@ -73,7 +73,7 @@ def over_the_bus(folder: Path, rounds: int, control: str) -> OverTheBus:
     while passed < rounds and tried < min(_TRIES, 4 * rounds):
         tried += 1
         out = folder / f"out{tried}"
-        run = rig.start(shipped("paper.yaml"), out, "--retries", "3")
+        run = rig.start(shipped_file("paper.yaml"), out, "--retries", "3")
         run.communicate()
         if run.returncode != 0:
             rig.clear()

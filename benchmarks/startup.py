@@ -19,7 +19,7 @@ from pathlib import Path
 
 from benchmarks.table import Row, write_rows
 
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 
 COMMAND = Path(sys.executable).with_name("eha-bench")
 HELP_S, VALIDATE_S, SUITE_S = 0.25, 0.5, 6.0
@@ -44,14 +44,14 @@ def main() -> int:
     parser.add_argument("--no-suite", action="store_true", help="leave the paper's suite out")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    command, paper = str(COMMAND), str(shipped("paper.yaml"))
+    command, paper = str(COMMAND), str(shipped_file("paper.yaml"))
     asked = [
         ("python -c 'import eha_bench'", [sys.executable, "-c", "import eha_bench"], None),
         ("eha-bench --help", [command, "--help"], HELP_S),
         ("eha-bench validate, a suite", [command, "validate", paper], VALIDATE_S),
         (
             "eha-bench validate, a model",
-            [command, "validate", str(shipped("models/physical.yaml"))],
+            [command, "validate", str(shipped_file("models/physical.yaml"))],
             VALIDATE_S,
         ),
     ]

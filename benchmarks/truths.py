@@ -160,7 +160,7 @@ class Multisine(Signal):
     @property
     def lines(self) -> tuple[Lines, ...]:
         return tuple(
-            Lines(float(self.periods * k), float(self.periods * (k + 1)), 1.0, self.harmonics, k)
+            Lines(float(self.periods * k), float(self.periods * (k + 1)), 1.0, self.harmonics)
             for k in range(len(self.phases))
         )
 

@@ -45,15 +45,15 @@ from benchmarks.tuned_machines import KNEE, SERVO, VALVE, VARY, recorded
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.errors import InputError
-from eha_bench.core.shipped import shipped
-from eha_bench.core.workers import HERE, workers_from
+from eha_bench.core.shipped import shipped_file
+from eha_bench.core.workers import IN_PROCESS, workers_from
 from eha_bench.plants.model import Model, load_model
 from eha_bench.posterior.file import read_posterior
 from eha_bench.posterior.posterior import Posterior
 from eha_bench.suites import Suite, load_suite
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.design import LatinHypercube
-from eha_bench.sweeps.evaluation import evaluated
+from eha_bench.sweeps.evaluation import figures_of_case
 from eha_bench.sweeps.probability import probability
 from eha_bench.sweeps.space import Point, Space
 from eha_bench.targets.simulator import Simulator
@@ -225,7 +225,7 @@ class Bench:
     ) -> Tuned:
         """Tune gains on a simulator, or on a rig in its place."""
         effort = SearchEffort(candidates=candidates, draws=self.draws, seed=1)
-        workers = workers_from(self.workers) if self.workers else HERE
+        workers = workers_from(self.workers) if self.workers else IN_PROCESS
         case = Case(suite, simulator)
         return tune(case, self.vary, posterior, effort=effort, workers=workers)
 
@@ -234,7 +234,7 @@ class Bench:
         case = self.space(suite, self.declared).at(point)
         case = replace(case, simulator=self.rig.varied(controllers=case.simulator.controllers))
         repeats = range(FIRST_REPEAT, FIRST_REPEAT + REPEATS)
-        return np.array([evaluated(case, repeat).margins for repeat in repeats])
+        return np.array([figures_of_case(case, repeat).margins for repeat in repeats])
 
     def over_draws(self, suite: Suite, point: Point, draws: int, seed: int) -> FloatArray:
         """Return the margins of all draws, (draws, limits)."""
@@ -255,7 +255,7 @@ def near_the_best(
     loose = suite_of(bench.plant, *LOOSE)
     space = bench.space(loose, bench.declared)
     points = LatinHypercube(FRONTIER, int(rng.integers(1 << 30))).points(space)
-    margins = np.array([evaluated(space.at(point), 0).margins for point in points])
+    margins = np.array([figures_of_case(space.at(point), 0).margins for point in points])
     values = reached(loose, margins)
     settled = np.flatnonzero(np.isfinite(values).all(axis=1))
     at_most = values[settled, 0].min() * float(rng.uniform(1.0, 1.5))
@@ -323,7 +323,7 @@ def run_case(plant: str, number: int, folder: Path, given: Any) -> Outcome:
     found = json.loads((folder / "found" / "diagnosis.json").read_text())
     vary = load_vary({"vary": VARY[plant]})
     controllers = load_controllers(
-        shipped("controllers/physical.yaml" if plant == KNEE else f"controllers/{plant}.yaml")
+        shipped_file("controllers/physical.yaml" if plant == KNEE else f"controllers/{plant}.yaml")
     )
     declared, revised = load_model(machine.model), load_model(folder / "found" / "revised.yaml")
     rig = machine.rig

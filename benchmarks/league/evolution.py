@@ -21,7 +21,7 @@ from benchmarks.league.simulation import predicted
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.data.gate import admit, pooled_noise
 from eha_bench.diagnosis.data.ticks import on_ticks
-from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.candidates import Start, all_starts
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.plants.model import DeclaredEffect, Model
@@ -52,7 +52,7 @@ class Search:
             sampled = on_ticks(run.topics(), dataset.inputs, determined)
             runs.append(admit(run, sampled, dataset.inputs, determined, roles=plant.roles))
         noise = pooled_noise(runs, determined)
-        windows = [window for run in runs for window in cut(run, noise)]
+        windows = [window for run in runs for window in cut_windows(run, noise)]
         self.problem = Problem(plant, windows, noise, STEP)
         self.base = self.model.vector()
         self.keys = self.model.calibrate

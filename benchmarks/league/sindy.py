@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from eha_bench.plants.model import Model, load_model
 from eha_bench.plants.plant import Drive
+from eha_bench.plants.session import Session
 
 TICKS = 2
 """Ticks over which a discrepancy is taken: shorter is noise, longer is not local."""
@@ -287,9 +288,9 @@ def _predicted(
 
 def _simulated(run: Run, model: Model, fits: Mapping[str, Fit]) -> dict[str, FloatArray]:
     """Advance the declared model tick by tick, and add what the terms say."""
-    session = model.plant.session(
-        model.vector(), first_readings(run), locked=run.locked, bypass_open=run.bypass_open,
-        step=STEP,
+    session = Session(
+        model.plant, model.vector(), first_readings(run), locked=run.locked,
+        bypass_open=run.bypass_open, step=STEP,
     )  # fmt: skip
     outputs = model.plant.outputs
     places = [outputs.index(name) for name in (*STATES[:4], "piston_position", STATES[4])]

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 
 import eha_bench as eb
 from eha_bench.plants.model import load_model
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0068b5", "#b26a00", "#0a7d5d", "#bd2217", "#59636f"
 _STYLE: dict[Any, Any] = {

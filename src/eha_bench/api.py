@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 from eha_bench.bench.judging import RECORDINGS, score_recordings
 from eha_bench.bench.run import run_suite
-from eha_bench.bench.store import Shelf
+from eha_bench.bench.store import SuiteFolder
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place, TargetFault
@@ -44,7 +44,7 @@ from eha_bench.sweeps.case import case_of
 from eha_bench.sweeps.conditions import ANY, conditions_of
 from eha_bench.sweeps.probability import Probability, judged_only
 from eha_bench.sweeps.probability import probability as passing
-from eha_bench.sweeps.sweep import SweepResult, prepared, run_sweep
+from eha_bench.sweeps.sweep import SweepResult, prepared_sweep, run_sweep
 from eha_bench.sweeps.sweep_file import load_sweep
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.resolve import open_target
@@ -94,7 +94,7 @@ def run(
     """
     loaded = load_suite(suite)
     result = run_suite(
-        loaded, target_for(loaded, target), Path(out) if out else Shelf(loaded.name),
+        loaded, target_for(loaded, target), Path(out) if out else SuiteFolder(loaded.name),
         resume=resume, retries=retries, time_limit=time_limit, workers=workers_from(workers),
         progress=progress,
     )  # fmt: skip
@@ -152,7 +152,7 @@ def sweep(
         EhaBenchError: bad input, or the folder cannot be used.
     """
     loaded = load_suite(suite)
-    shelf = Path(out) if out else Shelf(f"{loaded.name}-sweep")
+    shelf = Path(out) if out else SuiteFolder(f"{loaded.name}-sweep")
     case = case_of(loaded, target_for(loaded, target))
     found = run_sweep(
         case, load_sweep(over), shelf,
@@ -311,14 +311,14 @@ def run_point(
     """
     loaded = load_suite(suite)
     file = load_sweep(over)
-    space, points = prepared(case_of(loaded, target_for(loaded, target)), file)
+    space, points = prepared_sweep(case_of(loaded, target_for(loaded, target)), file)
     if point >= len(points):
         raise InputError(
             f"the sweep has no point {point}",
             where=Place(file=str(file.path)),
             hint=f"its points are 0 to {len(points) - 1}",
         )
-    shelf = Shelf(f"{loaded.name}-sweep")
+    shelf = SuiteFolder(f"{loaded.name}-sweep")
     folder = Path(out) if out else (shelf.latest() or shelf.claim())
     case = space.at(points[point])
     result = run_suite(case.suite, case.simulator, folder / POINTS / str(point), progress=progress)

@@ -10,7 +10,7 @@ from pathlib import Path
 from eha_bench.api import Given, target_for, tell_step_summary, write_reports
 from eha_bench.bench.interleaved import Interleaved, InterleavedPlan, run_interleaved
 from eha_bench.bench.run import run_suite
-from eha_bench.bench.store import Shelf
+from eha_bench.bench.store import SuiteFolder
 from eha_bench.causes.follow import Progress as StageProgress
 from eha_bench.causes.follow import causes_behind
 from eha_bench.causes.follow import silent as no_stages
@@ -183,7 +183,7 @@ def ab(
     openers = {"a": partial(target_for, loaded, a), "b": partial(target_for, loaded, b)}
     names = (openers["a"]().identity.name, openers["b"]().identity.name)
     plan = InterleavedPlan(loaded.sha256, names, repeats, seed)
-    shelf = Shelf(f"{loaded.name}-ab")
+    shelf = SuiteFolder(f"{loaded.name}-ab")
     folder = Path(out) if out else (shelf.latest() if resume else None) or shelf.claim()
     looks = shares(repeats)
 

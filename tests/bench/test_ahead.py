@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import eha_bench
-from eha_bench.bench.ahead import Ahead, Coming
+from eha_bench.bench.ahead import PendingOutcomes, PrecomputedTarget
 from eha_bench.core.errors import InputError
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.trial import Trial
-from eha_bench.core.workers import Here, Workers
+from eha_bench.core.workers import InProcess, Workers
 from eha_bench.core.workers import ItemOutcome as Done
 from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target
@@ -48,7 +48,9 @@ def test_what_comes_ahead_is_what_a_run_gives(suite: Path) -> None:
     target = open_target("simulator")
     jobs = [(trial, n) for trial in load_suite(suite).trials for n in range(trial.repeats)]
     away = pickle.loads(pickle.dumps(target))
-    with Ahead(target, Coming([(target, *job) for job in jobs], Here())) as ahead:
+    with PrecomputedTarget(
+        target, PendingOutcomes([(target, *job) for job in jobs], InProcess())
+    ) as ahead:
         found = [ahead.run(*job) for job in jobs]
         again = ahead.run(*jobs[1])  # out of turn
     assert ahead.identity == target.identity == away.identity
@@ -78,7 +80,7 @@ class Drive(Target):
 def test_a_drive_is_not_run_by_several(suite: Path) -> None:
     jobs = [(Drive(), load_suite(suite).trials[0], 0)]
     with pytest.raises(InputError, match="can:drive runs one trial at a time; leave out --workers"):
-        Coming(jobs, Here())
+        PendingOutcomes(jobs, InProcess())
 
 
 @pytest.mark.slow
@@ -128,7 +130,7 @@ def test_a_stop_is_not_held_up_by_workers_that_never_answer(
     # a time limit has come: nobody has pressed Ctrl-C at all
     with (
         Interruption(),
-        Ahead(target, Coming([(target, trial, 0)], Frozen())) as ahead,
+        PrecomputedTarget(target, PendingOutcomes([(target, trial, 0)], Frozen())) as ahead,
         pytest.raises(KeyboardInterrupt),
     ):
         ahead.run(trial, 0, lambda: True)

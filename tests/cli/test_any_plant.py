@@ -1,6 +1,5 @@
 """A plant in plain Python, of somebody else's package, from a suite to a diagnosis."""
 
-import importlib
 import json
 import sys
 from collections.abc import Iterator
@@ -8,11 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from eha_bench.core import plugins
-from eha_bench.plants.plant import get_plant
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "targets"))
-from strangers_plant import write_package
+from strangers_plant import installed
 
 FILES = {
     "truth.yaml": "model: flap\n",
@@ -49,17 +45,10 @@ runs:
 
 @pytest.fixture
 def flap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    write_package(tmp_path / "site")
-    monkeypatch.syspath_prepend(str(tmp_path / "site"))
-    caches = (plugins._entry_points, plugins._group, get_plant)
-    for cache in caches:
-        cache.cache_clear()
-    importlib.invalidate_caches()
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
-    yield tmp_path
-    for cache in caches:
-        cache.cache_clear()
+    with installed(tmp_path / "site", monkeypatch):
+        yield tmp_path
     for name in [name for name in sys.modules if name.startswith("flap_bench")]:
         del sys.modules[name]
 

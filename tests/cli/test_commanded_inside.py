@@ -8,9 +8,10 @@ import pytest
 
 import eha_bench as eb
 from eha_bench.core.errors import InputError
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.plants.model import model_from
 from eha_bench.plants.plant import Drive
+from eha_bench.plants.session import Session
 
 SUITE = """\
 name: goals
@@ -29,7 +30,7 @@ trials:
 
 @pytest.mark.parametrize("rate", [pytest.param("1 kHz", marks=pytest.mark.slow), "50 Hz"])
 def test_a_smart_servo_is_commanded_through_its_own_loop(cli, tmp_path: Path, rate: str) -> None:
-    plant = shipped("plants/position_servo.yaml")
+    plant = shipped_file("plants/position_servo.yaml")
     (tmp_path / "suite.yaml").write_text(SUITE.format(plant=plant, rate=rate))
     cli("run", "suite.yaml", "--out", "out", check=0)
     result = json.loads((tmp_path / "out" / "result.json").read_text())
@@ -45,6 +46,6 @@ def test_a_smart_servo_is_commanded_through_its_own_loop(cli, tmp_path: Path, ra
 
 
 def test_a_plant_without_such_a_controller_says_so() -> None:
-    model = model_from(shipped("plants/geared_servo.yaml"))
+    model = model_from(shipped_file("plants/geared_servo.yaml"))
     with pytest.raises(InputError, match="nothing that a controller inside geared_servo follows"):
-        model.plant.session(model.vector(), {}, step=1e-4, command="goal_position")
+        Session(model.plant, model.vector(), {}, step=1e-4, command="goal_position")

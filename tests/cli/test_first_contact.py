@@ -11,7 +11,7 @@ import pytest
 import eha_bench as eb
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.errors import InputError
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 
 from .conftest import Cli
 
@@ -173,7 +173,7 @@ def test_controllers_extend_one_another(tmp_path: Path) -> None:
     own = tmp_path / "own.yaml"
     own.write_text("extends: base.yaml\npressure:\n  k_i: 90 A/(MPa*s)\n")
     found = load_controllers(own)
-    physical = load_controllers(shipped("controllers/physical.yaml"))
+    physical = load_controllers(shipped_file("controllers/physical.yaml"))
     gains = found.by_mode["pressure"].gains
     assert (gains.k_p, gains.k_i) == (pytest.approx(3e-6), pytest.approx(90e-6))
     assert gains.k_2 == pytest.approx(1.55)

@@ -86,5 +86,7 @@ def test_a_diagnosis_begins_without_what_it_may_never_need() -> None:
 
 
 def test_the_plants_are_described_without_the_compiler() -> None:
-    code = "from eha_bench.plants.plant import get_plant\nassert get_plant('eha_knee').layout.size"
+    code = (
+        "from eha_bench.plants.registry import get_plant\nassert get_plant('eha_knee').layout.size"
+    )
     assert imported(code) & HEAVY == set()

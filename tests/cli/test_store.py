@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import eha_bench as eb
-from eha_bench.bench.store import Shelf, set_aside
+from eha_bench.bench.store import SuiteFolder, set_aside
 from eha_bench.core.errors import InputError
 from forked import Forked
 
@@ -92,7 +92,7 @@ def test_resume_goes_on_with_the_latest_of_its_suite_only(
     cli: Cli, short: Path, tmp_path: Path
 ) -> None:
     assert "a new one starts" in cli("run", short, "--resume", check=0).stderr
-    latest = Shelf("tiny").latest()
+    latest = SuiteFolder("tiny").latest()
     assert latest is not None
     kept = latest / "recordings" / "hold-0.mcap"
     before = kept.stat().st_mtime_ns

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eha_bench.tuning.aim import Passing, Tail, Worst, least
+from eha_bench.tuning.aim import PassProbability, Tail, Worst, least
 from eha_bench.tuning.contradiction import contradiction
 
 from .conftest import Cli
@@ -279,7 +279,7 @@ def test_ctrl_c_keeps_the_best_so_far(files: Path) -> None:
 
 
 def test_worth_goes_by_passing_first_and_by_margin_then() -> None:
-    aim = Passing()
+    aim = PassProbability()
     more = np.array([[0.01, 0.5], [0.01, 0.5], [-0.9, 0.5]])
     fewer = np.array([[0.9, 0.9], [-0.01, 0.9], [-0.01, 0.9]])
     assert aim.of(more) > aim.of(fewer)

@@ -22,7 +22,7 @@ from eha_bench.core.errors import InputError
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure
 from eha_bench.report.comparison_markdown import comparison_markdown
-from eha_bench.report.comparison_report import needed, write_comparison
+from eha_bench.report.comparison_report import repeats_needed, write_comparison
 from eha_bench.report.comparison_rows import row_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -163,7 +163,9 @@ def test_what_is_clipped_decides_only_what_it_can(
     assert None in (entry["low"], entry["high"])
     said = "More repeats would be cut off as well"
     assert (said in row_of(item).note) == (expected is ComparisonVerdict.UNDECIDED)
-    assert ("more repeats would" in needed(found)) == (expected is ComparisonVerdict.UNDECIDED)
+    assert ("more repeats would" in repeats_needed(found)) == (
+        expected is ComparisonVerdict.UNDECIDED
+    )
 
 
 def test_a_clipped_result_is_the_same_as_itself() -> None:
@@ -430,3 +432,8 @@ def test_rows_of_a_trial_and_an_aspect_stand_together(tmp_path: Path) -> None:
         "Speed", "Rise time (10–90 %)", "Peak time", "Damping", "Overshoot",
         "Damping", "Overshoot", "Settling time (2 %)", "Speed", "Rise time (10–90 %)",
     ]  # fmt: skip
+
+
+def test_two_sides_that_differ_in_nothing_else_need_no_caveat() -> None:
+    origin = {"suite_sha256": "a", "host": "bench-1", "version": "1"}
+    assert compare(result(BASE, **origin), result(BASE, **origin)).caveats == ()

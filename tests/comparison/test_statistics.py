@@ -10,12 +10,12 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from eha_bench.comparison.correction import holm
-from eha_bench.comparison.dependence import FEWEST, learned
+from eha_bench.comparison.dependence import FEWEST, coefficient_priors
 from eha_bench.comparison.evidence import dependence_of, evidence, exact, ratios_of
 from eha_bench.comparison.permutation import p_greater, p_greater_paired
 from eha_bench.comparison.planning import MOST, more_repeats
 from eha_bench.comparison.sample import Sample
-from eha_bench.comparison.scatters import RATIOS, _independent, learned_ratios
+from eha_bench.comparison.scatters import RATIOS, _independent, ratio_priors
 from eha_bench.comparison.sequential import sequential, shares, spent
 from eha_bench.comparison.skewness import wider_of_pairs, wider_of_samples
 from eha_bench.comparison.student_mixture import StudentMixture
@@ -119,7 +119,7 @@ def test_independent_metrics_vouch_for_each_other() -> None:
             assert found is not None
             likelihoods.append(found)
             residuals.append(np.concatenate([side.values - side.mean for side in sides]))
-        return float(learned(np.array(likelihoods), residuals)[0][0])
+        return float(coefficient_priors(np.array(likelihoods), residuals)[0][0])
 
     assert priors(0.0, 20) > 0.9
     assert priors(0.8, 20) < 0.2
@@ -186,21 +186,21 @@ def likelihoods(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def test_metrics_tell_each_other_how_differently_sides_scatter(ratio: float) -> None:
     rng = np.random.default_rng(5)
     first, second = ratio * rng.normal(size=(30, 3)), rng.normal(size=(30, 3))
-    priors = learned_ratios(likelihoods(first, second), list(zip(first, second, strict=True)))
+    priors = ratio_priors(likelihoods(first, second), list(zip(first, second, strict=True)))
     about = [float(np.average(RATIOS, weights=prior)) for prior in priors]
     # a tenth stays flat, about 0
     assert about == pytest.approx([0.9 * math.log(ratio)] * 30, abs=0.35)
     assert min(float(prior.min()) for prior in priors) >= 0.1
     # metrics that are one and the same tell no more than one of them
     same = np.repeat(first[:1], 30, axis=0), np.repeat(second[:1], 30, axis=0)
-    (prior, *_) = learned_ratios(likelihoods(*same), list(zip(*same, strict=True)))
+    (prior, *_) = ratio_priors(likelihoods(*same), list(zip(*same, strict=True)))
     assert prior.max() < 0.5 * priors[0].max()
 
 
 def test_one_metric_alone_learns_nothing() -> None:
     rng = np.random.default_rng(5)
     first, second = rng.normal(size=(2, 1, 3))
-    (prior,) = learned_ratios(likelihoods(first, second), list(zip(first, second, strict=True)))
+    (prior,) = ratio_priors(likelihoods(first, second), list(zip(first, second, strict=True)))
     assert (prior == 1.0).all()
 
 

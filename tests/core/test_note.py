@@ -3,7 +3,7 @@
 import json
 import pickle
 
-from eha_bench.core.note import Note, merged, of_run
+from eha_bench.core.note import Note, merged_notes, of_run
 
 
 def gaps(channel: str, count: int) -> Note:
@@ -25,19 +25,19 @@ def test_a_note_survives_a_worker() -> None:
 
 def test_notes_of_one_kind_are_one_with_ranges_of_their_numbers() -> None:
     notes = [of_run(run, gaps("current", count)) for run, count in (("a", 3), ("b", 12), ("c", 3))]
-    assert merged(notes) == ("a, b, c: current has 3 to 12 gaps",)
+    assert merged_notes(notes) == ("a, b, c: current has 3 to 12 gaps",)
 
 
 def test_a_number_that_is_the_same_in_all_is_no_range() -> None:
-    assert merged([of_run(run, gaps("current", 3)) for run in "ab"]) == (
+    assert merged_notes([of_run(run, gaps("current", 3)) for run in "ab"]) == (
         "a, b: current has 3 gaps",
     )
 
 
 def test_words_keep_notes_apart_also_where_they_hold_numbers_or_braces() -> None:
     notes = [of_run("a", gaps("p1", 3)), of_run("a", gaps("p2", 3)), of_run("b", "{p1} and 4")]
-    assert merged(notes) == ("a: p1 has 3 gaps", "a: p2 has 3 gaps", "b: {p1} and 4")
+    assert merged_notes(notes) == ("a: p1 has 3 gaps", "a: p2 has 3 gaps", "b: {p1} and 4")
 
 
 def test_a_plain_sentence_that_several_runs_say_is_said_once() -> None:
-    assert merged([of_run("a", "torn"), of_run("b", "torn")]) == ("a, b: torn",)
+    assert merged_notes([of_run("a", "torn"), of_run("b", "torn")]) == ("a, b: torn",)

@@ -18,10 +18,11 @@ from eha_bench.core.metric import METRICS
 from eha_bench.core.plugin_class import check_class
 from eha_bench.metrics.metric import Metric
 from eha_bench.metrics.scoring import metric
-from eha_bench.plants.effect import Action, Effect, Hook, Spot, bound
+from eha_bench.plants.effect import Action, Effect, Hook, Spot, bound, registered_effects
 from eha_bench.plants.network.network import element_kinds
 from eha_bench.plants.parameter import Parameter
-from eha_bench.plants.plant import Plant, get_plant, registered_effects
+from eha_bench.plants.plant import Plant
+from eha_bench.plants.registry import get_plant
 from eha_bench.suites import load_suite
 from eha_bench.suites.signals.signal_model import SignalModel
 from eha_bench.targets.resolve import open_target

@@ -12,7 +12,7 @@ from poison import Shared, fails_on_three, kills_on_three, kills_once, slow_squa
 from eha_bench.core.errors import InputError
 from eha_bench.core.workers import (
     DaskCluster,
-    Here,
+    InProcess,
     Processes,
     RayCluster,
     WorkError,
@@ -23,13 +23,13 @@ from eha_bench.core.workers import (
 ITEMS = [0.1 * k for k in range(20)]
 
 
-@pytest.mark.parametrize("workers", [Here(), Processes(2)], ids=["here", "processes"])
+@pytest.mark.parametrize("workers", [InProcess(), Processes(2)], ids=["here", "processes"])
 def test_the_results_are_those_of_one_process_in_order(workers: Workers) -> None:
     assert workers.map(square, ITEMS) == [x * x for x in ITEMS]
     assert workers.map(square, []) == []
 
 
-@pytest.mark.parametrize("workers", [Here(), Processes(2)], ids=["here", "processes"])
+@pytest.mark.parametrize("workers", [InProcess(), Processes(2)], ids=["here", "processes"])
 def test_an_error_costs_its_own_item_only(workers: Workers) -> None:
     found = list(workers.ordered(fails_on_three, range(6)))
     assert [outcome.value for outcome in found] == [0, 1, 2, None, 4, 5]
@@ -61,7 +61,7 @@ def test_what_kills_every_worker_is_told_and_the_rest_is_done() -> None:
 
 
 def test_workers_by_name() -> None:
-    assert workers_from(None) == workers_from("") == workers_from("1") == Here()
+    assert workers_from(None) == workers_from("") == workers_from("1") == InProcess()
     assert workers_from("3") == workers_from(3) == Processes(3)
     assert workers_from("0").count == (os.cpu_count() or 1)
     assert workers_from("dask://10.0.0.1:8786") == DaskCluster("tcp://10.0.0.1:8786")

@@ -6,7 +6,7 @@ import pytest
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.outcome.confounded import confounded
 from eha_bench.plants.channel_roles import KNOWN
-from eha_bench.plants.plant import get_plant
+from eha_bench.plants.registry import get_plant
 
 LAYOUT = get_plant("eha_knee").layout
 TIME = np.arange(0.0, 5.0, 0.01)

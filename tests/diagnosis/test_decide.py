@@ -27,7 +27,7 @@ SIZE = 1000
 def beyond(relative: float, significance: float = 50.0, **channels: float) -> Excess:
     """What a residual holds beyond noise, as a share of the noise's cost."""
     total = relative * SOFT_MEAN * SIZE
-    return Excess(total, SIZE, {}, significance, channels or {"current": 1.0, "pressure_a": 2.0})
+    return Excess(total, SIZE, significance, channels or {"current": 1.0, "pressure_a": 2.0})
 
 
 def fit(cost: float = 0.0, period: float = 0.0, soft: float = 1.0) -> Fit:

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from known_search import LinearProblem, add, assumed, model, search_of, shape
 
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED
-from eha_bench.diagnosis.fit.own_parameters import Late, Own, Places
+from eha_bench.diagnosis.fit.own_parameters import LateClock, Places, RunParameter
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
@@ -154,13 +154,13 @@ def test_where_nothing_was_refitted_no_other_promises_more() -> None:
 
 def test_a_run_s_own_estimates_are_sorted_by_run() -> None:
     layout = model().plant.layout
-    places = Places(layout, (Own(MASS, "first", 67), Own(MASS, "second", 68)))
+    places = Places(layout, (RunParameter(MASS, "first", 67), RunParameter(MASS, "second", 68)))
     values = {"mass in first": Estimate(90.0, 89.0, 91.0, ""), MASS: Estimate(1.0, 1.0, 1.0, "kg")}
     assert own_estimates(places, values) == {"first": {MASS: Estimate(90.0, 89.0, 91.0, "kg")}}
 
 
 def test_late_stamps_are_no_effect_but_a_property_of_the_log() -> None:
-    places = Places(model().plant.layout, (), (Late("drive", 67), Late("block", 68)))
+    places = Places(model().plant.layout, (), (LateClock("drive", 67), LateClock("block", 68)))
     late = lateness_estimates(places, {"lateness of drive": Estimate(1.2e-3, 1.1e-3, 1.3e-3, "")})
     assert late == {"drive": Estimate(1.2e-3, 1.1e-3, 1.3e-3, "s")}
     assert lateness_note(late) == [

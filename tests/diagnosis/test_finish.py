@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from eha_bench.diagnosis.fit.finish import FINEST, fine_enough, finished
+from eha_bench.diagnosis.fit.finish import FINEST, converged_fit, fine_enough
 from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import soften
 
@@ -58,13 +58,13 @@ def test_no_step_is_finer_than_the_finest():
 def test_a_fit_that_stopped_early_ends_at_the_bottom():
     deviation = 1.0 / float(np.linalg.norm(COLUMN))
     early = bottom() + 3.0 * deviation
-    found = finished(Stepped(0.0), fit_at(Stepped(0.0), early))
+    found = converged_fit(Stepped(0.0), fit_at(Stepped(0.0), early))
     assert found.fit.vector[0] == pytest.approx(bottom(), abs=0.2 * deviation)
 
 
 def test_the_error_that_is_left_is_about_what_the_last_halving_moves():
     problem = Stepped(1000.0)
-    found = finished(problem, fit_at(problem, bottom()))
+    found = converged_fit(problem, fit_at(problem, bottom()))
     off = found.fit.vector[0] - bottom()
     assert abs(off) == pytest.approx(1000.0 * 0.5e-4, rel=0.1), "half the step, half the error"
     assert abs(found.shifts["a"]) == pytest.approx(abs(off), rel=0.1)

@@ -14,7 +14,7 @@ from eha_bench.core.errors import InputError, MissingChannelError
 from eha_bench.core.note import Note, of_run
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run, Use
-from eha_bench.diagnosis.data.gate import admit, grouped, pooled_noise
+from eha_bench.diagnosis.data.gate import admit, notes_of_runs, pooled_noise
 from eha_bench.diagnosis.data.noise import noise_of, quantum_of
 from eha_bench.diagnosis.data.windows import window_at
 
@@ -214,7 +214,7 @@ def test_what_several_runs_say_alike_is_said_once():
     alone = replace(
         one, run=replace(one.run, name="sine"), notes=(of_run("sine", "the clock jumps"),)
     )
-    assert grouped([*runs, alone]) == (
+    assert notes_of_runs([*runs, alone]) == (
         "ramp, steps: 'current' has 3 to 12 gaps",
         "sine: the clock jumps",
     )

@@ -11,14 +11,14 @@ import pytest
 from scipy.linalg import toeplitz
 
 from eha_bench.core.recording import Recording
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.noise import noise_of_input
-from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.evidence import refined_noise
-from eha_bench.diagnosis.fit.input_noise import shaken
+from eha_bench.diagnosis.fit.input_noise import input_noise_of
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
@@ -38,7 +38,7 @@ def test_the_cosines_make_what_white_noise_makes_of_an_integrator(memory) -> Non
     if memory:
         response *= np.exp(-np.abs(index[:, None] - index) * 1e-3 / memory)
     drive = Drive(index * 1e-3, {"current": np.zeros(n)})
-    found = shaken(
+    found = input_noise_of(
         drive, {"current": sigma}, {}, np.ones(1), lambda d: response @ d.inputs["current"]
     )
     exact = sigma**2 * response @ response.T
@@ -55,7 +55,7 @@ def test_noise_that_remembers_is_made_as_it_is() -> None:
     index = np.arange(n)
     response = 0.1 * np.where(index[:, None] >= index, 1.0, 0.0)
     drive = Drive(index * 1e-3, {"current": np.zeros(n)})
-    found = shaken(
+    found = input_noise_of(
         drive,
         {"current": 1.0},
         {"current": Colour((a,))},
@@ -69,7 +69,9 @@ def test_noise_that_remembers_is_made_as_it_is() -> None:
 
 def test_responses_hold_for_parameters_nearby() -> None:
     drive = Drive(np.arange(40) * 1e-3, {"current": np.zeros(40)})
-    found = shaken(drive, {"current": 1.0}, {}, np.array([2.0, 0.0]), lambda d: d.inputs["current"])
+    found = input_noise_of(
+        drive, {"current": 1.0}, {}, np.array([2.0, 0.0]), lambda d: d.inputs["current"]
+    )
     assert found.is_near(np.array([2.05, 0.0]))
     assert not found.is_near(np.array([2.1, 0.0]))
     assert not found.is_near(np.array([2.0, 1e-6]))
@@ -83,7 +85,7 @@ def test_an_input_that_jumps_all_the_time_is_no_noisier() -> None:
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model(shipped("models/physical.yaml"))
+    return load_model(shipped_file("models/physical.yaml"))
 
 
 def _measured(model, driven_by: str, seed: int, *, locked: bool):
@@ -113,7 +115,7 @@ def test_the_right_model_leaves_noise_though_its_input_is_noisy(model, driven_by
     for seed in range(2):
         measured = _measured(model, driven_by, seed, locked=True)
         assert measured.input_noise[driven_by] == pytest.approx(LOUD * SIGMA[driven_by], rel=0.1)
-        windows = cut(measured, noise)
+        windows = cut_windows(measured, noise)
         assert len(windows) > 2
         problem = Problem(model.plant, windows, noise, STEP)
         problem.prepare(model.vector())
@@ -140,14 +142,14 @@ def test_what_was_asked_for_is_exact(model) -> None:
     run = Run("log", Path("log.mcap"), None, True, False, Use.TRAIN, lambda: reading)
     measured = admit(run, reading, ["current_command"], model.plant.outputs)
     assert not measured.input_noise
-    assert len(cut(measured, {"motor_speed": 0.1})) == 1
+    assert len(cut_windows(measured, {"motor_speed": 0.1})) == 1
 
 
 @pytest.mark.slow
 def test_other_noise_only_weighs_the_responses_anew(model) -> None:
     measured = _measured(model, "current", 0, locked=True)
     noise = {name: sigma for name, sigma in SIGMA.items() if name != "current"}
-    problem = Problem(model.plant, cut(measured, noise), noise, STEP)
+    problem = Problem(model.plant, cut_windows(measured, noise), noise, STEP)
     problem.prepare(model.vector())
     other = {name: 1.7 * sigma for name, sigma in noise.items()}
     kept = problem.with_noise(other)
@@ -172,7 +174,7 @@ def test_a_run_that_stands_still_is_cut_where_its_input_is_noisy() -> None:
     measured = _locked({"motor_speed": noise})
     speeds = replace(measured, valid=np.zeros_like(measured.valid))
     # nowhere may a window begin by itself, and none is long all the same
-    windows = cut(speeds, {"pressure_a": 3e4})
+    windows = cut_windows(speeds, {"pressure_a": 3e4})
     assert len(windows) == 10
     assert windows[0].first == 0
     assert windows[-1].last == 10000
@@ -184,4 +186,4 @@ def test_what_no_balance_adds_up_leaves_a_locked_run_whole(name) -> None:
     noise = np.random.default_rng(1).standard_normal(10000)
     measured = _locked({"current_command": np.zeros(10000), name: noise})
     assert measured.input_noise[name] > 0.0
-    assert len(cut(measured, {"pressure_a": 3e4})) == 1
+    assert len(cut_windows(measured, {"pressure_a": 3e4})) == 1

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from eha_bench.core.recording import Recording
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import Measured, admit
 from eha_bench.diagnosis.data.ticks import on_ticks
-from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.own_parameters import like_clocks, with_clocks
 from eha_bench.diagnosis.fit.problem import Problem
@@ -25,7 +25,7 @@ SIGMA = {"motor_speed": 0.1, "pressure_a": 3e4}
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model(shipped("models/physical.yaml"))
+    return load_model(shipped_file("models/physical.yaml"))
 
 
 def _measured(model, late: float, name: str = "log") -> Measured:
@@ -54,7 +54,7 @@ def _measured(model, late: float, name: str = "log") -> Measured:
 @pytest.mark.parametrize("late", [0.25e-3, -0.4e-3, 1.2e-3])
 def test_a_fit_finds_by_how_much_stamps_are_late(model, late: float) -> None:
     (measured,) = with_clocks(model.plant.layout, [_measured(model, late)])
-    problem = Problem(model.plant, cut(measured, SIGMA), SIGMA, 2e-4)
+    problem = Problem(model.plant, cut_windows(measured, SIGMA), SIGMA, 2e-4)
     (item,) = problem.places.late
     vector = problem.places.lengthened(model.vector())
     problem.prepare(vector)
@@ -71,7 +71,7 @@ def test_a_fit_finds_by_how_much_stamps_are_late(model, late: float) -> None:
 def test_stamps_at_the_ticks_of_the_command_are_not_late(model) -> None:
     (measured,) = with_clocks(model.plant.layout, [_measured(model, 0.0)])
     assert not measured.clocks
-    problem = Problem(model.plant, cut(measured, SIGMA), SIGMA, 2e-4)
+    problem = Problem(model.plant, cut_windows(measured, SIGMA), SIGMA, 2e-4)
     assert not problem.places.behind
 
 

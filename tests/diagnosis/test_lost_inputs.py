@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from eha_bench.core.recording import Recording
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
-from eha_bench.diagnosis.data.lost_inputs import Unsure, guessed
-from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.data.lost_inputs import LostValues, guess_lost
+from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.lost_inputs import at_their_best, lost
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
@@ -32,7 +32,7 @@ def _without(values: np.ndarray, ticks: list[int]) -> tuple[np.ndarray, np.ndarr
 def test_a_smooth_command_is_guessed_and_its_spread_holds_the_error() -> None:
     values = 10.0 * np.sin(2 * np.pi * 10.0 * TIME)
     ticks = [*range(10, 1990, 37)]
-    found, unsure = guessed(TIME, *_without(values, ticks))
+    found, unsure = guess_lost(TIME, *_without(values, ticks))
     error = np.abs(found - values)[ticks]
     assert error.max() < 1e-3
     assert unsure.ticks.tolist() == ticks
@@ -43,18 +43,18 @@ def test_a_smooth_command_is_guessed_and_its_spread_holds_the_error() -> None:
 
 def test_a_command_lost_at_a_jump_may_be_of_either_side() -> None:
     values = np.where(TIME < 1.0, 2.0, 14.0)
-    found, unsure = guessed(TIME, *_without(values, [1000]))
+    found, unsure = guess_lost(TIME, *_without(values, [1000]))
     assert unsure.ticks.tolist() == [1000]
     assert 2.0 < found[1000] < 14.0
     assert abs(found[1000] - 8.0) + 6.0 <= 1.1 * unsure.spread[0] <= 8.0
 
 
 def test_a_command_that_rests_is_known_and_long_holes_are_not_guessed() -> None:
-    found, unsure = guessed(TIME, *_without(np.full(TIME.size, 3.0), [500, 501]))
+    found, unsure = guess_lost(TIME, *_without(np.full(TIME.size, 3.0), [500, 501]))
     assert found[[500, 501]].tolist() == [3.0, 3.0]
     assert not unsure.ticks.size
     moves = np.sin(20.0 * TIME)
-    found, unsure = guessed(TIME, *_without(moves, [*range(100, 110)]))
+    found, unsure = guess_lost(TIME, *_without(moves, [*range(100, 110)]))
     assert np.isnan(found[100:110]).all()
     assert not unsure.ticks.size
 
@@ -64,7 +64,7 @@ def test_a_command_on_a_slower_clock_is_lost_until_the_next_one() -> None:
     values[::10] = np.sin(9.0 * TIME[::10])
     gone = np.zeros(TIME.size, dtype=bool)
     gone[500], values[500] = True, np.nan
-    _, unsure = guessed(TIME, values, gone)
+    _, unsure = guess_lost(TIME, values, gone)
     assert (unsure.ticks.tolist(), unsure.stops.tolist()) == ([500], [510])
 
 
@@ -74,7 +74,9 @@ def test_what_lost_messages_do_is_what_each_alone_does() -> None:
     def residual(drive: Drive) -> np.ndarray:
         return np.convolve(drive.inputs["current_command"], decay)[: TIME.size]
 
-    unsure = Unsure(np.array([100, 900, 905]), np.array([101, 901, 908]), np.array([2.0, 1.0, 3.0]))
+    unsure = LostValues(
+        np.array([100, 900, 905]), np.array([101, 901, 908]), np.array([2.0, 1.0, 3.0])
+    )
     drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
     found = lost(drive, {"current_command": unsure}, 0, TIME, np.ones(1), residual)
     expected = np.zeros((3, TIME.size))
@@ -90,7 +92,7 @@ def test_what_lost_messages_do_is_what_each_alone_does() -> None:
 
 
 def test_what_does_next_to_nothing_is_left_out() -> None:
-    unsure = Unsure(np.arange(10, 1990, 10), np.arange(11, 1991, 10), np.full(198, 1e-4))
+    unsure = LostValues(np.arange(10, 1990, 10), np.arange(11, 1991, 10), np.full(198, 1e-4))
     drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
     found = lost(drive, {"current_command": unsure}, 0, TIME, np.ones(1),
                  lambda d: d.inputs["current_command"])  # fmt: skip
@@ -99,7 +101,7 @@ def test_what_does_next_to_nothing_is_left_out() -> None:
 
 
 def test_the_right_model_leaves_noise_though_commands_at_jumps_are_lost() -> None:
-    model = load_model(shipped("models/physical.yaml"))
+    model = load_model(shipped_file("models/physical.yaml"))
     rng = np.random.default_rng(0)
     command = np.repeat(rng.choice([4.0, 9.0, 14.0], 100), 20)
     ticks = [k for k in range(60, 1990, 20) if command[k] != command[k - 1]][:30]
@@ -120,7 +122,7 @@ def test_the_right_model_leaves_noise_though_commands_at_jumps_are_lost() -> Non
 
     def left(*, known: bool) -> float:
         own = measured if known else replace(measured, unsure={})
-        problem = Problem(model.plant, cut(own, SIGMA), SIGMA, 2e-4)
+        problem = Problem(model.plant, cut_windows(own, SIGMA), SIGMA, 2e-4)
         problem.prepare(model.vector())
         return float(np.mean(problem.residual(model.vector()) ** 2))
 
@@ -138,11 +140,13 @@ def test_lost_values_are_found_where_readings_tell_and_stay_where_they_do_not() 
     def residual(drive: Drive) -> np.ndarray:
         return measured - 50.0 * np.convolve(drive.inputs["current_command"], decay)[: TIME.size]
 
-    unsure = Unsure(np.array([100, 900, 1995]), np.array([101, 901, 1996]), np.array([2.0, 1.5, 4]))
+    unsure = LostValues(
+        np.array([100, 900, 1995]), np.array([101, 901, 1996]), np.array([2.0, 1.5, 4])
+    )
     drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
     found = at_their_best(drive, {"current_command": unsure}, TIME, residual)
     assert found.inputs["current_command"] == pytest.approx(truth, abs=1e-3)
     # never further than three spreads, whatever is missing
-    near = Unsure(unsure.ticks, unsure.stops, np.full(3, 0.1))
+    near = LostValues(unsure.ticks, unsure.stops, np.full(3, 0.1))
     found = at_their_best(drive, {"current_command": near}, TIME, residual)
     assert np.abs(found.inputs["current_command"]).max() == pytest.approx(0.3)

@@ -14,7 +14,7 @@ from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.prepared import best_start
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.fit.starts import arrived
+from eha_bench.diagnosis.fit.starts import best_fit_of_starts
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
 
@@ -91,7 +91,7 @@ def test_a_fit_arrives_over_a_window_that_swings(model, problem) -> None:
     problem.prepare(vector)
     problem.scale_to(problem.residual(vector))
     free = free_parameters(problem.plant.layout, ["arm.length"], vector)
-    arrival = arrived(problem, vector, free, lambda _better: None)
+    arrival = best_fit_of_starts(problem, vector, free, lambda _better: None)
     fit = arrival.fit
     for _ in range(4):
         problem.prepare(fit.vector)

@@ -12,7 +12,7 @@ from eha_bench.diagnosis.fit.least_squares import free_parameters
 from eha_bench.diagnosis.fit.openings import least_settings
 from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.plants.channel_roles import KNOWN
-from eha_bench.plants.plant import get_plant
+from eha_bench.plants.registry import get_plant
 
 TANK, PORTS = 0.0, 1.0
 

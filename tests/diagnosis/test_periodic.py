@@ -18,7 +18,8 @@ from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_mar
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.search.periodic import best_counts, in_parts, least_count, scan
 from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 NOISE = {"current": 0.05, "motor_speed": 0.1, "pressure_a": 3e4, "pressure_b": 3e4}
 COUNT, PHASE, AMPLITUDE = 7, 0.8, 0.05

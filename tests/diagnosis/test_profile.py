@@ -7,7 +7,7 @@ import pytest
 
 from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import soften
-from eha_bench.diagnosis.fit.profile import cost_with, profiled
+from eha_bench.diagnosis.fit.profile import cost_with, profile_deviation
 
 
 class Rough:
@@ -32,14 +32,14 @@ def fit_at(problem: Rough, jacobian: float) -> Fit:
 
 
 def test_where_the_cost_is_smooth_the_profile_says_what_the_slopes_say():
-    found = profiled(Rough(50.0, 0.0), fit_at(Rough(50.0, 0.0), 50.0), "a", 1.0 / 50.0)
+    found = profile_deviation(Rough(50.0, 0.0), fit_at(Rough(50.0, 0.0), 50.0), "a", 1.0 / 50.0)
     assert found == pytest.approx(1.0 / 50.0, rel=0.5)
 
 
 def test_where_the_cost_is_rough_slopes_are_not_believed():
     problem = Rough(50.0, 5.0)
     # a jump within the difference's step made the slope a hundred times too steep
-    assert profiled(problem, fit_at(problem, 5000.0), "a", 1.0 / 5000.0) > 1.0 / 100.0
+    assert profile_deviation(problem, fit_at(problem, 5000.0), "a", 1.0 / 5000.0) > 1.0 / 100.0
 
 
 class Balanced:

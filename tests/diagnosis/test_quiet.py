@@ -10,18 +10,18 @@ import pytest
 from scipy.signal import lfilter
 
 from eha_bench.core.recording import Recording
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.quiet import (
     _swings,
-    coloured,
     coloured_like,
     quiet_stretches,
     with_colours,
+    with_noise_colour,
 )
-from eha_bench.diagnosis.data.windows import cut, window_at
+from eha_bench.diagnosis.data.windows import cut_windows, window_at
 from eha_bench.diagnosis.fit.baseline import _noise_notes
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
@@ -41,7 +41,7 @@ STEP = 2e-4
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model(shipped("models/physical.yaml"))
+    return load_model(shipped_file("models/physical.yaml"))
 
 
 def _run(model, command, *, filtered: tuple[str, ...], seed: int = 0):
@@ -84,7 +84,7 @@ def test_quiet_is_before_anything_was_asked_for(model) -> None:
 def test_a_sensor_that_remembers_is_told_and_no_other(model) -> None:
     runs = [_run(model, _steps(), filtered=("pressure_a", "piston_velocity"), seed=k)
             for k in range(2)]  # fmt: skip
-    found = coloured(runs)
+    found = with_noise_colour(runs)
     assert set(found[0].colours) == {"pressure_a", "piston_velocity"}
     for colour in found[0].colours.values():
         assert colour.correlations(2)[1] == pytest.approx(A, abs=0.15)
@@ -92,14 +92,14 @@ def test_a_sensor_that_remembers_is_told_and_no_other(model) -> None:
 
 def test_noise_that_is_white_is_left_alone(model) -> None:
     runs = [_run(model, _steps(), filtered=(), seed=k) for k in range(2)]
-    assert all(after is before for after, before in zip(coloured(runs), runs, strict=True))
+    assert all(after is before for after, before in zip(with_noise_colour(runs), runs, strict=True))
 
 
 def test_where_all_moves_nothing_is_told(model) -> None:
     time = np.arange(2500) * 1e-3
     runs = [_run(model, 8.0 + 6.0 * np.sin(2 * np.pi * 3.0 * time), filtered=tuple(SIGMA))]
     assert not [*quiet_stretches(runs[0])]
-    assert coloured(runs)[0] is runs[0]
+    assert with_noise_colour(runs)[0] is runs[0]
 
 
 @pytest.mark.slow
@@ -108,7 +108,7 @@ def test_the_right_model_leaves_white_noise_behind_filters(model) -> None:
     noise = {name: sigma for name, sigma in SIGMA.items() if not name.startswith("piston")}
 
     def left(measured):
-        windows = [window for item in measured for window in cut(item, noise)]
+        windows = [window for item in measured for window in cut_windows(item, noise)]
         problem = Problem(model.plant, windows, noise, STEP)
         problem.prepare(model.vector())
         residual = problem.residual(model.vector())
@@ -124,7 +124,7 @@ def test_the_right_model_leaves_white_noise_behind_filters(model) -> None:
     assert square == pytest.approx(1.0, abs=0.05)
     # without its colour noise that is slow is five times what white noise makes
     assert slow > 3.0
-    square, slow, reading = left(coloured(runs))
+    square, slow, reading = left(with_noise_colour(runs))
     assert square == pytest.approx(1.0, abs=0.05)
     assert slow == pytest.approx(1.0, abs=0.25)
     # errors by channel are those of readings, not of what is new in them
@@ -195,7 +195,7 @@ def test_each_sampling_period_has_its_own_colour() -> None:
         )
 
     slow, fast, still = run(2e-3, 0.0), run(1e-3, A), run(2e-3, 0.0)
-    found = coloured([slow, fast, still])
+    found = with_noise_colour([slow, fast, still])
     assert found[0] is slow
     assert found[2] is still
     assert found[1].colours["motor_speed"].correlations(2)[1] == pytest.approx(A, abs=0.1)

@@ -7,12 +7,14 @@ import threading
 import pytest
 
 from eha_bench.core.interruption import checkpoint, checkpoints
-from eha_bench.core.workers import Here, Processes, WorkError, Workers
+from eha_bench.core.workers import InProcess, Processes, WorkError, Workers
 from eha_bench.diagnosis.fit import side_by_side as module
-from eha_bench.diagnosis.fit.effort import counted, simulated
+from eha_bench.diagnosis.fit.effort import count_simulated_time, note_simulated_time
 from eha_bench.diagnosis.fit.side_by_side import fits_by, is_one_of_several, side_by_side
 
-EVERYWHERE = pytest.mark.parametrize("workers", [Here(), Processes(2)], ids=["here", "processes"])
+EVERYWHERE = pytest.mark.parametrize(
+    "workers", [InProcess(), Processes(2)], ids=["here", "processes"]
+)
 
 
 @pytest.fixture(autouse=True)
@@ -42,8 +44,8 @@ def test_items_run_at_the_same_time_each_on_one_thread() -> None:
 
 @EVERYWHERE
 def test_what_is_simulated_there_is_counted_here(workers: Workers) -> None:
-    with counted() as spent, fits_by(workers):
-        side_by_side(lambda k: simulated(float(k)), range(5))
+    with count_simulated_time() as spent, fits_by(workers):
+        side_by_side(lambda k: note_simulated_time(float(k)), range(5))
     assert sum(spent) == 10.0
 
 

@@ -22,10 +22,10 @@ from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import (
     angles_of,
     begin_apart,
-    estimated,
+    estimated_angles,
     own_angles,
-    refined,
     starts_of,
+    with_refined_angles,
 )
 from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.replay.prediction import predict
@@ -202,8 +202,8 @@ def test_nothing_is_estimated_where_runs_begin_at_zero_or_nothing_turns() -> Non
     alike = whole(turning(dict.fromkeys(ANGLES, 0.0)))
     assert own_angles(alike, TRUTH.vector()) == {}
     assert own_angles(whole(turning(ANGLES)), Model("eha_knee", {}).vector()) == {}
-    assert estimated(alike, Model("eha_knee", {}).vector()) == {}
-    assert refined(alike, TRUTH.vector()) is alike
+    assert estimated_angles(alike, Model("eha_knee", {}).vector()) == {}
+    assert with_refined_angles(alike, TRUTH.vector()) is alike
 
 
 def test_what_does_not_turn_does_not_see_where_a_run_begins() -> None:
@@ -243,7 +243,9 @@ def test_the_interval_holds_though_the_angles_are_estimated() -> None:
         vector = TRUTH.vector()
         vector[at[keys[0]]] *= 0.9
         began = {"two": StartAngle(0.33, 1 / COUNT), "three": StartAngle(-0.28, 1 / COUNT)}
-        problem = refined(whole(turning(ANGLES, seed, mean=5.0)).at_angles(began), vector)
+        problem = with_refined_angles(
+            whole(turning(ANGLES, seed, mean=5.0)).at_angles(began), vector
+        )
         problem.prepare(vector)
         free = free_parameters(layout, keys, vector)
         fit = levenberg_marquardt(problem, vector, free, iterations=4, tolerance=0.1)

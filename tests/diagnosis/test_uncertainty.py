@@ -9,7 +9,12 @@ from scipy.signal import lfilter
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Groups, compare, left_out
 from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import soften
-from eha_bench.diagnosis.fit.uncertainty import estimates, posterior, spreads, undetermined
+from eha_bench.diagnosis.fit.uncertainty import (
+    estimates,
+    posterior,
+    spreads,
+    undetermined_directions,
+)
 
 
 def linear_fit(matrix: np.ndarray, residual: np.ndarray, names: list[str], values: np.ndarray):
@@ -121,7 +126,9 @@ def test_a_product_is_named_as_a_product():
     column = rng.standard_normal(1000)
     matrix = np.column_stack([column, column])
     fit = linear_fit(matrix, rng.standard_normal(1000), ["J", "beta"], np.array([2.0, 3.0]))
-    assert undetermined(fit) == ("J and beta only as a product (the data do not depend on it)",)
+    assert undetermined_directions(fit) == (
+        "J and beta only as a product (the data do not depend on it)",
+    )
 
 
 def test_a_ratio_is_named_as_a_ratio():
@@ -129,7 +136,9 @@ def test_a_ratio_is_named_as_a_ratio():
     column = rng.standard_normal(1000)
     matrix = np.column_stack([column, -column])
     fit = linear_fit(matrix, rng.standard_normal(1000), ["K", "D"], np.array([2.0, 3.0]))
-    assert undetermined(fit) == ("K and D only as a ratio (the data do not depend on it)",)
+    assert undetermined_directions(fit) == (
+        "K and D only as a ratio (the data do not depend on it)",
+    )
 
 
 def test_a_regressor_without_meaning_gains_nothing_on_runs_left_out():

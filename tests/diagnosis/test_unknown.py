@@ -16,7 +16,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import Measured
-from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.baseline import COARSE, no_progress
 from eha_bench.diagnosis.fit.evidence import Excess, Groups
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -29,22 +29,25 @@ from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.free_input import Support
 from eha_bench.diagnosis.unknown.locator import (
-    Offered,
-    believed,
+    SupportedPlace,
+    believed_place,
     by_what_it_follows,
-    described,
+    described_places,
     locate,
 )
 from eha_bench.diagnosis.unknown.places import SuspectPlace, Template, places_of
 from eha_bench.plants.effects.learned import KNOTS
 from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive, Plant, get_plant
+from eha_bench.plants.plant import Drive, Plant
+from eha_bench.plants.registry import get_plant
 
 EMPTY = np.zeros(0)
 
 
-def offered(place: SuspectPlace, support: float, left: float = 0.0) -> Offered:
-    return Offered(place, 1.0, EMPTY, Support(support, 0.0, 0.0, EMPTY, EMPTY), support, left)
+def offered(place: SuspectPlace, support: float, left: float = 0.0) -> SupportedPlace:
+    return SupportedPlace(
+        place, 1.0, EMPTY, Support(support, 0.0, 0.0, EMPTY, EMPTY), support, left
+    )
 
 
 PLACES = places_of(get_plant("eha_knee"))
@@ -53,7 +56,7 @@ SENSOR = next(place for place in PLACES if place.sensors)
 
 
 def test_a_sensor_is_told_where_its_error_explains_all_and_clearly_more() -> None:
-    found = believed([offered(SENSOR, 1000.0), offered(BALANCE, 900.0)])
+    found = believed_place([offered(SENSOR, 1000.0), offered(BALANCE, 900.0)])
     assert found.place is SENSOR
 
 
@@ -63,14 +66,14 @@ def test_a_sensor_is_told_where_its_error_explains_all_and_clearly_more() -> Non
     ids=["other channels are still off", "hardly more"],
 )
 def test_a_balance_is_preferred_to_a_sensor(support: float, left: float) -> None:
-    found = believed([offered(SENSOR, support, left), offered(BALANCE, 900.0)])
+    found = believed_place([offered(SENSOR, support, left), offered(BALANCE, 900.0)])
     assert found.place is BALANCE
 
 
 class _Describing:
     """Describes by any variable, worth the place's support."""
 
-    def described(self, items: Sequence[Offered]) -> list[LocatedCurve]:
+    def described(self, items: Sequence[SupportedPlace]) -> list[LocatedCurve]:
         return [
             LocatedCurve(
                 Template(o.place.equation, o.place.form, o.place.at, v), o.support, EMPTY, EMPTY
@@ -83,7 +86,7 @@ class _Describing:
 def test_both_chambers_at_once_are_described_by_each_of_them() -> None:
     both = SuspectPlace("flow", "additive", "chambers", ())
     one = next(place for place in PLACES if place.at == "chamber_a")
-    found = described(_Describing(), [offered(both, 1000.0), offered(one, 500.0)])
+    found = described_places(_Describing(), [offered(both, 1000.0), offered(one, 500.0)])
     assert {item.template.place for item in found} == {"chamber_a"}
 
 
@@ -132,7 +135,7 @@ def _problem(**words: object) -> tuple[Problem, FloatArray]:
     declared = Model("eha_knee", {**DECLARED, "rotor_inertia": 1.05e-3}, (), (valves,))
     plant, vector = declared.plant, declared.vector()
     runs = [_run(plant, true.vector(), seed) for seed in (1, 2)]
-    windows = [window for item in runs for window in cut(item, NOISE)]
+    windows = [window for item in runs for window in cut_windows(item, NOISE)]
     problem = Problem(plant, windows, NOISE, COARSE)
     problem.prepare(vector)
     problem.scale_to(problem.residual(vector))
@@ -210,7 +213,7 @@ def test_an_effect_beside_a_remainder_stands_where_nothing_else_explains_as_much
     item = SimpleNamespace(
         start=SimpleNamespace(candidate="seal_friction", mundane=False, equation="force")
     )
-    base, left = (Excess(size, 1000, {}, 50.0, {}) for size in (missing, 0.7 * missing))
+    base, left = (Excess(size, 1000, 50.0, {}) for size in (missing, 0.7 * missing))
     search = Search(
         cast("Problem", None), (), (), cast("Fit", "without"), cast("Fit", "with it"),
         cast("Groups", None), EMPTY, base, left, [cast("Accepted", item)],
@@ -232,7 +235,7 @@ def test_an_effect_beside_a_remainder_stands_where_nothing_else_explains_as_much
 
 def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no place can act there is no equation, and none is made up."""
-    left = Excess(1e4, 1000, {}, 50.0, {})
+    left = Excess(1e4, 1000, 50.0, {})
     search = cast("Search", SimpleNamespace(
         excess_left=left, excess_base=left, effects=[], fit=None,
         problem=SimpleNamespace(plant=None),

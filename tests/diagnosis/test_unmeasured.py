@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from eha_bench.core.recording import Recording
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
 from eha_bench.diagnosis.data.gate import admit
-from eha_bench.diagnosis.data.unmeasured import carried, missing
+from eha_bench.diagnosis.data.unmeasured import missing, with_carried_states
 from eha_bench.diagnosis.data.windows import window_at
 from eha_bench.diagnosis.fit.baseline import gather
 from eha_bench.diagnosis.fit.problem import Problem
@@ -31,7 +31,7 @@ STEP = 1e-4
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model(shipped("models/physical.yaml"))
+    return load_model(shipped_file("models/physical.yaml"))
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +58,14 @@ def test_a_chamber_without_a_sensor_begins_where_the_simulation_has_it(model, tr
     edges = (0, 500, 1000, 1500)
     windows = [window_at(measured, a, b, NOISE) for a, b in pairwise(edges)]
     assert [missing(model.plant, window) for window in windows] == [("pressure_b",)] * 3
-    found = carried(model.plant, model.vector(), windows, STEP)
+    found = with_carried_states(model.plant, model.vector(), windows, STEP)
     true = truth[2][:, model.plant.outputs.index("pressure_b")]
     for window in found:
         error = abs(window.initial["pressure_b"] - true[window.first])
         assert error < 0.02 * np.ptp(true)
         assert error < window.spread["pressure_b"] < np.ptp(true)
     # a window alone is reached from the run's beginning
-    (last,) = carried(model.plant, model.vector(), windows[2:], STEP)
+    (last,) = with_carried_states(model.plant, model.vector(), windows[2:], STEP)
     assert abs(last.initial["pressure_b"] - true[1000]) < last.spread["pressure_b"]
 
 

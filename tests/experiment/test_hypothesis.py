@@ -11,7 +11,7 @@ from experiment_question import rival, write_question
 
 from eha_bench.diagnosis.fit.uncertainty import Covariance
 from eha_bench.diagnosis.outcome.rival import Rival
-from eha_bench.experiment.hypothesis import Hypothesis, compared, read_question
+from eha_bench.experiment.hypothesis import Hypothesis, read_question, rivals_to_separate
 
 KEYS = ("viscous_torque", "coulomb_torque", "bulk_modulus", "leakage")
 
@@ -59,8 +59,10 @@ def test_first_the_causes_and_then_their_forms_are_compared(tmp_path: Path):
     delay = rival("command_delay", {"delay": 2e-3})
     other = replace(delay, form="of another kind")
     found = asked(tmp_path, lag, other, delay)
-    assert [item.id for item in compared(found)] == [
+    assert [item.id for item in rivals_to_separate(found)] == [
         "current_lag", "command_delay (of another kind)", "command_delay"
     ]  # fmt: skip
     # forms of one cause alone are nothing to separate
-    assert [item.id for item in compared(found[1:])] == ["command_delay (of another kind)"]
+    assert [item.id for item in rivals_to_separate(found[1:])] == [
+        "command_delay (of another kind)"
+    ]

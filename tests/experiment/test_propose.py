@@ -14,12 +14,12 @@ import eha_bench as eb
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.errors import InputError
 from eha_bench.core.limit import Bounds
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.experiment.hypothesis import read_question
 from eha_bench.experiment.permitted import permitted
 from eha_bench.experiment.proposal import ProposalEnding
-from eha_bench.experiment.response import simulated
+from eha_bench.experiment.response import predicted_readings
 from eha_bench.plants.plant import Drive
 from eha_bench.suites import load_suite
 from eha_bench.targets.simulator import Simulator
@@ -60,7 +60,7 @@ def test_two_causes_are_told_apart_by_a_suite_that_loads(proposed: Path):
 @pytest.mark.parametrize("truth", [DELAY, LAG])
 def test_the_suite_keeps_every_limit_when_either_cause_is_the_true_one(proposed: Path, truth):
     suite = load_suite(proposed / "next.yaml")
-    rig = Simulator(rival(*truth).model, load_controllers(shipped("controllers/paper.yaml")))
+    rig = Simulator(rival(*truth).model, load_controllers(shipped_file("controllers/paper.yaml")))
     for trial in suite.trials:
         assert trial.safety
         outcome = rig.run(trial, 0)
@@ -84,7 +84,7 @@ def test_no_draw_of_a_wide_posterior_breaks_a_tight_limit(tmp_path: Path):
         drive = Drive(clock, {"current_command": trial.reference(clock)}, locked=True)
         known = read_question(folder).rivals
         vectors = [item.at(rng.standard_normal((100, len(item.keys)))) for item in known]
-        for readings in simulated(known, vectors, drive):
+        for readings in predicted_readings(known, vectors, drive):
             names = known[0].model.plant.outputs
             for name in ("pressure_a", "pressure_b", "motor_speed"):
                 values = readings[:, :, names.index(name)]
@@ -157,7 +157,7 @@ def test_a_plant_of_channels_that_nobody_knows_gets_an_experiment_too(tmp_path: 
     assert found.ending is ProposalEnding.PROPOSED
     (trial, *_) = load_suite(tmp_path / "next.yaml").trials
     assert {limit.channel for limit in trial.safety} == {"angle", "velocity"}
-    rig = Simulator(rivals[1].model, load_controllers(shipped("controllers/paper.yaml")))
+    rig = Simulator(rivals[1].model, load_controllers(shipped_file("controllers/paper.yaml")))
     assert rig.run(trial, 0).ending == "complete"
 
 

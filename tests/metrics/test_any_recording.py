@@ -45,7 +45,7 @@ class Featured(Signal):
 
 def signals(kit):
     two = (Tone(0.0, 1.0, 10.0, 1.0), Tone(1.0, 1.5, 20.0, 1.0))
-    lines = tuple(Lines(0.6 * k, 0.6 * (k + 1), 0.2, (1, 3, 5, 7), k) for k in range(3))
+    lines = tuple(Lines(0.6 * k, 0.6 * (k + 1), 0.2, (1, 3, 5, 7)) for k in range(3))
     comb = [np.random.default_rng(k).uniform(0, 6.28, 4) for k in range(3)]
 
     def multisine(time):

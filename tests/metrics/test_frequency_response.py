@@ -48,7 +48,7 @@ class Multisine(Signal):
     def lines(self):
         length = self.period * self.periods
         return tuple(
-            Lines(k * length, (k + 1) * length, self.period, self.harmonics, k)
+            Lines(k * length, (k + 1) * length, self.period, self.harmonics)
             for k in range(self.realisations)
         )
 

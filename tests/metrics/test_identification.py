@@ -47,9 +47,8 @@ def settled_speed(current):
     return math.copysign(brentq(rest, 0.0, 400.0), current)
 
 
-def bypass_run(kit, sign=1.0, noise=0.1):
-    levels = tuple(sign * level for level in (10, 8, 6, 5, 4, 3.5, 3, 2.5, 2.1))
-    signal = staircase(kit, levels, 1.0)
+def bypass_run(kit, sign=1.0, noise=0.1, levels=(10, 8, 6, 5, 4, 3.5, 3, 2.5, 2.1)):
+    signal = staircase(kit, tuple(sign * level for level in levels), 1.0)
     trial = open_loop(kit, signal, signal.duration, Bypass.OPEN)
     time = np.arange(round(signal.duration * 1000)) / 1000
     rng = np.random.default_rng(1)
@@ -177,3 +176,19 @@ def test_the_shipped_suite_finds_the_model_that_made_it(kit, repository, target)
                 assert found.value == pytest.approx(truth, rel=0.05), (constant, found)
                 assert found.low - 0.5 * (found.high - found.low) < truth, (constant, found)
                 assert truth < found.high + 0.5 * (found.high - found.low), (constant, found)
+
+
+@pytest.mark.parametrize("name", ["torque_constant", "static_torque"])
+def test_a_line_through_break_aways_says_how_many_and_what_the_model_has(kit, name):
+    recording, trial = locked_run(kit)
+    found = kit.measure(name, recording, trial, "")
+    assert found.reason.startswith("Eq. (21), 5 break-aways at 5 currents")
+    assert found.reason.endswith(f"model: {TRUE[name]:.4g} {metric(name).spec.unit}")
+
+
+def test_five_settled_speeds_leave_one_degree_of_freedom_for_four_constants(kit):
+    levels = (10, 6, 4, 3, 2.1)
+    recording, trial = bypass_run(kit, levels=levels)
+    found = kit.measure("coulomb_torque", recording, trial, "")
+    assert "5 settled speeds" in found.reason
+    assert found.low < found.value < found.high

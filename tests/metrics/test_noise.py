@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, lfilter
 from scipy.stats import t as students
 
-from eha_bench.metrics.noise import Noise, estimate, white_noise
+from eha_bench.metrics.noise import Noise, _low, estimate, white_noise
 
 WINDOW, HOLD, LEAD = 120, 300, 300
 
@@ -91,3 +91,13 @@ def test_a_long_series_has_the_noise_of_all_of_its_samples(period):
     apart = np.abs(np.diff(values, 3))
     expected = np.median(apart) / (0.6744897501960817 * np.sqrt(20.0))
     assert white_noise(values) == pytest.approx(expected, rel=0.02)
+
+
+def test_power_at_low_frequency_is_looked_at_up_to_three_hundredths_of_the_rate():
+    residual = np.random.default_rng(5).normal(size=2000)
+    power, band, lines = _low([residual], np.array([0.0]), 1.0)
+    assert lines == 60
+    assert band == pytest.approx(0.03, rel=0.01)
+    assert power == pytest.approx(1.0, abs=0.5)
+    # of a few samples there are no lines to look at
+    assert _low([residual[:12]], np.array([0.0]), 1.0)[2] == 0

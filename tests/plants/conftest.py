@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 COLUMN = {
     "current": 0,

@@ -133,7 +133,7 @@ def test_a_kernel_that_fails_to_load_fails_the_same_way_again(
     monkeypatch.setenv("EHA_BENCH_CACHE", str(tmp_path))
     for _ in range(2):
         with pytest.raises(ZeroDivisionError):
-            compiler.compiled("broken", "simulate = 1 / 0\n", [], "simulate")
+            compiler.compiled_kernel("broken", "simulate = 1 / 0\n", [], "simulate")
     assert not [name for name in sys.modules if name.startswith("eha_bench_kernel_broken")]
 
 
@@ -143,8 +143,8 @@ def test_a_kernel_that_was_torn_on_the_disk_is_written_again(
     monkeypatch.setenv("EHA_BENCH_CACHE", str(tmp_path))
     text = "raise LookupError('whole')\n"
     with pytest.raises(LookupError):
-        compiler.compiled("torn", text, [], "simulate")
+        compiler.compiled_kernel("torn", text, [], "simulate")
     (kept,) = tmp_path.glob("*.py")
     kept.write_text(text[:7])
     with pytest.raises(LookupError, match="whole"):
-        compiler.compiled("torn", text, [], "simulate")
+        compiler.compiled_kernel("torn", text, [], "simulate")

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from eha_bench.core import plugins, units
-from eha_bench.plants.effect import BoundEffect, Effect
+from eha_bench.plants.effect import BoundEffect, Effect, registered_effects
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.network.plant import NetworkPlant
-from eha_bench.plants.plant import Drive, get_plant, registered_effects
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 # contract, section 5: public names that may not change
 CONTRACT_IDS = frozenset(

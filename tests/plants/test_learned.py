@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eha_bench.plants.effects.learned import KNOTS, curve
-from eha_bench.plants.plant import get_plant
+from eha_bench.plants.registry import get_plant
 
 _curve = curve.py_func
 _LEARNED = get_plant("eha_knee").layout.effect("learned")

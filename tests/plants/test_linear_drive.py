@@ -11,7 +11,8 @@ from scipy.optimize import least_squares
 
 from eha_bench.core.errors import InputError
 from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 G = 35.15065188248547
 

@@ -9,7 +9,8 @@ import pytest
 
 from eha_bench.core.errors import InputError
 from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive, Drives, get_plant
+from eha_bench.plants.plant import Drive, Drives
+from eha_bench.plants.registry import get_plant
 
 TIME = np.arange(300) * 1e-3
 STEP = 1e-3

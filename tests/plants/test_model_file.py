@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from eha_bench.core.errors import InputError
 from eha_bench.plants.model import DeclaredEffect, Model, load_model
-from eha_bench.plants.plant import get_plant
+from eha_bench.plants.registry import get_plant
 
 GOOD = """\
 model: eha_knee

@@ -24,7 +24,8 @@ from eha_bench.plants.network.compiler import kernel_folder
 from eha_bench.plants.network.element import Anatomy, Effort
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.parameter import Parameter, choice
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 PACKAGE = {
     "stray_field/__init__.py": "",
@@ -61,7 +62,8 @@ PACKAGE = {
 SCRIPT = """
     import numpy as np
     from eha_bench.plants.model import DeclaredEffect, Model
-    from eha_bench.plants.plant import Drive, get_plant
+    from eha_bench.plants.plant import Drive
+    from eha_bench.plants.registry import get_plant
 
     plant = get_plant("linear_drive")
     assert "stray_field" in {effect.id for effect in plant.layout.effects}

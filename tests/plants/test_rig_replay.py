@@ -11,7 +11,8 @@ import pytest
 
 import eha_bench as eb
 from eha_bench.plants.model import DeclaredEffect, load_model
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 # noise and quantisation of the rig
 SIGMA = {

@@ -12,7 +12,8 @@ import pytest
 from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.effects import supply_sag, valve_deadband, valve_lag
 from eha_bench.plants.model import DeclaredEffect, Model
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 compiles = pytest.mark.slow(15)
 """What runs on the kernel of the valve and cylinder with all effects, which is compiled for it."""

@@ -15,7 +15,7 @@ DELAY = DeclaredEffect("command_delay", {"delay": 7.3e-3})
 
 
 def session(model: Model, initial: dict[str, float] | None = None, **setup: bool) -> Session:
-    return model.plant.session(model.vector(), initial or {}, step=STEP, **setup)
+    return Session(model.plant, model.vector(), initial or {}, step=STEP, **setup)
 
 
 @pytest.mark.parametrize("name", ["eha_knee", "linear_drive"])

@@ -5,10 +5,11 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from eha_bench.plants.effect import AT
+from eha_bench.plants.effect import AT, registered_effects
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
-from eha_bench.plants.plant import Drive, Plant, registered_effects
+from eha_bench.plants.plant import Drive, Plant
+from eha_bench.plants.session import Session
 from eha_bench.plants.signals import SignalPlant, with_signals
 
 
@@ -116,7 +117,7 @@ def test_a_session_gives_what_a_recording_gives(plant: Plant) -> None:
     vector = plant.layout.defaults()
     for key, value in {"command_delay.delay": 0.034, "sensor_lag.time_constant": 0.02}.items():
         vector[plant.layout.index[key]] = value
-    session = plant.session(vector, {}, step=1e-3)
+    session = Session(plant, vector, {}, step=1e-3)
     rows = [float(session.reading[0])]
     for k in range(TIME.size - 1):
         session.advance(TIME[k + 1], STEP[k])

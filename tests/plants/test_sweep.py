@@ -18,8 +18,9 @@ from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.network import vector_math
 from eha_bench.plants.network.file import load_plant, plant_of
 from eha_bench.plants.network.plant import NetworkPlant
-from eha_bench.plants.network.vector_math import vectorised
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.network.vector_math import vectorised_law
+from eha_bench.plants.plant import Drive
+from eha_bench.plants.registry import get_plant
 
 STEP = 50e-6
 N = 301
@@ -352,8 +353,8 @@ def plain(speed: float) -> float:
 
 def test_what_cannot_be_vectorised_is_known_beforehand() -> None:
     for law in (looping, powered, calling, through):
-        assert vectorised(law) is None
-    twin = vectorised(plain)
+        assert vectorised_law(law) is None
+    twin = vectorised_law(plain)
     assert twin is not None
     assert numba.njit(twin)(0.3) == pytest.approx(math.exp(-0.3), rel=1e-15)
 

@@ -13,7 +13,7 @@ from eha_bench import recordings
 from eha_bench.core.errors import RecordingError
 from eha_bench.recordings import info
 from eha_bench.recordings.tables import parquet
-from eha_bench.recordings.tables.parquet_pages import NoPage, pages_of
+from eha_bench.recordings.tables.parquet_pages import MissingPage, pages_of
 
 ROWS = 1000
 MAP: dict[str, Any] = {
@@ -131,7 +131,7 @@ def test_pages_of_every_kind_are_counted(tmp_path: Path, version: str, compressi
     ],
 )
 def test_what_is_no_page_is_said(content: bytes) -> None:
-    with pytest.raises(NoPage):
+    with pytest.raises(MissingPage):
         pages_of(content, 0, len(content) + 1)
 
 

@@ -35,7 +35,7 @@ class Multisine(Signal):
     @property
     def lines(self) -> tuple[Lines, ...]:
         return tuple(
-            Lines(float(PERIODS * k), float(PERIODS * (k + 1)), 1.0, HARMONICS, k)
+            Lines(float(PERIODS * k), float(PERIODS * (k + 1)), 1.0, HARMONICS)
             for k in range(REALISATIONS)
         )
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from eha_bench.control.controller_file import load_controllers
-from eha_bench.core.shipped import shipped, shipped_rig
+from eha_bench.core.shipped import shipped_file, shipped_rig
 from eha_bench.core.trial import ControlMode
 from eha_bench.plants.model import load_model
 from eha_bench.rig.drive import DriveLimits, RigDrive
@@ -104,8 +104,8 @@ def bench(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
         logs.append(RigLog(log))
         played = RigDrive(
             drive,
-            RealPlant(load_model(shipped("models/paper.yaml")), 0),
-            load_controllers(shipped("controllers/paper.yaml")),
+            RealPlant(load_model(shipped_file("models/paper.yaml")), 0),
+            load_controllers(shipped_file("controllers/paper.yaml")),
             Faults([parse_fault(text) for text in faults]),
             logs[-1],
             DriveLimits(watchdog=watchdog),

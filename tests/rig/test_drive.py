@@ -9,7 +9,7 @@ from eha_bench.control.controller import Context
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.linkage import Linkage
 from eha_bench.core.recording import Recording
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.core.trial import ControlMode
 from eha_bench.metrics import score
 from eha_bench.suites import load_suite
@@ -136,10 +136,10 @@ def test_hours_pass_without_the_plant_forgetting_its_delay(bench: MakeBench) -> 
 @pytest.mark.parametrize("mode", ["host", "set-point"])
 def test_scores_over_the_frames_agree_with_the_simulators(bench: MakeBench, mode: str) -> None:
     """The same trial through DBC, drive and real-time plant: response time and holding current."""
-    trial = load_suite(shipped("paper.yaml")).trials[0]
+    trial = load_suite(shipped_file("paper.yaml")).trials[0]
     rig = bench()
     rig.send(rig.drive.fixture_frame(1, True, False, 0.0))
-    controllers = load_controllers(shipped("controllers/paper.yaml"))
+    controllers = load_controllers(shipped_file("controllers/paper.yaml"))
     linkage = Linkage(0.3208, 0.0462, 0.280, 0.04)
     controller = controllers.make(trial.mode, Context(1e-3, 42.0, linkage))
     host = mode == "host"

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eha_bench.rig.slcan import Adapter, written
+from eha_bench.rig.slcan import Adapter, frame_as_text
 from eha_bench.targets.can.drive import Frame
 
 standard = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
@@ -15,7 +15,7 @@ extended = st.builds(Frame, st.integers(0, 0x1FFFFFFF), st.binary(max_size=8), s
 def test_frames_survive_however_the_bytes_are_cut(frames: list[Frame], cut: int) -> None:
     adapter = Adapter()
     adapter.feed(b"C\rS8\r\rO\r")
-    data = b"".join(written(frame) for frame in frames)
+    data = b"".join(frame_as_text(frame) for frame in frames)
     found = []
     for start in range(0, len(data), cut):
         found += adapter.feed(data[start : start + cut])[0]

@@ -1,7 +1,15 @@
 """A plant of somebody else's package, in plain Python: a spool that turns a flap."""
 
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from textwrap import dedent
+
+import pytest
+
+from eha_bench.core import plugins
+from eha_bench.plants.registry import get_plant
 
 FILES = {
     "flap_bench/__init__.py": "",
@@ -73,9 +81,18 @@ FILES = {
 }
 
 
-def write_package(folder: Path) -> None:
-    """Write the package as pip would have installed it."""
+@contextmanager
+def installed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A context in which the package is found, as if pip had installed it into a folder."""
     for name, text in FILES.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(dedent(text).lstrip(), encoding="utf-8")
+    monkeypatch.syspath_prepend(str(folder))
+    caches = (plugins._entry_points, plugins._group, get_plant)
+    for cache in caches:
+        cache.cache_clear()
+    importlib.invalidate_caches()
+    yield
+    for cache in caches:
+        cache.cache_clear()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
 import sys
@@ -11,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from strangers_plant import write_package
+from strangers_plant import installed
 
 import eha_bench
-from eha_bench.core import plugins
 from eha_bench.core.errors import InputError
 from eha_bench.plants.model import Model, load_model
-from eha_bench.plants.plant import Drive, get_plant
+from eha_bench.plants.plant import Drive
 from eha_bench.suites import load_suite
 
 DRIVE_MODEL = """\
@@ -97,18 +95,11 @@ def write_drive(folder: Path) -> Path:
 @pytest.fixture
 def flap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with the suite of a plant that a package of somebody else provides."""
-    write_package(tmp_path / "site")
-    monkeypatch.syspath_prepend(str(tmp_path / "site"))
-    caches = (plugins._entry_points, plugins._group, get_plant)
-    for cache in caches:
-        cache.cache_clear()
-    importlib.invalidate_caches()
     (tmp_path / "model.yaml").write_text("model: flap\n")
     (tmp_path / "controller.yaml").write_text(FLAP_CONTROLLER)
     (tmp_path / "suite.yaml").write_text(FLAP_SUITE)
-    yield tmp_path
-    for cache in caches:
-        cache.cache_clear()
+    with installed(tmp_path / "site", monkeypatch):
+        yield tmp_path
     for name in [name for name in sys.modules if name.startswith("flap_bench")]:
         del sys.modules[name]
 

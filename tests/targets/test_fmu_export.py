@@ -7,7 +7,7 @@ import pytest
 
 import eha_bench
 from eha_bench.core.errors import InputError
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.targets.fmu.export import export_fmu
 
 pytest.importorskip("fmpy", reason="FMPy is an extra")
@@ -91,7 +91,7 @@ def test_a_plant_without_a_command_is_not_exported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no input that a controller commands"):
         export_fmu(tmp_path / "model.yaml", tmp_path / "x.fmu")
     with pytest.raises(InputError, match=r"end it in \.fmu"):
-        export_fmu(shipped("models/paper.yaml"), tmp_path / "x.zip")
+        export_fmu(shipped_file("models/paper.yaml"), tmp_path / "x.zip")
     assert [path.name for path in tmp_path.iterdir()] == ["model.yaml"]
 
 

@@ -13,14 +13,14 @@ from eha_bench.sweeps.factor import Gain
 from eha_bench.sweeps.space import Point, Space
 from eha_bench.sweeps.span import Range
 from eha_bench.tuning import search as room
-from eha_bench.tuning.aim import Aim, Passing, Tail, Worst
+from eha_bench.tuning.aim import Aim, PassProbability, Tail, Worst
 from eha_bench.tuning.search import GainSearch, first_population
-from eha_bench.tuning.trying import Machine, Trying
+from eha_bench.tuning.trying import GainTrials, Machine
 
 
 @dataclass
 class Curves:
-    """Stands for `Trying`: two limits that are smooth in two gains, other on each machine."""
+    """Stands for `GainTrials`: two limits that are smooth in two gains, other on each machine."""
 
     space: Space
     count: int = 0
@@ -46,12 +46,12 @@ def searched(aim: Aim) -> tuple[GainSearch, Curves]:
     )
     curves = Curves(Space(cast("object", None), gains))
     machines = [Machine(number, cast("object", None)) for number in range(8)]
-    search = GainSearch(cast("Trying", curves), machines, aim, lambda: False, lambda _: None)
+    search = GainSearch(cast("GainTrials", curves), machines, aim, lambda: False, lambda _: None)
     search.run(first_population([], 2, 8, 3), 12, 3)
     return search, curves
 
 
-@pytest.mark.parametrize("aim", [Passing(), Worst(), Tail()])
+@pytest.mark.parametrize("aim", [PassProbability(), Worst(), Tail()])
 def test_a_race_changes_nothing_but_the_effort(aim: Aim, monkeypatch: pytest.MonkeyPatch) -> None:
     raced, with_race = searched(aim)
     monkeypatch.setattr(room, "_FIRST", 1.0)
@@ -65,7 +65,7 @@ def test_a_race_changes_nothing_but_the_effort(aim: Aim, monkeypatch: pytest.Mon
 
 def test_the_most_that_a_worth_can_be_is_never_less_than_it_is() -> None:
     rng = np.random.default_rng(1)
-    for aim in (Passing(), Worst(), Tail()):
+    for aim in (PassProbability(), Worst(), Tail()):
         for _ in range(50):
             margins = rng.normal(0.0, 0.3, (10, 3))
             found = aim.of(margins)

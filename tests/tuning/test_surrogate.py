@@ -15,14 +15,14 @@ from eha_bench.sweeps.span import Range
 from eha_bench.tuning.aim import Worst
 from eha_bench.tuning.search import GainSearch, first_population
 from eha_bench.tuning.surrogate import next_places
-from eha_bench.tuning.trying import Machine, Trying
+from eha_bench.tuning.trying import GainTrials, Machine
 
 SMALL = np.array([0.9, 0.85, 0.3])
 
 
 @dataclass
 class Basins:
-    """Stands for `Trying`: a wide basin that just fails, and a narrow one that passes.
+    """Stands for `GainTrials`: a wide basin that just fails, and a narrow one that passes.
 
     Beyond a ridge the first limit is not scored, as of a step that does not settle.
     """
@@ -47,7 +47,7 @@ def search() -> GainSearch:
     )
     trying = Basins(Space(cast("object", None), gains))
     machine = Machine(-1, cast("object", None))
-    return GainSearch(cast("Trying", trying), [machine], Worst(), lambda: False, lambda _: None)
+    return GainSearch(cast("GainTrials", trying), [machine], Worst(), lambda: False, lambda _: None)
 
 
 @pytest.mark.parametrize("seed", range(5))

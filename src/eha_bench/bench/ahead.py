@@ -12,7 +12,7 @@ from typing import Self
 from eha_bench.core.errors import InputError
 from eha_bench.core.limit import Bounds
 from eha_bench.core.trial import Trial
-from eha_bench.core.workers import HERE, Workers
+from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.core.workers import ItemOutcome as Done
 from eha_bench.targets.crash import crashes_as_faults
 from eha_bench.targets.target import Identity, Outcome, Stopping, Target, never
@@ -25,7 +25,7 @@ _GRACE = 3.0
 Job = tuple[Target, Trial, int]
 
 
-class Coming:
+class PendingOutcomes:
     """The outcomes of known jobs in their order, computed by workers while others are scored."""
 
     def __init__(self, jobs: Sequence[Job], workers: Workers) -> None:
@@ -70,10 +70,10 @@ class Coming:
             self._outcomes.close()
 
 
-class Ahead(Target):
+class PrecomputedTarget(Target):
     """A target whose outcomes are those that come; a job out of turn (a retry) is run here."""
 
-    def __init__(self, target: Target, coming: Coming) -> None:
+    def __init__(self, target: Target, coming: PendingOutcomes) -> None:
         self._target = target
         self._coming = coming
 
@@ -142,16 +142,16 @@ def _hurried(stopping: Stopping) -> Iterator[None]:
 
 @contextmanager
 def ahead(jobs: Sequence[Job], workers: Workers) -> Iterator[Callable[[Target], Target]]:
-    """Yield a function that makes a target run the jobs ahead; with `HERE`, it changes nothing.
+    """Yield a function that makes a target run the jobs ahead; `IN_PROCESS` changes nothing.
 
     Raises:
         InputError: a target can run one trial at a time only.
     """
-    if workers == HERE:
+    if workers == IN_PROCESS:
         yield lambda target: target
         return
-    with closing(Coming(jobs, workers)) as coming:
-        yield lambda target: Ahead(target, coming)
+    with closing(PendingOutcomes(jobs, workers)) as coming:
+        yield lambda target: PrecomputedTarget(target, coming)
 
 
 def _run(job: Job) -> Outcome:

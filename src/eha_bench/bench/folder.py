@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from eha_bench.bench.provenance import file_sha256
-from eha_bench.bench.store import held, set_aside
+from eha_bench.bench.store import folder_lock, set_aside
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.result import Result, TrialResult
 
@@ -70,7 +70,7 @@ class ResultFolder:
             InputError: it holds something else, cannot be written, or another run is using it.
         """
         if self.occupied and not resume:
-            with held(self.path):
+            with folder_lock(self.path):
                 set_aside(self.path)
         try:
             self.recordings.mkdir(parents=True, exist_ok=True)
@@ -80,7 +80,7 @@ class ResultFolder:
                 where=Place(file=str(self.path)),
                 hint="name another folder with --out",
             ) from error
-        with held(self.path):
+        with folder_lock(self.path):
             yield
 
     def clear(self) -> None:

@@ -16,14 +16,14 @@ import numpy as np
 from eha_bench.bench.ahead import Job, ahead
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.run import run_suite
-from eha_bench.bench.store import held, set_aside
+from eha_bench.bench.store import folder_lock, set_aside
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place, TargetFault
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.progress import Progress, silent
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.trial import Trial
-from eha_bench.core.workers import HERE, Workers
+from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.suites import Suite
 from eha_bench.targets.target import Target
 
@@ -100,7 +100,7 @@ def run_interleaved(
     decided: Decided,
     warm_up: int = 1,
     resume: bool = False,
-    workers: Workers = HERE,
+    workers: Workers = IN_PROCESS,
     progress: Progress = silent,
 ) -> Interleaved:
     """Run every trial on both targets, pair by pair, until nothing is left to decide.
@@ -121,7 +121,7 @@ def run_interleaved(
         EhaBenchError: the suite cannot run on a target, or `out` cannot be used.
     """
     _prepare(out, plan, resume=resume)
-    with held(out):
+    with folder_lock(out):
         return _run_pairs(suite, openers, out, plan, decided, warm_up, workers, progress)
 
 
@@ -198,7 +198,7 @@ def _prepare(out: Path, plan: InterleavedPlan, *, resume: bool) -> None:
                 hint="give the same ones, or leave out --resume to start a new run",
             )
     elif file.is_file():
-        with held(out):
+        with folder_lock(out):
             set_aside(out)
     out.mkdir(parents=True, exist_ok=True)
     for side in SIDES:
@@ -242,7 +242,7 @@ def _ahead(
     Raises:
         InputError: a target can run one trial at a time only.
     """
-    if workers == HERE:
+    if workers == IN_PROCESS:
         yield openers
         return
     targets = {side: openers[side]() for side in SIDES}

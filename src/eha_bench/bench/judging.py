@@ -17,7 +17,7 @@ from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.trial import Trial
-from eha_bench.metrics import judge_repeats, score, score_limits
+from eha_bench.metrics import judge_repeats, score
 from eha_bench.metrics.repeats_summary import summaries
 from eha_bench.recordings import read
 from eha_bench.suites import Suite, trial_from_source
@@ -25,8 +25,6 @@ from eha_bench.suites.trial_source import definition_of
 
 RECORDINGS = "recordings"
 """Target of a result whose recordings were made earlier or elsewhere."""
-
-__all__ = ["judge", "judge_together", "score", "score_limits", "score_recordings"]
 
 
 Scorer = Callable[[Recording, Trial], tuple[Score, ...]]

@@ -13,13 +13,13 @@ from types import TracebackType
 import numpy as np
 
 from eha_bench.bench.ahead import ahead
-from eha_bench.bench.budget import StopCondition
 from eha_bench.bench.circumstances import Circumstances
 from eha_bench.bench.folder import ResultFolder
 from eha_bench.bench.judging import judge, judge_together, summed_up
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
-from eha_bench.bench.store import Shelf
+from eha_bench.bench.stop_condition import StopCondition
+from eha_bench.bench.store import SuiteFolder
 from eha_bench.core.errors import (
     EhaBenchError,
     InputError,
@@ -34,7 +34,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.signal import FromRecording
 from eha_bench.core.trial import Trial
-from eha_bench.core.workers import HERE, Workers
+from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.recordings import write
 from eha_bench.suites import Suite
 from eha_bench.suites.reach import check_reach
@@ -120,12 +120,12 @@ class _SuiteRun:
 def run_suite(
     suite: Suite,
     target: Target,
-    out: Path | Shelf,
+    out: Path | SuiteFolder,
     *,
     resume: bool = False,
     retries: int = 0,
     time_limit: float = math.inf,
-    workers: Workers = HERE,
+    workers: Workers = IN_PROCESS,
     progress: Progress = silent,
 ) -> Result:
     """Run every trial and repeat of a suite, write recordings and result.json into `out`.
@@ -155,7 +155,7 @@ def run_suite(
     return replace(result, folder=folder.path)
 
 
-def _folder(out: Path | Shelf, *, resume: bool) -> Path:
+def _folder(out: Path | SuiteFolder, *, resume: bool) -> Path:
     """Return the folder of a run: the one given, the newest of a shelf to resume, or a new one."""
     if isinstance(out, Path):
         return out

@@ -17,9 +17,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from eha_bench.core.aside import STAMP, name_aside
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.output_folder import writable
+from eha_bench.core.output_folder import STAMP, name_aside, writable
 
 LATEST: Final = "latest"
 REPORTS: Final = Path("reports")
@@ -27,7 +26,7 @@ _LOG = logging.getLogger("eha_bench")
 
 
 @dataclass(frozen=True)
-class Shelf:
+class SuiteFolder:
     """The runs of one suite, `reports/<suite>/<time>`, and `latest`, a link to the newest.
 
     Attributes:
@@ -116,7 +115,7 @@ def set_aside(folder: Path) -> Path:
 
 
 @contextmanager
-def held(folder: Path) -> Iterator[None]:
+def folder_lock(folder: Path) -> Iterator[None]:
     """Keep a folder to this run; it is given back when the run ends, however it ends.
 
     Raises:

@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from eha_bench.causes.cause import Cause
 from eha_bench.causes.correction import Metered
 from eha_bench.causes.estimates import Estimates, estimates
 from eha_bench.causes.evidence import (
@@ -36,7 +35,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.moment import seconds_of
 from eha_bench.diagnosis.data.dataset import Run
-from eha_bench.diagnosis.fit.baseline import COARSE, calibrated
+from eha_bench.diagnosis.fit.baseline import COARSE, calibrated_baseline
 from eha_bench.diagnosis.fit.side_by_side import one_thread_of_algebra
 from eha_bench.sweeps.evaluation import score_key
 from eha_bench.trends.changes import FEWEST
@@ -111,7 +110,7 @@ def _reference(
     ]
     if not runs:
         raise EhaBenchError("no night has a recording")
-    base = calibrated(dataset_of(tuple(runs), settings))
+    base = calibrated_baseline(dataset_of(tuple(runs), settings))
     size = settings.model.plant.layout.size
     level = base.fit.cost / max(1, base.problem.size)
     noise = {name: float(value) for name, value in base.problem.noise.items()}
@@ -352,6 +351,3 @@ def _night_numbers(nights: Sequence[Night]) -> FloatArray:
         return places
     usual = _DAY if usual < 1.5 * _DAY else usual
     return np.asarray((moments - moments[0]) / usual)
-
-
-__all__ = ["Cause", "causes_behind"]

@@ -27,7 +27,7 @@ from eha_bench.core.limit import AcceptanceLimit
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.plants.model import Model
 from eha_bench.sweeps.case import Case
-from eha_bench.sweeps.evaluation import evaluated, score_key
+from eha_bench.sweeps.evaluation import figures_of_case, score_key
 from eha_bench.trends.wear import LimitCrossing
 
 _FIRST: Final = 0.125
@@ -164,7 +164,7 @@ class CauseLimits:
         model = revised(self._model, vector, changed, effects)
         try:
             simulator = self._case.simulator.varied(model=model)
-            values = dict(evaluated(Case(self._case.suite, simulator)).values)
+            values = dict(figures_of_case(Case(self._case.suite, simulator)).values)
         except EhaBenchError:
             values = {}
         self._kept.keep_metrics(made_of, values)

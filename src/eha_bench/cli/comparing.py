@@ -11,7 +11,7 @@ import typer
 from eha_bench.cli.completion import complete_targets
 from eha_bench.cli.console import INTERRUPTED, TerminalProgress, say
 from eha_bench.cli.running import Suite, Verbose, Workers
-from eha_bench.cli.terminal import Paint, coloured, columns, more, paint
+from eha_bench.cli.terminal import Paint, columns, more, paint, shows_colour
 
 if TYPE_CHECKING:
     from eha_bench.comparison.comparison import Comparison
@@ -236,10 +236,15 @@ def say_verdicts(found: Comparison, *, verbose: bool = False) -> None:
     """Print caveats, limits newly missed, what is not the same, and the verdict."""
     from eha_bench.cli.run_summary import SHOWN
     from eha_bench.comparison.verdict import ComparisonVerdict
-    from eha_bench.report.comparison_report import headline, limits_turned, needed, verdict_of
+    from eha_bench.report.comparison_report import (
+        headline,
+        limits_turned,
+        repeats_needed,
+        verdict_of,
+    )
     from eha_bench.report.comparison_rows import rows_of
 
-    on = coloured()
+    on = shows_colour()
     for caveat in found.caveats:
         say(f"note: {caveat}")
     missed, kept = limits_turned(found)
@@ -263,7 +268,7 @@ def say_verdicts(found: Comparison, *, verbose: bool = False) -> None:
         for trial, metric, change, note in cells:
             say(f"{trial}  {paint(metric, tone, on=on)}  {change}  {note}".rstrip())
         if verdict is ComparisonVerdict.UNDECIDED and rows and not verbose:
-            say(f"{len(rows)} {paint('undecided', tone, on=on)}: {needed(found)}")
+            say(f"{len(rows)} {paint('undecided', tone, on=on)}: {repeats_needed(found)}")
         elif len(shown) < len(rows):
             say(more(len(rows) - len(shown)))
     _, word = verdict_of(found)

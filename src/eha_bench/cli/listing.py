@@ -11,7 +11,7 @@ from typing import Annotated, Final
 import typer
 
 from eha_bench.cli.console import say
-from eha_bench.cli.terminal import Paint, coloured, columns, fitted, paint
+from eha_bench.cli.terminal import Paint, columns, fitted_rows, paint, shows_colour
 
 Row = tuple[str, str, str]
 """Name, a word about it (unit, kind), one sentence."""
@@ -47,12 +47,12 @@ def _effects() -> Iterator[Row]:
 
 def _plants() -> Iterator[Row]:
     from eha_bench.core import plugins
-    from eha_bench.core.shipped import names, shipped
-    from eha_bench.plants.plant import get_plant
+    from eha_bench.core.shipped import names, shipped_file
+    from eha_bench.plants.registry import get_plant
 
     for name in names("plants"):
         plant = get_plant(name)
-        lines = shipped(f"plants/{name}.yaml").read_text(encoding="utf-8").splitlines()
+        lines = shipped_file(f"plants/{name}.yaml").read_text(encoding="utf-8").splitlines()
         about = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
         yield name, ", ".join(plant.inputs), _sentence(about)
     for name in plugins.names("plants"):
@@ -145,11 +145,11 @@ def show(
         found = [{"name": one, about: two, "description": text} for one, two, text in rows]
         typer.echo(encoder.dumps({"schema_version": 1, kind: found}, indent=1, ensure_ascii=False))
         return
-    on = coloured()
+    on = shows_colour()
     table = [(*_HEADINGS.get(kind, (kind, "about")), ""), *rows]
-    wraps = coloured(sys.stdout)  # in a pipe each has one line, to be searched
+    wraps = shows_colour(sys.stdout)  # in a pipe each has one line, to be searched
     width = shutil.get_terminal_size().columns
-    for number, cells in enumerate(fitted(table, width) if wraps else columns(table)):
+    for number, cells in enumerate(fitted_rows(table, width) if wraps else columns(table)):
         line = "  ".join(cells).rstrip()
         typer.echo(paint(line, Paint.QUIET, on=on) if not number else line)
     if kind == "suites":

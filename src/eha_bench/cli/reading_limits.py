@@ -36,10 +36,10 @@ def reading_limits(memory: str | None, seconds: str | None) -> Iterator[None]:
         InputError: a size or a time is not one.
     """
     from eha_bench.core.units import positive
-    from eha_bench.recordings.budget import limited
+    from eha_bench.recordings.budget import reading_budget
 
     time = None if seconds is None else positive("--max-time", seconds, "s")
-    with limited(None if memory is None else _bytes(memory), time):
+    with reading_budget(None if memory is None else _bytes(memory), time):
         yield
 
 

@@ -233,7 +233,7 @@ def finish(result: Result, *, json: bool, verbose: bool, resume: str = "") -> No
     `resume` is the command that goes on with a run that Ctrl-C has stopped.
     """
     from eha_bench.cli.run_summary import summary_lines
-    from eha_bench.cli.terminal import coloured
+    from eha_bench.cli.terminal import shows_colour
     from eha_bench.core.result import Status
 
     folder = result.folder
@@ -241,7 +241,7 @@ def finish(result: Result, *, json: bool, verbose: bool, resume: str = "") -> No
 
     if json:
         typer.echo(result.to_json(), nl=False)
-    for line in summary_lines(result, verbose=verbose, colour=coloured()):
+    for line in summary_lines(result, verbose=verbose, colour=shows_colour()):
         say(line)
     if json:
         say(str(folder / "report.html"))

@@ -23,7 +23,7 @@ class Paint(Enum):
     QUIET = "2"
 
 
-def coloured(stream: TextIO | None = None) -> bool:
+def shows_colour(stream: TextIO | None = None) -> bool:
     """Whether a stream (standard error by default) shows colour."""
     if os.environ.get("NO_COLOR"):
         return False
@@ -55,7 +55,7 @@ def columns(rows: Sequence[Sequence[str]], *, right: Sequence[int] = ()) -> list
     ]  # fmt: skip
 
 
-def fitted(rows: Sequence[Sequence[str]], width: int) -> list[list[str]]:
+def fitted_rows(rows: Sequence[Sequence[str]], width: int) -> list[list[str]]:
     """Return rows of three cells as lines that fit a width: long cells go on in their column."""
     natural = [max(len(row[place]) for row in rows) for place in range(3)]
     rest = width - natural[0] - 4

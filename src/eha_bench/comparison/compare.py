@@ -12,7 +12,7 @@ from scipy import stats
 from eha_bench.comparison.caveats import caveats, check_targets, trial_problem
 from eha_bench.comparison.comparison import Compared, Comparison, Values
 from eha_bench.comparison.correction import holm
-from eha_bench.comparison.dependence import learned
+from eha_bench.comparison.dependence import coefficient_priors
 from eha_bench.comparison.direction import Direction, direction_of
 from eha_bench.comparison.evidence import (
     ALPHA,
@@ -25,7 +25,7 @@ from eha_bench.comparison.evidence import (
 from eha_bench.comparison.exactly import IDENTICAL, known_exactly
 from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
-from eha_bench.comparison.scatters import learned_ratios
+from eha_bench.comparison.scatters import ratio_priors
 from eha_bench.comparison.sequential import sequential, spent
 from eha_bench.comparison.side import Side, SideRun
 from eha_bench.comparison.verdict import ComparisonVerdict
@@ -282,7 +282,7 @@ def _dependence(pairs: Sequence[_Pair]) -> dict[int, FloatArray]:
         np.concatenate([side.values - side.mean for side in (pair.baseline, pair.candidate)])
         for pair in (pairs[place] for place in seen)
     ]
-    priors = learned(np.array(list(seen.values())), residuals)
+    priors = coefficient_priors(np.array(list(seen.values())), residuals)
     return dict(zip(seen, priors, strict=True))
 
 
@@ -300,7 +300,7 @@ def _scatters(
     if not seen:
         return {}
     sides = [(pairs[place].baseline.values, pairs[place].candidate.values) for place in seen]
-    priors = learned_ratios(np.array(list(seen.values())), sides)
+    priors = ratio_priors(np.array(list(seen.values())), sides)
     return dict(zip(seen, priors, strict=True))
 
 

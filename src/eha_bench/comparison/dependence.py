@@ -40,7 +40,9 @@ _DEPENDENT: Final = _dependent_prior()
 _ALONE: Final = (1.0 - _INDEPENDENT) * _DEPENDENT + _INDEPENDENT * (COEFFICIENTS == 0.0)
 
 
-def learned(likelihoods: FloatArray, residuals: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+def coefficient_priors(
+    likelihoods: FloatArray, residuals: Sequence[FloatArray]
+) -> tuple[FloatArray, ...]:
     """Return for each metric the prior of its coefficient, from what the other metrics say.
 
     Args:

@@ -37,7 +37,7 @@ def _common() -> FloatArray:
 _COMMON: Final = _common()
 
 
-def learned_ratios(
+def ratio_priors(
     likelihoods: FloatArray, sides: Sequence[tuple[FloatArray, FloatArray]]
 ) -> tuple[FloatArray, ...]:
     """Return for each metric the prior of its ratio of scatters, from what the others say.

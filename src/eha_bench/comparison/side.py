@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from eha_bench.core.aside import taker
 from eha_bench.core.errors import EhaBenchError, InputError, Place
+from eha_bench.core.output_folder import taker
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.recordings import read
 from eha_bench.suites.trial_source import definition_of

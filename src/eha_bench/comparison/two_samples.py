@@ -1,8 +1,8 @@
 """The difference of two means, whatever the ratio of their scatters and however alike neighbours.
 
 Behrens' and Fisher's problem with a prior: the ratio of the scatters is as likely anywhere up to a
-widest one (flat in its logarithm), e.g. between 1 : 12 and 12 : 1, unless other metrics have told
-more of it (`scatters`). Given the ratio and the correlation of neighbouring repeats the difference
+widest one (flat in its logarithm), e.g. between 1 : 12 and 12 : 1, unless other metrics say more
+of it (`scatters`). Given the ratio and the correlation of neighbouring repeats the difference
 has Student's distribution, so that both are averaged out on a grid (Jeffreys 1940; Box and Tiao
 1973, section 2.5). Welch's t supposes that the ratio seen is the true one, which three repeats do
 not tell.

@@ -20,14 +20,14 @@ _LONGEST: Final = 500
 _INSTALLED: Final = frozenset({"site-packages", "dist-packages"})
 
 
-def uncoloured(text: str) -> str:
+def without_colours(text: str) -> str:
     """Return a text without a terminal's codes for colours, which some libraries put in errors."""
     return _COLOURS.sub("", text)
 
 
 def error_text(error: BaseException) -> str:
     """Return what was raised and where: `KeyError: 'x', at my_law.py:7 in step`."""
-    plain = uncoloured(f"{type(error).__name__}: {error}")
+    plain = without_colours(f"{type(error).__name__}: {error}")
     what = shorten(" ".join(plain.split()).removesuffix(":"), _LONGEST, placeholder=" ...")
     frame = _place(traceback.extract_tb(error.__traceback__))
     return f"{what}, at {frame.filename}:{frame.lineno} in {frame.name}" if frame else what

@@ -70,6 +70,6 @@ class Excerpt(Signal):
         )
 
 
-def fitted(signal: Signal, length: float) -> Signal:
+def signal_of_length(signal: Signal, length: float) -> Signal:
     """Return the signal for a trial of `length` s; one from a recording is as long as that."""
     return signal if isinstance(signal, FromRecording) else Excerpt(signal, length)

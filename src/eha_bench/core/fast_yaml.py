@@ -32,7 +32,7 @@ _UNLIKE = re.compile(
 """What libyaml takes otherwise, as YAML 1.1 or by being lenient; and what parts documents."""
 
 
-class Unread(Exception):
+class NeedsFullParser(Exception):
     """The text holds something that is left to ruamel.yaml."""
 
 
@@ -69,19 +69,20 @@ def parse(text: str, deepest: int) -> Any:
     """Return the content of one plain document.
 
     Raises:
-        Unread: it is not plain, nests deeper than `deepest`, is not YAML, or libyaml is not there.
+        NeedsFullParser: it is not plain, nests deeper than `deepest`, is not YAML, or there is no
+            libyaml.
     """
     if _UNLIKE.search(text):
-        raise Unread
+        raise NeedsFullParser
     try:
         from yaml import YAMLError
         from yaml.cyaml import CParser
     except ImportError:
-        raise Unread from None
+        raise NeedsFullParser from None
     try:
         return _Document(deepest).read(CParser(text).get_event)
     except (YAMLError, ValueError):
-        raise Unread from None
+        raise NeedsFullParser from None
 
 
 _NO_KEY = object()
@@ -114,27 +115,27 @@ class _Document:
         }
         for expected in (events.StreamStartEvent, events.DocumentStartEvent):
             if type(next_event()) is not expected:
-                raise Unread  # nothing is in it
+                raise NeedsFullParser  # nothing is in it
         event = next_event()
         while type(event) is not events.DocumentEndEvent:
             handlers[type(event)](event)
             event = next_event()
         if type(next_event()) is not events.StreamEndEvent:
-            raise Unread
+            raise NeedsFullParser
         return self._top[0]
 
     def _scalar(self, event: Any) -> None:
         if event.tag is not None or event.anchor is not None:
-            raise Unread
+            raise NeedsFullParser
         value = event.value
         if event.style in _PLAIN:
             value = _scalar(value)
         elif event.style in _BLOCKS and value.startswith("\n"):
-            raise Unread  # libyaml takes lines before the first that are indented more than it
+            raise NeedsFullParser  # libyaml takes first lines that are indented more than it
         line = event.start_mark.line
         if self._key is _NO_KEY and type(self._holder) is LinedDict:
             if value in self._holder:
-                raise Unread
+                raise NeedsFullParser
             self._holder.lc.of[value] = line
             self._key = value
         else:
@@ -143,11 +144,11 @@ class _Document:
     def _open(self, event: Any) -> None:
         no_key = self._key is _NO_KEY and type(self._holder) is LinedDict
         if event.tag is not None or no_key or len(self._around) > self._deepest:
-            raise Unread
+            raise NeedsFullParser
         made = LinedDict() if type(event).__name__ == "MappingStartEvent" else LinedList()
         if event.anchor is not None:
             if event.anchor in self._anchors:
-                raise Unread
+                raise NeedsFullParser
             self._anchors[event.anchor] = made
         self._put(made, event.start_mark.line)
         self._around.append((self._holder, self._key))
@@ -159,7 +160,7 @@ class _Document:
     def _alias(self, event: Any) -> None:
         no_key = self._key is _NO_KEY and type(self._holder) is LinedDict
         if no_key or event.anchor not in self._anchors:
-            raise Unread
+            raise NeedsFullParser
         self._put(self._anchors[event.anchor], event.start_mark.line)
 
     def _put(self, value: Any, line: int) -> None:
@@ -182,5 +183,5 @@ def _scalar(text: str) -> Any:
     if _REAL.fullmatch(text):
         return float(text)
     if _TYPED.fullmatch(text):
-        raise Unread
+        raise NeedsFullParser
     return text

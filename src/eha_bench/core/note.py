@@ -47,7 +47,7 @@ def of_run(run: str, text: str) -> Note:
     return Note("{run}: {text}", run=run, text=text)
 
 
-def merged(notes: Iterable[Note]) -> tuple[str, ...]:
+def merged_notes(notes: Iterable[Note]) -> tuple[str, ...]:
     """Return notes of several runs, those of one kind as one: all runs' names, ranges of numbers.
 
     Args:

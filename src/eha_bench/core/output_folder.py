@@ -1,11 +1,22 @@
-"""A folder that results will be written into: looked at before the work, not after it."""
+"""A folder that results are written into: it is looked at before the work, not after it.
+
+A later run takes the name of such a folder; what is in it is then set aside under another name, and
+is found by the first one.
+"""
 
 from __future__ import annotations
 
 import os
+import re
+from datetime import datetime
 from pathlib import Path
 
 from eha_bench.core.errors import InputError, Place
+
+STAMP = "%Y-%m-%d_%H-%M-%S"
+"""How a time is written in a folder's name."""
+
+_ASIDE = re.compile(r"(.+)-\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(-\d+)?")
 
 
 def writable(folder: Path, hint: str = "") -> Path:
@@ -32,3 +43,22 @@ def writable(folder: Path, hint: str = "") -> Path:
             hint=hint or "name another folder with --out",
         )
     return folder
+
+
+def name_aside(folder: Path) -> Path:
+    """Return a free name next to a folder that says when it was last written."""
+    stamp = datetime.fromtimestamp(folder.stat().st_mtime).strftime(STAMP)
+    number = 1
+    while True:
+        suffix = stamp if number == 1 else f"{stamp}-{number}"
+        aside = folder.with_name(f"{folder.name}-{suffix}")
+        if not aside.exists():
+            return aside
+        number += 1
+
+
+def taker(folder: Path) -> Path | None:
+    """Return the folder that has taken this one's name, None where it has not been set aside."""
+    named = _ASIDE.fullmatch(folder.name)
+    later = folder.with_name(named[1]) if named else None
+    return later if later is not None and later.is_dir() else None

@@ -42,7 +42,7 @@ class Packed:
         return function
 
 
-def packed(function: Callable[[Any], Any]) -> Packed:
+def pack(function: Callable[[Any], Any]) -> Packed:
     """Return a function packed, with all that it holds; lambdas and methods may be."""
     import cloudpickle
 

@@ -10,7 +10,7 @@ from eha_bench.core.near_miss import suggest
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
-def shipped(name: str) -> Path:
+def shipped_file(name: str) -> Path:
     """Return the path of a shipped file, named relative to the folder `suites`.
 
     Raises:

@@ -44,7 +44,6 @@ class Lines:
     stop: float
     period: float
     harmonics: tuple[int, ...]
-    realisation: int = 0
 
 
 class Spacing(StrEnum):

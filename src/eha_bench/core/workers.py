@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 
 from eha_bench.core.errors import BUG, EhaBenchError, InputError
-from eha_bench.core.packed import Packed, packed
+from eha_bench.core.packed import Packed, pack
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
@@ -174,7 +174,7 @@ def _nobody_left(waiting: Iterable[int], error: EhaBenchError) -> Iterator[ItemO
 
 
 @dataclass(frozen=True)
-class Here(Workers):
+class InProcess(Workers):
     """This process, one item after the other."""
 
     @property
@@ -189,11 +189,11 @@ class Here(Workers):
             yield _done(lambda: function, index, item)
 
 
-HERE: Final = Here()
+IN_PROCESS: Final = InProcess()
 """One after the other in this process, which is what happens where nothing else is asked for."""
 
 
-class Sent(Protocol):
+class SentFunction(Protocol):
     """What stands for a function where it was sent to."""
 
     def unpacked(self) -> Callable[[Any], Any]:
@@ -207,7 +207,7 @@ class _Joblib(Workers):
     _returns_one_by_one: ClassVar[bool] = True
 
     @abstractmethod
-    def _backend(self, function: Packed) -> AbstractContextManager[Sent]:
+    def _backend(self, function: Packed) -> AbstractContextManager[SentFunction]:
         """Enter the backend, and send there what all items share."""
 
     def _each(
@@ -215,7 +215,7 @@ class _Joblib(Workers):
     ) -> Generator[ItemOutcome[Value], None, None]:
         from joblib import Parallel, delayed
 
-        with self._backend(packed(function)) as sent:
+        with self._backend(pack(function)) as sent:
             calls = (delayed(_done_there)(sent, index, item) for index, item in numbered)
             if not self._returns_one_by_one:
                 yield from Parallel()(calls)
@@ -255,7 +255,7 @@ def _stopping() -> Iterator[None]:
         threading.excepthook = before
 
 
-def _done_there(function: Sent, index: int, item: Item) -> ItemOutcome[Any]:
+def _done_there(function: SentFunction, index: int, item: Item) -> ItemOutcome[Any]:
     return _done(function.unpacked, index, item)
 
 
@@ -271,7 +271,7 @@ class Processes(_Joblib):
         return self.processes
 
     @contextmanager
-    def _backend(self, function: Packed) -> Iterator[Sent]:
+    def _backend(self, function: Packed) -> Iterator[SentFunction]:
         from joblib import parallel_config
 
         # never one: joblib would run it in this process, which a bad item could take down
@@ -318,7 +318,7 @@ class DaskCluster(_Joblib):
         return _CLIENTS[self.address]
 
     @contextmanager
-    def _backend(self, function: Packed) -> Iterator[Sent]:
+    def _backend(self, function: Packed) -> Iterator[SentFunction]:
         from joblib import parallel_config
 
         # to all workers: one that dies does not take the only copy with it
@@ -356,7 +356,7 @@ class RayCluster(_Joblib):
         register_ray()
 
     @contextmanager
-    def _backend(self, function: Packed) -> Iterator[Sent]:
+    def _backend(self, function: Packed) -> Iterator[SentFunction]:
         self._connect()
         import ray
         from joblib import parallel_config
@@ -392,10 +392,10 @@ def workers_from(text: str | int | None) -> Workers:
         InputError: none of these.
     """
     if text is None or text == "":
-        return HERE
+        return IN_PROCESS
     if str(text).isdecimal():
         count = int(text) or os.cpu_count() or 1
-        return Processes(count) if count > 1 else HERE
+        return Processes(count) if count > 1 else IN_PROCESS
     match = _CLUSTER.fullmatch(str(text))
     if match is None:
         raise InputError(

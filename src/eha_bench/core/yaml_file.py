@@ -34,7 +34,7 @@ class StrictModel(BaseModel):
     )
 
 
-class WrongAt(ValueError):
+class ErrorAt(ValueError):
     """What a validator raises that knows better than pydantic where the mistake stands.
 
     Attributes:
@@ -73,7 +73,7 @@ Places: TypeAlias = Callable[[Sequence[int | str]], Place]
 _GIVEN: dict[str, str] = {}
 
 
-def given(content: Mapping[str, Any], kind: str) -> Path:
+def file_of_content(content: Mapping[str, Any], kind: str) -> Path:
     """Return the path under which content that was given as a dict is read like a file.
 
     File names in it are relative to the working directory. There is no such file on the disk.
@@ -95,11 +95,11 @@ def file_of(source: str | Path | Mapping[str, Any], kind: str, *folders: str) ->
     Raises:
         InputError: a bare name that nothing shipped has.
     """
-    return given(source, kind) if isinstance(source, Mapping) else find(source, *folders)
+    return file_of_content(source, kind) if isinstance(source, Mapping) else find(source, *folders)
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file, or of content that was `given`.
+    """Return the text of a file, or of content that `file_of_content` keeps.
 
     Raises:
         InputError: the file is missing, cannot be read, or is not UTF-8.
@@ -159,7 +159,7 @@ def parse(text: str, name: str) -> Any:
         return peeked[1]
     try:
         content = fast_yaml.parse(text, DEEPEST)
-    except fast_yaml.Unread:
+    except fast_yaml.NeedsFullParser:
         content = _parse_any(text, name)
     if content is None:
         raise InputError(
@@ -442,7 +442,7 @@ def _refuse_other_kind(content: Any, kind: str, name: str) -> None:
 
 def _location(detail: Any) -> tuple[int | str, ...]:
     raised = detail.get("ctx", {}).get("error")
-    further = raised.keys if isinstance(raised, WrongAt) else ()
+    further = raised.keys if isinstance(raised, ErrorAt) else ()
     return (*detail["loc"], *further)
 
 

@@ -42,8 +42,6 @@ SUFFIX = "_uncertainty"
 _PLAUSIBLE = 3.0
 _OFF = 0.05
 _BELIEVED = 0.01
-_FIVE_SIGMA = 5.7e-7
-_TIED = 0.01
 _FAINT = 1e-3
 """Pull of a calibrated parameter to where it began, for its own size: it holds what no point tells,
 and shows in nothing that any point does."""
@@ -62,7 +60,7 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Tried:
+class TriedCandidate:
     """A candidate after its fit.
 
     Attributes:
@@ -108,7 +106,7 @@ def diagnose_points(dataset: Dataset, progress: ProgressHook) -> Diagnosis:
     named = [item.id for item in dataset.model.effects]
     starts = [*all_starts(layout, base.vector, named, dataset.model.calibrate),
               *_parameters(plant, base.vector, own)]  # fmt: skip
-    tried: dict[str, Tried] = {}
+    tried: dict[str, TriedCandidate] = {}
     for number, start in enumerate(starts):
         progress("search", number / len(starts))
         found = _fitted(plant, training, base.vector, start, own)
@@ -179,7 +177,7 @@ def _fitted(
     vector: FloatArray,
     start: Start | None,
     own: Sequence[int],
-) -> Tried:
+) -> TriedCandidate:
     """Fit a candidate, with a prior on its size, and the calibrated parameters, without one."""
     layout = plant.layout
     begin = vector if start is None else start.apply(vector)
@@ -231,7 +229,7 @@ def _fitted(
     # what no point tells takes none of their freedom
     freedom = rest.size - sum(np.isfinite(size) for size in spread.values())
     chance = float(chdtrc(max(freedom, 1), left))
-    return Tried(start, done, left, stretched(done) ** 2, chance, spread)
+    return TriedCandidate(start, done, left, stretched(done) ** 2, chance, spread)
 
 
 def _bounds(parameter: Parameter, start: Start | None, at: int) -> tuple[float, float]:
@@ -240,7 +238,7 @@ def _bounds(parameter: Parameter, start: Start | None, at: int) -> tuple[float, 
     return float(parameter.low), float(parameter.high)
 
 
-def _cost(item: Tried) -> float:
+def _cost(item: TriedCandidate) -> float:
     return item.left + item.stretch
 
 
@@ -248,8 +246,8 @@ def _diagnosis(
     dataset: Dataset,
     plant: StaticPlant,
     training: list[Points],
-    base: Tried,
-    ranked: list[Tried],
+    base: TriedCandidate,
+    ranked: list[TriedCandidate],
 ) -> Diagnosis:
     model = dataset.model
     own = tuple(dict.fromkeys(model.calibrate))
@@ -262,7 +260,7 @@ def _diagnosis(
     effects: tuple[FoundEffect, ...] = ()
     equivalent: tuple[tuple[str, ...], ...] = ()
     unknown: Unknown | None = None
-    best: Tried | None = believed[0] if believed else None
+    best: TriedCandidate | None = believed[0] if believed else None
     verdict = Verdict.EFFECT
     if base.chance > _BELIEVED:
         verdict, best = Verdict.NONE, None
@@ -332,7 +330,7 @@ def _replayed(plant: StaticPlant, item: Points, models: Sequence[Model]) -> Repl
     )  # fmt: skip
 
 
-def _effect(plant: StaticPlant, best: Tried, base: Tried) -> FoundEffect:
+def _effect(plant: StaticPlant, best: TriedCandidate, base: TriedCandidate) -> FoundEffect:
     assert best.start is not None
     effect = plant.layout.effect(best.start.candidate)
     words = {
@@ -348,7 +346,7 @@ def _effect(plant: StaticPlant, best: Tried, base: Tried) -> FoundEffect:
     )
 
 
-def _estimate(plant: StaticPlant, key: str, item: Tried) -> Estimate:
+def _estimate(plant: StaticPlant, key: str, item: TriedCandidate) -> Estimate:
     parameter = plant.layout.by_key[key]
     value = float(item.vector[plant.layout.index[key]])
     spread = 1.96 * item.spread.get(key, np.inf)
@@ -356,7 +354,7 @@ def _estimate(plant: StaticPlant, key: str, item: Tried) -> Estimate:
     return Estimate(value, low, high, parameter.unit)
 
 
-def _undetermined(own: Sequence[str], item: Tried) -> tuple[str, ...]:
+def _undetermined(own: Sequence[str], item: TriedCandidate) -> tuple[str, ...]:
     """Return, in words, which calibrated parameters the points do not determine."""
     loose = [key for key in own if np.isinf(item.spread.get(key, 0.0))]
     if not loose:
@@ -366,7 +364,7 @@ def _undetermined(own: Sequence[str], item: Tried) -> tuple[str, ...]:
     return (f"{', '.join(loose[:-1])} and {loose[-1]} only in combination",)
 
 
-def _stretch(plant: StaticPlant, item: Tried) -> str:
+def _stretch(plant: StaticPlant, item: TriedCandidate) -> str:
     assert item.start is not None
     value = item.vector[item.start.strength_at]
     unit = plant.layout.by_key[item.start.keys[0]].unit
@@ -378,7 +376,9 @@ def _stretch(plant: StaticPlant, item: Tried) -> str:
     )
 
 
-def _line(plant: StaticPlant, item: Tried, base: Tried, best: Tried | None) -> RankLine:
+def _line(
+    plant: StaticPlant, item: TriedCandidate, base: TriedCandidate, best: TriedCandidate | None
+) -> RankLine:
     assert item.start is not None
     score = 1.0 - item.left / max(base.left, 1e-300)
     error = float(np.sqrt(item.left))
@@ -396,7 +396,7 @@ def _line(plant: StaticPlant, item: Tried, base: Tried, best: Tried | None) -> R
     return RankLine(item.start.candidate, score, _by_chance(item, base), error, reason)
 
 
-def _by_chance(item: Tried, base: Tried) -> float:
+def _by_chance(item: TriedCandidate, base: TriedCandidate) -> float:
     """Probability that a candidate gains that much where it does nothing (likelihood ratio)."""
     assert item.start is not None
     return float(chdtrc(len(item.start.keys), max(base.left - item.left, 0.0)))

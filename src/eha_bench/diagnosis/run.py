@@ -16,17 +16,17 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption, checkpoints, raised_again
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import ProgressHook
-from eha_bench.core.workers import HERE, Workers
+from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.fit.baseline import (
     COARSE,
     Baseline,
     CalibrationInterrupted,
-    calibrated,
+    calibrated_baseline,
     no_progress,
 )
 from eha_bench.diagnosis.fit.convergence import Convergence, moved_notes
-from eha_bench.diagnosis.fit.effort import counted
+from eha_bench.diagnosis.fit.effort import count_simulated_time
 from eha_bench.diagnosis.fit.evidence import Groups, groups_of
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem
@@ -41,7 +41,7 @@ from eha_bench.diagnosis.fit.uncertainty import (
     directions,
     estimates,
     open_parameters,
-    undetermined,
+    undetermined_directions,
 )
 from eha_bench.diagnosis.outcome.at_rest import Calibrated, with_friction_at_rest
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training
@@ -73,6 +73,7 @@ from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
+from eha_bench.diagnosis.search.state import begin
 from eha_bench.diagnosis.unknown.locator import locate
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
@@ -187,7 +188,7 @@ def _calibrated(loaded: Dataset, out: str | Path | None, progress: ProgressHook)
     with one_thread_of_algebra(), Interruption() as asked:
         try:
             with checkpoints(asked):
-                base = calibrated(loaded, progress)
+                base = calibrated_baseline(loaded, progress)
         except CalibrationInterrupted as stop:
             base, complete = stop.baseline, False
         groups = groups_of(base.problem)
@@ -237,7 +238,7 @@ def _estimated(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
     return Calibration(
         revised(model, vector, ended.keys),
         {key: item for key, item in values.items() if key in places.layout.index},
-        undetermined(end.fit),
+        undetermined_directions(end.fit),
         {},
         tuple(notes),
         per_run=own_estimates(places, values),
@@ -290,7 +291,7 @@ def diagnose(
     dataset: Dataset | str | Path | Mapping[str, Any],
     out: str | Path | None = None,
     progress: ProgressHook = no_progress,
-    workers: Workers = HERE,
+    workers: Workers = IN_PROCESS,
 ) -> Diagnosis:
     """Close the loop: residual, cause, revised model, errors before and after.
 
@@ -316,11 +317,11 @@ def diagnose(
         if out is not None:
             found.write(Path(out))
         return found
-    with one_thread_of_algebra(), Interruption() as asked, counted() as spent:
+    with one_thread_of_algebra(), Interruption() as asked, count_simulated_time() as spent:
         progress("calibrate", 0.0)
         try:
             with checkpoints(asked), fits_by(workers):
-                base, interrupted = calibrated(loaded, progress), False
+                base, interrupted = calibrated_baseline(loaded, progress), False
         except CalibrationInterrupted as stop:
             base, interrupted = stop.baseline, True
         closing = _Closing(loaded, base, Path(out) if out is not None else None, progress)
@@ -364,7 +365,7 @@ class _Closing:
         self.dataset, self.base, self.out, self.progress = dataset, base, out, progress
         self.stage = "search"
         self.refused: list[str] = []
-        self.search = stepwise.begin(base)
+        self.search = begin(base)
         note = "no effect was tried yet, so the verdict is open"
         self.decision = self._open(note)
         self.found = _unsearched(dataset, base, self.decision)
@@ -375,7 +376,7 @@ class _Closing:
             with checkpoints(asked), fits_by(workers):
                 self._decided()
                 if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
-                    self.base, self.search = slow, stepwise.begin(slow)
+                    self.base, self.search = slow, begin(slow)
                     self._decided()
         except KeyboardInterrupt:
             self.decision = self._stopped()
@@ -517,6 +518,3 @@ def _unsearched(dataset: Dataset, base: Baseline, decision: Decision) -> Diagnos
         notes=(*base.notes, *decision.notes),
         complete=False,
     )
-
-
-__all__ = ["Calibration", "calibrate", "diagnose"]

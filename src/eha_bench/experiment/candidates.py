@@ -182,7 +182,9 @@ def candidates(plan: ExperimentSettings, seconds: float) -> Iterator[Experiment]
                 yield Experiment("prbs", setup, frequency, seconds=seconds)
 
 
-def varied(item: Experiment, rng: np.random.Generator, plan: ExperimentSettings) -> Experiment:
+def neighbour_of(
+    item: Experiment, rng: np.random.Generator, plan: ExperimentSettings
+) -> Experiment:
     """Return a neighbour: another time scale, another offset."""
     scale = float(np.clip(item.scale * np.exp(0.5 * rng.standard_normal()), _SLOWEST,
                           plan.rate / 10.0))  # fmt: skip

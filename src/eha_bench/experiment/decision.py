@@ -263,7 +263,7 @@ def odds(layout: DrawRows, grams: FloatArray, before: float) -> tuple[Odds, ...]
             variance = np.sum(gains**2, axis=0) - whole**2 / total[block]
             sure = whole >= SURE * np.sqrt(np.maximum(variance, 1e-300))
             enough = (whole >= NAMED) & sure
-            # forms of one cause need not be told from one another
+            # forms of one cause need not be distinguished
             enough |= of_cause[:, None] == of_cause[best[block]][None, :]
             named[block] = enough.all(axis=0)
         is_right = of_cause[best] == of_cause[truth]

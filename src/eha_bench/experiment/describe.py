@@ -82,7 +82,7 @@ def sentence_of(proposal: Proposal) -> str:
     )
 
 
-def planned(
+def planned_trial(
     name: str,
     candidate: Experiment,
     plan: ExperimentSettings,

@@ -94,7 +94,7 @@ _MOST_CAUSES = 5
 _MOST_RIVALS = 9
 
 
-def compared(rivals: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+def rivals_to_separate(rivals: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """Return the rivals that an experiment is planned for: the first causes, then their forms.
 
     Where there is one cause, its forms are nothing to separate: the first of them is returned.

@@ -29,9 +29,9 @@ from eha_bench.experiment.decision import (
     posterior_after,
     shares_of_a_decision,
 )
-from eha_bench.experiment.hypothesis import Hypothesis, Question, compared, read_question
+from eha_bench.experiment.hypothesis import Hypothesis, Question, read_question, rivals_to_separate
 from eha_bench.experiment.propose import no_progress, worst_width
-from eha_bench.experiment.response import Bench, simulated
+from eha_bench.experiment.response import Bench, predicted_readings
 from eha_bench.recordings import read
 from eha_bench.suites import trial_from_source
 
@@ -91,7 +91,7 @@ def rank(
         InputError: no diagnosis, or no recording was given.
     """
     question = read_question(diagnosis)
-    rivals = compared(question.rivals)
+    rivals = rivals_to_separate(question.rivals)
     plant = rivals[0].model.plant
     bench = Bench.of(question.covered, plant.outputs, plant.command)
     runs = list(_runs(question, logs, channels))
@@ -166,7 +166,7 @@ def _ranked(
         np.stack([run.vector(plant.layout, vector) for vector in rival.at(z)])
         for rival, z in zip(rivals, layout.points, strict=True)
     ]
-    outputs = simulated(rivals, layout_vectors, drive)
+    outputs = predicted_readings(rivals, layout_vectors, drive)
     if not all(np.isfinite(item).all() for item in outputs):
         why = "a rival's simulation of it diverges"
         return RankedRecording(run.name, seconds, np.nan, np.nan, -1.0, why)

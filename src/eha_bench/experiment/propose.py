@@ -31,8 +31,8 @@ from eha_bench.experiment.candidates import (
     Experiment,
     ExperimentSettings,
     candidates,
+    neighbour_of,
     unit_of_level,
-    varied,
 )
 from eha_bench.experiment.decision import (
     BLOCK,
@@ -45,8 +45,8 @@ from eha_bench.experiment.decision import (
     posterior_after,
     shares_of_a_decision,
 )
-from eha_bench.experiment.describe import planned, sentence_of, words_of
-from eha_bench.experiment.hypothesis import Hypothesis, Question, compared, read_question
+from eha_bench.experiment.describe import planned_trial, sentence_of
+from eha_bench.experiment.hypothesis import Hypothesis, Question, read_question, rivals_to_separate
 from eha_bench.experiment.permitted import (
     PLANT,
     RECORDINGS,
@@ -143,7 +143,7 @@ class _ExperimentSearch:
     ) -> None:
         self.question, self.budget, self.progress = question, budget, progress
         self.probability, self.within, self.seed = probability, within, seed
-        self.rivals = compared(question.rivals)
+        self.rivals = rivals_to_separate(question.rivals)
         self.causes = tuple(dict.fromkeys(rival.cause for rival in self.rivals))
         plant = self.rivals[0].model.plant
         if not plant.command:
@@ -277,7 +277,7 @@ class _ExperimentSearch:
             here = start
             for step in range(_VARIATIONS):
                 self.progress("vary", (number + step / _VARIATIONS) / 3.0)
-                other = self._try(varied(here.candidate, rng, self.plan))
+                other = self._try(neighbour_of(here.candidate, rng, self.plan))
                 if other is not None:
                     out.append(other)
                     if self._price(other) < self._price(here):
@@ -480,8 +480,10 @@ class _ExperimentSearch:
             done.append(_Tried(candidate, ticks, grams))
             kept.append(candidate)
             trials.append(
-                planned(f"part_{len(kept)}", candidate, self.plan, self.rivals, layout, responses,
-                        self.bench, ticks, grams)
+                planned_trial(
+                    f"part_{len(kept)}", candidate, self.plan, self.rivals, layout, responses,
+                    self.bench, ticks, grams,
+                )
             )  # fmt: skip
         if not done:
             return self._ending(
@@ -557,7 +559,7 @@ class _ExperimentSearch:
         before = self._worst(self.rivals[0].covariance)
         if best[0][0] + self.within > 0.9 * before:
             widths = self.rivals[0].relative_half_widths(self.rivals[0].covariance)
-            name = max(named(widths), key=lambda key: widths[key])
+            name = max(counted_parameters(widths), key=lambda key: widths[key])
             return self._ending(
                 ProposalEnding.NONE_PERMITTED,
                 f"no permitted experiment of {self.budget:g} s narrows the interval of {name} "
@@ -569,7 +571,9 @@ class _ExperimentSearch:
         rival = self.rivals[0]
         before = rival.relative_half_widths(rival.covariance)
         after = rival.relative_half_widths(posterior_after(rival, layout, gram, 0))
-        found = [Width(key, before[key], after.get(key, math.nan)) for key in named(before)]
+        found = [
+            Width(key, before[key], after.get(key, math.nan)) for key in counted_parameters(before)
+        ]
         return tuple(sorted(found, key=lambda item: -item.before))
 
     # --- words ---------------------------------------------------------------------------------
@@ -603,7 +607,7 @@ class _ExperimentSearch:
         )
 
 
-def named(widths: Iterable[str]) -> list[str]:
+def counted_parameters(widths: Iterable[str]) -> list[str]:
     """Return parameters whose interval counts: no curve's knots, no friction at rest."""
     return [key for key in widths if "[" not in key and not key.endswith("creep_speed")]
 
@@ -611,7 +615,7 @@ def named(widths: Iterable[str]) -> list[str]:
 def worst_width(rival: Hypothesis, covariance: FloatArray) -> float:
     """Return half of the widest 95 % interval, as a share of its parameter."""
     own = rival.relative_half_widths(covariance)
-    return max((own[name] for name in named(own)), default=0.0)
+    return max((own[name] for name in counted_parameters(own)), default=0.0)
 
 
 def _one_after_the_other(items: Sequence[_Tried]) -> FloatArray:
@@ -629,6 +633,3 @@ def _limit_text(limit: Limit) -> str:
     if low:
         return f">= {limit.low:.6g}"
     return f"<= {limit.high:.6g}" if high else ""
-
-
-__all__ = ["propose", "words_of"]

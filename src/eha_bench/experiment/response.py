@@ -130,7 +130,7 @@ def respond(
         bypass_open=trial.setup.bypass is Bypass.OPEN,
     )
     vectors = [rival.at(z) for rival, z in zip(rivals, draws, strict=True)]
-    outputs = simulated(rivals, vectors, drive)
+    outputs = predicted_readings(rivals, vectors, drive)
     return Responses(trial, outputs, rooms_of(rivals, vectors, outputs, bench, limits))
 
 
@@ -156,7 +156,7 @@ def largest(
     return None
 
 
-def simulated(
+def predicted_readings(
     rivals: Sequence[Hypothesis], vectors: Sequence[FloatArray], drive: Drive
 ) -> tuple[FloatArray, ...]:
     """Return what each rival's sensors would read without noise, (m, n, outputs) SI.

@@ -20,8 +20,6 @@ class SineFit:
         phase: rad, in (-pi, pi].
         offset: unit of the data.
         residual: (n,) data minus fit.
-        amplitude_sd, phase_sd, frequency_sd: Cramér-Rao bounds for white noise of the residual's
-            standard deviation.
     """
 
     frequency: float
@@ -29,9 +27,6 @@ class SineFit:
     phase: float
     offset: float
     residual: FloatArray
-    amplitude_sd: float
-    phase_sd: float
-    frequency_sd: float
 
 
 def fit4(time: FloatArray, values: FloatArray, frequency: float, rounds: int = 30) -> SineFit:
@@ -55,7 +50,10 @@ def fit4(time: FloatArray, values: FloatArray, frequency: float, rounds: int = 3
         frequency = max(frequency + change, 1e-12)
         if abs(change) < 1e-12 * frequency:
             break
-    return _finished(time, values, frequency, float(np.sum((centred - centred.mean()) ** 2)))
+    a, b, c = (float(value) for value in _linear(time, values, frequency))
+    angle = 2.0 * np.pi * frequency * time
+    residual = values - (a * np.cos(angle) + b * np.sin(angle) + c)
+    return SineFit(frequency, math.hypot(a, b), math.atan2(a, b), c, residual)
 
 
 def _linear(time: FloatArray, values: FloatArray, frequency: float) -> FloatArray:
@@ -63,30 +61,3 @@ def _linear(time: FloatArray, values: FloatArray, frequency: float) -> FloatArra
     design = np.column_stack([np.cos(angle), np.sin(angle), np.ones_like(angle)])
     solution: FloatArray = np.linalg.lstsq(design, values, rcond=None)[0]
     return solution
-
-
-def _model(time: FloatArray, frequency: float, parameters: FloatArray) -> FloatArray:
-    angle = 2.0 * np.pi * frequency * time
-    a, b, c = (float(value) for value in parameters)
-    model: FloatArray = a * np.cos(angle) + b * np.sin(angle) + c
-    return model
-
-
-def _finished(time: FloatArray, values: FloatArray, frequency: float, scatter: float) -> SineFit:
-    """Return the fit at a frequency, with bounds; `scatter` is the sum of squares of time, s^2."""
-    parameters = _linear(time, values, frequency)
-    a, b, c = (float(value) for value in parameters)
-    residual = values - _model(time, frequency, parameters)
-    sd = math.sqrt(float(residual @ residual) / max(values.size - 4, 1))
-    amplitude = math.hypot(a, b)
-    amplitude_sd = sd * math.sqrt(2.0 / values.size)
-    if amplitude == 0.0:
-        phase_sd = frequency_sd = math.nan
-    else:
-        frequency_sd = sd / amplitude * math.sqrt(2.0 / scatter) / (2.0 * np.pi)
-        # the phase is that at t = 0, the frequency's error turns it until there
-        turned = 2.0 * np.pi * frequency_sd * abs(float(time.mean()))
-        phase_sd = math.hypot(amplitude_sd / amplitude, turned)
-    return SineFit(
-        frequency, amplitude, math.atan2(a, b), c, residual, amplitude_sd, phase_sd, frequency_sd
-    )

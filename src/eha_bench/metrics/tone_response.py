@@ -47,7 +47,6 @@ class ToneResponse:
     """What a channel does under a settled sine.
 
     Attributes:
-        tone: as the trial has it.
         frequency: as commanded, Hz.
         reference: fundamental of the command.
         response: fundamental of the channel.
@@ -62,7 +61,6 @@ class ToneResponse:
         notes: what a reader of the score should know.
     """
 
-    tone: Tone
     frequency: float
     reference: Phasor
     response: Phasor
@@ -174,7 +172,6 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     notes += channel_samples.notes(line, whole)
     amplitude = abs(response.phasors[0]) * scale
     return ToneResponse(
-        tone=tone,
         frequency=frequency,
         reference=Phasor(
             command.phasors[0] * command_scale, command.fundamental_variance * command_scale**2

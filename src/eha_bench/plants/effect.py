@@ -13,8 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import cached_property
+from functools import cache, cached_property
 
+from eha_bench.core import plugins
 from eha_bench.core.errors import PluginError
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.place_unit import unit_at_place, usual_size
@@ -462,3 +463,20 @@ def group_of(function: Callable[..., object], name: str) -> type | None:
 def fields_of(group: type) -> tuple[str, ...]:
     """Return the names that a group of arguments holds."""
     return tuple(group.__annotations__)
+
+
+@cache
+def registered_effects() -> tuple[Effect, ...]:
+    """Return all registered effects, in the order of their ids.
+
+    Raises:
+        PluginError: one of them is not an Effect.
+    """
+    found: list[Effect] = []
+    for name in plugins.names("effects"):
+        effect = plugins.load("effects", name)
+        if not isinstance(effect, Effect):
+            raise PluginError(f"effect '{name}' is not an Effect but {type(effect).__name__}")
+        plugins.check_id("effect", name, effect.id)
+        found.append(effect)
+    return tuple(sorted(found, key=lambda effect: effect.id))

@@ -19,8 +19,10 @@ from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
 from eha_bench.plants.effect import AT, EVERYWHERE
 from eha_bench.plants.layout import Layout
+from eha_bench.plants.network.file import plant_of
 from eha_bench.plants.parameter import Parameter
-from eha_bench.plants.plant import Plant, get_plant
+from eha_bench.plants.plant import Plant
+from eha_bench.plants.registry import get_plant
 
 if TYPE_CHECKING:
     from eha_bench.plants.model_file import ModelFile
@@ -63,8 +65,6 @@ class Model:
     def plant(self) -> Plant:
         """The plant, compiled on first use."""
         if self.network is not None:
-            from eha_bench.plants.network.file import plant_of
-
             return plant_of(self.network)
         return get_plant(self.plant_id)
 
@@ -253,8 +253,6 @@ def _base(file: ModelFile, content: Any, name: str, place: Callable[..., Place])
     from eha_bench.core import yaml_file
 
     if file.plant:
-        from eha_bench.plants.network.file import plant_of
-
         plant = plant_of(content, place)
         return Model(plant.id, network=plant.network.source)
     if file.model.endswith((".yaml", ".yml")):

@@ -1,7 +1,7 @@
 """What every plant offers: parameters, effects, channels with units, and simulation.
 
 A plant is simulated in one of two ways: from logged inputs over a whole recording (`simulate`,
-`sweep`), or moment by moment under a controller (`session`). Whatever stands above plants (targets,
+`sweep`), or moment by moment under a controller (`Session`). Whatever stands above plants (targets,
 rig, FMU, report) knows a plant by what is declared here, never by its name.
 """
 
@@ -10,22 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from types import MappingProxyType
+from typing import Any, SupportsIndex
 
 import numpy as np
 
-from eha_bench.core import plugins
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
-from eha_bench.core.errors import InputError, PluginError
+from eha_bench.core.errors import InputError
 from eha_bench.core.linkage import Linkage
-from eha_bench.core.near_miss import suggest
-from eha_bench.core.plugin_class import check_attributes, check_class
 from eha_bench.plants.channel_roles import KNOWN, ChannelRoles
-from eha_bench.plants.effect import Effect
 from eha_bench.plants.layout import Layout
-from eha_bench.plants.session import Session
 
 _FIRST_TICK, _FIRST_VALUES = "first tick", "first values"
 _FOR_DATASETS = (
@@ -218,6 +213,8 @@ class Plant:
         derived_channels: channels that `derived` gives from all outputs, in a session's order.
         can_lock: whether the setup `piston: locked` means something.
         has_bypass: whether the setup `bypass: open` does.
+        origin: the function that made it and its arguments, which another process calls again;
+            None: it travels as any object does.
     """
 
     id: str
@@ -232,10 +229,11 @@ class Plant:
     derived_channels: tuple[str, ...] = ()
     can_lock: bool = False
     has_bypass: bool = False
+    origin: tuple[Callable[..., Plant], tuple[Any, ...]] | None = None
 
-    def __reduce__(self) -> tuple[Callable[[str], Plant], tuple[str]]:
-        """Travel to other processes by name: each compiles, or loads, its own kernel."""
-        return get_plant, (self.id,)
+    def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
+        """Travel to other processes as `origin`: each compiles, or loads, its own kernel."""
+        return self.origin or super().__reduce_ex__(protocol)
 
     def simulate(self, vector: FloatArray, drive: Drive, step: float) -> FloatArray:
         """Return what the sensors would read, without noise; by `start` and `advance` as it is.
@@ -305,42 +303,6 @@ class Plant:
             raise InputError(f"{self.id} has nothing to lock", hint="set `piston: free`")
         if bypass_open and not self.has_bypass:
             raise InputError(f"{self.id} has no bypass", hint="set `bypass: closed`")
-
-    def session(
-        self,
-        vector: FloatArray,
-        initial: Mapping[str, float],
-        *,
-        locked: bool = False,
-        bypass_open: bool = False,
-        step: float,
-        start: float = 0.0,
-        command: str = "",
-    ) -> Session:
-        """Return a simulation that is advanced from moment to moment under a controller.
-
-        Args:
-            vector: parameters.
-            initial: state -> what its sensor reads at first, SI.
-            locked, bypass_open: setup.
-            step: largest integration step, s.
-            start: time of the first moment, s.
-            command: one of `references` in place of the plant's command.
-
-        Raises:
-            InputError: no input commands this plant, its setup cannot be so, or a channel is not a
-                state of it.
-        """
-        at = self.at(vector)
-        return Session(
-            at.following(command) if command and command != self.command else at,
-            initial,
-            locked=locked,
-            bypass_open=bypass_open,
-            step=step,
-            start=start,
-            command=command,
-        )
 
     def start(
         self, vector: FloatArray, initial: Mapping[str, float]
@@ -498,44 +460,3 @@ class Plant:
             (m, n, len(outputs)), SI.
         """
         return np.stack([self.simulate(vector, drive, step) for vector in vectors])
-
-
-@cache
-def registered_effects() -> tuple[Effect, ...]:
-    """Return all registered effects, in the order of their ids.
-
-    Raises:
-        PluginError: one of them is not an Effect.
-    """
-    found: list[Effect] = []
-    for name in plugins.names("effects"):
-        effect = plugins.load("effects", name)
-        if not isinstance(effect, Effect):
-            raise PluginError(f"effect '{name}' is not an Effect but {type(effect).__name__}")
-        plugins.check_id("effect", name, effect.id)
-        found.append(effect)
-    return tuple(sorted(found, key=lambda effect: effect.id))
-
-
-@cache
-def get_plant(name: str) -> Plant:
-    """Return the plant of that id: a shipped network, or a registered class.
-
-    Raises:
-        PluginError: no such plant.
-    """
-    from eha_bench.plants.network.file import shipped_names, shipped_plant
-
-    if name in shipped_names():
-        return shipped_plant(name)
-    if name not in plugins.names("plants"):
-        known = (*shipped_names(), *plugins.names("plants"))
-        raise PluginError(f"unknown plant '{name}'", hint=suggest(name, known))
-    plant = plugins.load("plants", name)()
-    if not isinstance(plant, Plant):
-        raise PluginError(f"plant '{name}' is not a Plant but {type(plant).__name__}")
-    check_class(type(plant), Plant, f"plant '{name}'")
-    check_attributes(plant, Plant, f"plant '{name}'")
-    from eha_bench.plants.signals import with_signals
-
-    return with_signals(plant, registered_effects())

@@ -18,10 +18,9 @@ from typing import Any, Final
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.plants.effect import Equation, Hook, Spot, bound
+from eha_bench.plants.effect import Equation, Hook, Spot, bound, registered_effects
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
-from eha_bench.plants.plant import registered_effects
 from eha_bench.plants.static_plant import StaticPlant
 
 _TABLE: Final = "Table 3"

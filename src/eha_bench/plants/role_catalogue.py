@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from eha_bench.core.shipped import names, shipped
+from eha_bench.core.shipped import names, shipped_file
 from eha_bench.plants.effect import ANYTHING, Spot
 from eha_bench.plants.model import load_model
 from eha_bench.plants.network.plant import NetworkPlant
@@ -18,7 +18,7 @@ What an [effect](how-to/effect.md) may act on. A *hook* is a value that a functi
 gets as its first argument and returns, changed; whatever the role *offers* its other arguments may
 name, beside the effect's own parameters and states. Gathered from the plants that ship, so another
 plant may offer fewer: one without a valve has no `valve`. All values are SI; an effort is N*m of
-what turns and N of what slides. Where the unit of an effect's parameter depends on the place, it
+a rotation and N of a translation. Where the unit of an effect's parameter depends on the place, it
 is written with the role's words: `{effort}/{speed}^2` is N*m*s^2/rad^2 or N*s^2/m^2, and its
 default is a share of what is usual there.
 
@@ -50,7 +50,7 @@ _CHANGED: Final = {
     "link": "conductance between both, m^3/(s*Pa): the slope of what flows, where it is stiff",
     "bulk": "bulk modulus of the oil, Pa",
     "delivery": "flow that the pump moves, m^3/s",
-    "turning": "coefficient of viscous friction of what turns, N*m*s/rad",
+    "turning": "coefficient of viscous friction of the rotation, N*m*s/rad",
     "sliding": "coefficient of viscous friction of what slides, N*s/m",
     "leakage": "flow through a laminar gap, m^3/s",
     "leakage_slope": "conductance of a laminar gap, m^3/(s*Pa)",
@@ -81,7 +81,7 @@ def _spots() -> dict[str, list[Spot]]:
     """Return the places of every role in all plants that ship."""
     found: dict[str, list[Spot]] = {}
     for name in names("plants"):
-        plant = load_model(shipped(f"plants/{name}.yaml")).plant
+        plant = load_model(shipped_file(f"plants/{name}.yaml")).plant
         assert isinstance(plant, NetworkPlant)
         for role, spots in roles_of(plant.system).items():
             found.setdefault(role, []).extend(spots)

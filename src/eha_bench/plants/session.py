@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import InputError
 from eha_bench.core.near_miss import suggest
-
-if TYPE_CHECKING:
-    from eha_bench.plants.plant import Parametrised
-
+from eha_bench.plants.plant import Plant
 
 _ROWS = 1024
 """Moments that are kept at first; more where a delay looks back on more."""
@@ -32,7 +28,8 @@ class Session:
 
     def __init__(
         self,
-        at: Parametrised,
+        plant: Plant,
+        vector: FloatArray,
         initial: Mapping[str, float],
         *,
         locked: bool = False,
@@ -44,19 +41,22 @@ class Session:
         """Start at rest, or where the sensors read `initial`.
 
         Args:
-            at: the plant with its parameters set.
+            plant: what is simulated. vector: its parameters.
             initial: state -> what its sensor reads at first, SI.
             locked, bypass_open: setup.
             step: largest integration step, s.
             start: time of the first moment, s.
-            command: the input that `advance` gives (default: the plant's command).
+            command: the input that `advance` gives: the plant's command, unless one of its
+                `references` takes its place.
 
         Raises:
             InputError: no input commands this plant, its setup cannot be so, or a channel is not a
                 state of it.
         """
-        plant = at.plant
         plant.check_session(locked=locked, bypass_open=bypass_open)
+        at = plant.at(vector)
+        if command and command != plant.command:
+            at = at.following(command)
         self._at, self._step = at, step
         self._locked, self._bypass = locked, bypass_open
         self._places = {name: place for place, name in enumerate(plant.inputs)}

@@ -16,7 +16,7 @@ from eha_bench.recordings.series import (
     gap_note,
     gaps,
     irregularity,
-    ordered,
+    ordered_track,
     seconds,
     typical_step,
 )
@@ -66,7 +66,7 @@ def align(
             raise RecordingError(
                 "the topic has no messages", where=where, hint="map another topic in channels.yaml"
             )
-        clean[topic], found = ordered(tracks[topic], mapping.repair, where)
+        clean[topic], found = ordered_track(tracks[topic], mapping.repair, where)
         notes += found
     base = _base(mapping, clean, keys)
     stamps, cut = _clock(mapping, clean, keys, base, path)

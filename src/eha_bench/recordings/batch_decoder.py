@@ -13,7 +13,7 @@ from eha_bench.recordings.encodings.decoder import Decoder, Encoded, UnreadableT
 from eha_bench.recordings.encodings.decoders import make_decoder
 from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.encodings.payloads import Payloads
-from eha_bench.recordings.source import Wanted
+from eha_bench.recordings.source import TopicRequest
 from eha_bench.recordings.track import Column, Stamps
 
 _STAMPS = (
@@ -48,7 +48,7 @@ class MessageGroup:
 class BatchDecoder:
     """Decodes batches of one topic, and keeps what it learned about the topic's channels."""
 
-    def __init__(self, wanted: Wanted, encoded: Callable[[int], Encoded]) -> None:
+    def __init__(self, wanted: TopicRequest, encoded: Callable[[int], Encoded]) -> None:
         """Decode what is wanted; `encoded` tells how the messages of a channel id are encoded."""
         self._wanted = wanted
         self._encoded = encoded
@@ -60,7 +60,7 @@ class BatchDecoder:
         return self._wanted.clock
 
     @property
-    def wanted(self) -> Wanted:
+    def wanted(self) -> TopicRequest:
         """What is wanted of the topic."""
         return self._wanted
 

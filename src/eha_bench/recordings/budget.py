@@ -97,7 +97,7 @@ def budget() -> ReadingBudget:
 
 
 @contextmanager
-def limited(memory: int | None = None, seconds: float | None = None) -> Iterator[None]:
+def reading_budget(memory: int | None = None, seconds: float | None = None) -> Iterator[None]:
     """Allow every recording read in this context so much instead of the default."""
     token = _limits.set(ReadingLimits(memory, seconds))
     try:

@@ -16,9 +16,9 @@ from eha_bench.core.near_miss import likely, suggest
 from eha_bench.core.sensor import Sensor
 from eha_bench.core.units import Unit, base_unit, factor_and_offset
 from eha_bench.core.yaml_file import (
+    ErrorAt,
     Real,
     StrictModel,
-    WrongAt,
     line_of,
     load,
     load_model,
@@ -143,7 +143,7 @@ class ChannelEntry(StrictModel):
 
     def _alone(self) -> ChannelEntry:
         for key in self.model_fields_set - {"expression", "unit"}:
-            raise WrongAt(f"a computed channel has an expression and a unit, and no '{key}'", key)
+            raise ErrorAt(f"a computed channel has an expression and a unit, and no '{key}'", key)
         check_si(self.unit or "")
         return self
 
@@ -206,23 +206,23 @@ class ChannelMapFile(StrictModel):
             raise ValueError("there is no channel: map at least one")
         for name, entry in channels.items():
             if name == "time" or not name.isprintable() or not name.strip():
-                raise WrongAt(f"'{name}' cannot be the name of a channel", name)
+                raise ErrorAt(f"'{name}' cannot be the name of a channel", name)
             if entry.expression is not None:
                 try:
                     check_known(name, entry.unit)
-                except WrongAt as error:
-                    raise WrongAt(f"channel '{name}': {error}", name, *error.keys) from error
+                except ErrorAt as error:
+                    raise ErrorAt(f"channel '{name}': {error}", name, *error.keys) from error
                 continue
             try:
                 _check_channel_unit(name, entry)
             except ValueError as error:
-                raise WrongAt(f"channel '{name}': {error}", name, "unit") from error
+                raise ErrorAt(f"channel '{name}': {error}", name, "unit") from error
         return channels
 
     @model_validator(mode="after")
     def _consistent(self) -> ChannelMapFile:
         if self.time is not None and self.sample_rate is not None:
-            raise WrongAt("give either time or sample_rate, not both", "sample_rate")
+            raise ErrorAt("give either time or sample_rate, not both", "sample_rate")
         self._check_expressions()
         for name, entry in self.channels.items():
             for key in ("resolution", "uncertainty"):
@@ -231,15 +231,15 @@ class ChannelMapFile(StrictModel):
                     Sensor.parse(**given, si_unit=self.si_unit(name))
                 except UnitError as error:
                     what = f"channel '{name}': {error}"
-                    raise WrongAt(what, "channels", name, key) from error
+                    raise ErrorAt(what, "channels", name, key) from error
         if self.base is None:
             return self
         if self.base not in self.channels:
             hint = suggest(self.base, self.channels)
-            raise WrongAt(f"'{self.base}' is not one of the channels; {hint}", "base")
+            raise ErrorAt(f"'{self.base}' is not one of the channels; {hint}", "base")
         topics = self.of_kind(tables=False)
         if topics and self.base not in topics:
-            raise WrongAt(
+            raise ErrorAt(
                 f"'{self.base}' is a column, and the common clock is that of a topic; "
                 f"{suggest(self.base, topics)}",
                 "base",
@@ -255,11 +255,11 @@ class ChannelMapFile(StrictModel):
                 if needed not in known:
                     hint = suggest(needed, known - {name})
                     what = f"channel '{name}' is computed from '{needed}', which is not mapped"
-                    raise WrongAt(f"{what}; {hint}", "channels", name, "expression")
+                    raise ErrorAt(f"{what}; {hint}", "channels", name, "expression")
         try:
             in_order(self.computed, Place())
         except InputError as error:
-            raise WrongAt(error.what, "channels") from error
+            raise ErrorAt(error.what, "channels") from error
 
     @property
     def computed(self) -> dict[str, ComputedChannel]:

@@ -19,7 +19,7 @@ from eha_bench.core.expression import Expression
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.recording import RESAMPLED, Recording
 from eha_bench.core.units import base_unit, factor_and_offset
-from eha_bench.core.yaml_file import StrictModel, WrongAt
+from eha_bench.core.yaml_file import ErrorAt, StrictModel
 
 
 def arithmetic(text: str) -> str:
@@ -53,15 +53,15 @@ def check_si(unit: str) -> None:
     """Refuse a unit that is not SI: what is computed from SI values is SI.
 
     Raises:
-        WrongAt: at `unit`.
+        ErrorAt: at `unit`.
     """
     try:
         si_unit = base_unit(unit)
         factor = factor_and_offset(unit, si_unit)
     except UnitError as error:
-        raise WrongAt(str(error), "unit") from error
+        raise ErrorAt(str(error), "unit") from error
     if factor != (1.0, 0.0):
-        raise WrongAt(
+        raise ErrorAt(
             f"an expression is worked out in SI, so its unit is '{si_unit}' and not '{unit}'",
             "unit",
         )
@@ -71,14 +71,14 @@ def check_known(name: str, unit: str | None) -> None:
     """Refuse a unit that a known channel of this name has not, and an unknown one without.
 
     Raises:
-        WrongAt: at `unit`.
+        ErrorAt: at `unit`.
     """
     known = CHANNELS[name].unit if name in CHANNELS else ""
     if unit is None:
         if not known:
-            raise WrongAt(f"'{name}' needs a unit ('' for none)", "unit")
+            raise ErrorAt(f"'{name}' needs a unit ('' for none)", "unit")
     elif known and base_unit(unit) != known:
-        raise WrongAt(f"'{name}' is in {known}, not in '{unit}'", "unit")
+        raise ErrorAt(f"'{name}' is in {known}, not in '{unit}'", "unit")
 
 
 def with_computed(

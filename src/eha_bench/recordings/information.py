@@ -18,7 +18,7 @@ from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.encodings.number_fields import number_fields
 from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.series import gaps, irregularity, typical_step
-from eha_bench.recordings.source import Source, Topic, Wanted
+from eha_bench.recordings.source import Source, Topic, TopicRequest
 from eha_bench.recordings.tables.self_description import named_unit
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.track import Stamps, beyond_range
@@ -126,7 +126,7 @@ def _described(file: Path) -> RecordingInformation:
     if isinstance(source, TableSource):
         return _of_table(file, source)
     topics = source.topics()
-    tracks = source.tracks({topic.name: Wanted((), Clock.LOG) for topic in topics})
+    tracks = source.tracks({topic.name: TopicRequest((), Clock.LOG) for topic in topics})
     own = sample.is_own(source.metadata())
     stamps = {name: track.stamps for name, track in tracks.items()}
     filled = [topic for topic in topics if stamps[topic.name].size]
@@ -182,7 +182,7 @@ def _values_of(source: Source, topic: Topic, *, own: bool) -> tuple[ValueInforma
     try:
         fields = tuple(names) or number_fields(topic.encoded, source.example(topic.name))
         paths = tuple(FieldPath.parse(field) for field in fields)
-        track = source.tracks({topic.name: Wanted(paths, Clock.LOG)})[topic.name]
+        track = source.tracks({topic.name: TopicRequest(paths, Clock.LOG)})[topic.name]
     except OutOfTime:
         raise
     except (UnreadableTopic, RecordingError, ValueError):

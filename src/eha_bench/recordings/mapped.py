@@ -18,16 +18,16 @@ from eha_bench.recordings.channel_map import ChannelMap, Clock
 from eha_bench.recordings.computed import with_computed
 from eha_bench.recordings.encodings.decoder import READ_ENCODINGS
 from eha_bench.recordings.encodings.field_path import FieldPath
-from eha_bench.recordings.naming import among, shown
+from eha_bench.recordings.naming import among, printable
 from eha_bench.recordings.series import (
     nan_note,
     rounding_note,
     seconds,
     seconds_in_place,
-    unwrapped,
+    unwrapped_track,
 )
 from eha_bench.recordings.shared_memory import SharedMemory
-from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
+from eha_bench.recordings.source import Source, TimeSpan, Topic, TopicRequest
 from eha_bench.recordings.tables.table import TableSource
 from eha_bench.recordings.track import Column, Stamps, Track, beyond_range, freeze
 
@@ -152,7 +152,7 @@ def _recording(
         shared = memory.leave(name)
         kind = read.tracks[topic].kinds.get(column, "")
         notes += rounding_note(name, raw, kind)
-        plain, found = unwrapped(name, raw, kind, entry, time)
+        plain, found = unwrapped_track(name, raw, kind, entry, time)
         notes += found
         if shared and np.may_share_memory(plain, raw):
             plain = plain.copy()
@@ -235,7 +235,7 @@ def _refuse_lost(source: Source, tracks: Mapping[str, Track]) -> None:
         if not len(track) and source.damaged and source.notes:
             raise RecordingError(
                 f"no message of the topic can be read: {source.notes[0]}",
-                where=Place(file=source.path, topic=shown([topic])),
+                where=Place(file=source.path, topic=printable([topic])),
                 hint="record it again, or see 'eha-bench info' for all that is wrong with it",
             )
 
@@ -264,7 +264,7 @@ def _of_kind(source: Source, mapping: ChannelMap) -> tuple[ChannelMap, list[str]
 
 
 def _tracks(
-    source: Source, mapping: ChannelMap, wanted: Mapping[str, Wanted], span: TimeSpan
+    source: Source, mapping: ChannelMap, wanted: Mapping[str, TopicRequest], span: TimeSpan
 ) -> tuple[dict[str, Track], int | None]:
     """Return the tracks, and the stamp of time zero where only a span is read."""
     if isinstance(source, TableSource):
@@ -304,7 +304,7 @@ def _affine(values: Column, factor: float, offset: float) -> Column:
 
 def _wanted(
     source: Source, mapping: ChannelMap
-) -> tuple[dict[str, tuple[str, str]], dict[str, Wanted]]:
+) -> tuple[dict[str, tuple[str, str]], dict[str, TopicRequest]]:
     """Return channel -> (topic, column), and what to read of each topic."""
     topics = {topic.name: topic for topic in source.topics()}
     keys: dict[str, tuple[str, str]] = {}
@@ -331,7 +331,7 @@ def _wanted(
                 hint="give a topic one clock",
             )
     return keys, {
-        topic: Wanted(tuple(paths.values()), clocks[topic]) for topic, paths in fields.items()
+        topic: TopicRequest(tuple(paths.values()), clocks[topic]) for topic, paths in fields.items()
     }
 
 
@@ -364,15 +364,15 @@ def _metadata(source: Source) -> dict[str, str]:
     }
 
 
-def unmapped(source: Source) -> RecordingError:
+def unmapped_error(source: Source) -> RecordingError:
     """Return the error for a log without a channel map."""
     topics = source.topics()
     for topic in topics:
         encoding = topic.encoded.encoding if topic.encoded else ""
         if topic.encoded and encoding not in READ_ENCODINGS:
             return RecordingError(
-                f"its messages are serialized as '{shown([encoding])}', which is not read",
-                where=Place(file=source.path, topic=shown([topic.name])),
+                f"its messages are serialized as '{printable([encoding])}', which is not read",
+                where=Place(file=source.path, topic=printable([topic.name])),
                 hint=f"only {', '.join(READ_ENCODINGS)} are read",
             )
     if not topics:
@@ -384,5 +384,5 @@ def unmapped(source: Source) -> RecordingError:
     return RecordingError(
         "this recording was not written by eha-bench, and no channel map says what it holds",
         where=Place(file=source.path),
-        hint=f"give a channels.yaml that maps its topics: {shown(t.name for t in topics)}",
+        hint=f"give a channels.yaml that maps its topics: {printable(t.name for t in topics)}",
     )

@@ -11,7 +11,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
 from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.series import nan_note
-from eha_bench.recordings.source import Source, TimeSpan, Wanted
+from eha_bench.recordings.source import Source, TimeSpan, TopicRequest
 from eha_bench.recordings.track import freeze
 
 
@@ -52,7 +52,7 @@ def read_own(source: Source, span: TimeSpan) -> Recording:
             hint="run the trial again",
         )
     needed = span.after(epoch_ns) if span.bounded and epoch_ns > 0 else None
-    track = source.tracks({sample.TOPIC: Wanted(paths, None)}, needed)[sample.TOPIC]
+    track = source.tracks({sample.TOPIC: TopicRequest(paths, None)}, needed)[sample.TOPIC]
     if not track.columns[sample.TIME].size:
         raise RecordingError(
             "the recording is empty: it has no samples", where=where, hint="run the trial again"

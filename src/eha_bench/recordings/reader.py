@@ -11,7 +11,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
 from eha_bench.recordings.budget import spending
 from eha_bench.recordings.channel_map import ChannelMap, load_channel_map
-from eha_bench.recordings.mapped import read_mapped, unmapped
+from eha_bench.recordings.mapped import read_mapped, unmapped_error
 from eha_bench.recordings.mapped import read_topics as read_mapped_topics
 from eha_bench.recordings.opening import open_source
 from eha_bench.recordings.own import read_own
@@ -53,7 +53,7 @@ def read(
             return read_mapped(source, source.own_map(), span, described_itself=True)
         if sample.is_own(source.metadata()):
             return read_own(source, span)
-        raise unmapped(source)
+        raise unmapped_error(source)
 
 
 def read_topics(

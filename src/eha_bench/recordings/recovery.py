@@ -17,8 +17,8 @@ from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, Split
 from eha_bench.recordings.mcap.file import BareMessages, Chunk, McapFile, open_mcap
 from eha_bench.recordings.mcap.integrity import count_problems, data_problems, summary_problems
 from eha_bench.recordings.mcap.sink import Compressed, Index, McapSink
-from eha_bench.recordings.mcap.source import RECOVERY, damage, joined_metadata, recovered
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.mcap.source import RECOVERY, damage, joined_metadata, recovery_notes
+from eha_bench.recordings.naming import printable
 from eha_bench.recordings.opening import refuse_special
 from eha_bench.recordings.writer import CHUNK_SIZE, writing
 
@@ -137,14 +137,14 @@ def _problems(file: McapFile, reader: ChunkReader, damaged: list[str]) -> tuple[
     if sample.is_own(records) and schema is not None:
         described = sample.description_problem(records, schema.data)
     return (
-        *recovered(file),
+        *recovery_notes(file),
         *file.conflicts.values(),
         *summary_problems(file),
         *data_problems(file),
         *count_problems(file, reader.counted, bare),
         *([described] if described else []),
         *(
-            f"the attachment {shown([name])} is damaged: it was copied with its wrong checksum"
+            f"the attachment {printable([name])} is damaged: it was copied with its wrong checksum"
             for name in damaged
         ),
     )

@@ -36,7 +36,7 @@ def seconds(stamps: Stamps, epoch: int) -> FloatArray:
     return (stamps - np.int64(epoch)) / 1e9
 
 
-def ordered(track: Track, repair: Repair, where: Place) -> tuple[Track, list[str]]:
+def ordered_track(track: Track, repair: Repair, where: Place) -> tuple[Track, list[str]]:
     """Return the track with strictly increasing stamps, and notes of what was repaired.
 
     Raises:
@@ -203,7 +203,7 @@ def rounding_note(name: str, values: Column, kind: str) -> list[str]:
     ]
 
 
-def unwrapped(
+def unwrapped_track(
     name: str, values: Column, kind: str, entry: ChannelEntry, time: FloatArray
 ) -> tuple[Column, list[str]]:
     """Report integers that wrapped around, and repair them where the map says so."""

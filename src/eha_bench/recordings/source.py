@@ -11,7 +11,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.field_path import FieldPath
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.naming import printable
 from eha_bench.recordings.track import Track
 
 
@@ -26,7 +26,7 @@ class Topic:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class TopicRequest:
     """What is wanted of a topic; without a clock its track has no stamps."""
 
     fields: tuple[FieldPath, ...]
@@ -88,7 +88,7 @@ class Source(ABC):
 
     @abstractmethod
     def tracks(
-        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+        self, wanted: Mapping[str, TopicRequest], span: TimeSpan | None = None
     ) -> dict[str, Track]:
         """Return the samples of the wanted topics, in file order.
 
@@ -101,7 +101,7 @@ class Source(ABC):
             RecordingError: a topic cannot be decoded.
         """
 
-    def first_stamp(self, wanted: Mapping[str, Wanted]) -> int | None:
+    def first_stamp(self, wanted: Mapping[str, TopicRequest]) -> int | None:
         """Return the log time in ns of the first wanted message, if it is cheap to know."""
         del wanted
         return None
@@ -126,12 +126,12 @@ class Source(ABC):
     def skipped(self) -> tuple[str, ...]:
         """Say which topics are left out because of what they are."""
         names = [topic.name for topic in self.topics() if topic.skipped]
-        return (f"skipped topics with service events: {shown(names)}",) if names else ()
+        return (f"skipped topics with service events: {printable(names)}",) if names else ()
 
     def refuse(self, topic: str, error: UnreadableTopic) -> RecordingError:
         """Return the error that says why a topic cannot be decoded."""
         return RecordingError(
             f"the topic cannot be decoded: {error}",
-            where=Place(file=self.path, topic=shown([topic])),
+            where=Place(file=self.path, topic=printable([topic])),
             hint="map another topic or field in channels.yaml",
         )

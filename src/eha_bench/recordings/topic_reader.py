@@ -9,8 +9,8 @@ import numpy as np
 from eha_bench.recordings.batch_decoder import BatchDecoder, MessageGroup
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
-from eha_bench.recordings.source import Source, Wanted
-from eha_bench.recordings.track import Arena, Growing, StampColumn, Track
+from eha_bench.recordings.source import Source, TopicRequest
+from eha_bench.recordings.track import Arena, GrowingArray, StampColumn, Track
 
 
 class TopicReader:
@@ -19,7 +19,7 @@ class TopicReader:
     def __init__(
         self,
         topic: str,
-        wanted: Wanted,
+        wanted: TopicRequest,
         encoded: Callable[[int], Encoded],
         expected: int = 0,
         arena: Arena | None = None,
@@ -33,7 +33,7 @@ class TopicReader:
         self._topic = topic
         self._decoder = BatchDecoder(wanted, encoded)
         memory = arena or Arena()
-        self._columns = [Growing(memory.take(expected)) for _ in wanted.fields]
+        self._columns = [GrowingArray(memory.take(expected)) for _ in wanted.fields]
         self._expected = expected
         self._leader = leader
         self._stamps: StampColumn | None = None
@@ -74,7 +74,7 @@ class TopicReader:
         return Track(self._topic, stamps, dict(zip(names, columns, strict=True)), kinds)
 
 
-def finished(source: Source, readers: Mapping[str, TopicReader]) -> dict[str, Track]:
+def finished_tracks(source: Source, readers: Mapping[str, TopicReader]) -> dict[str, Track]:
     """Return the tracks of all readers.
 
     Raises:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.naming import printable
 
 Stamps = NDArray[np.int64]
 Column = FloatArray
@@ -62,7 +62,7 @@ _ENOUGH = 0.9
 """A column of an arena that is so full is not copied to give the rest back."""
 
 
-class Growing:
+class GrowingArray:
     """An array that grows; what was not needed is given back at the end."""
 
     def __init__(self, memory: NDArray[Any]) -> None:
@@ -118,7 +118,7 @@ class StampColumn:
     def __init__(self, expected: int = 0, leader: StampColumn | None = None) -> None:
         self._leader = leader
         own = np.empty(max(expected, 256), dtype=np.int64) if leader is None else None
-        self._own = None if own is None else Growing(own)
+        self._own = None if own is None else GrowingArray(own)
         self._count = 0
 
     def __len__(self) -> int:
@@ -137,7 +137,7 @@ class StampColumn:
             ):
                 self._count = stop
                 return
-            self._own = Growing(np.empty(stop, dtype=np.int64))
+            self._own = GrowingArray(np.empty(stop, dtype=np.int64))
             if leader is not None and self._count:
                 self._own.extend(self._count)[:] = leader.part(0, self._count)
         self._own.extend(stamps.size)[:] = stamps
@@ -164,4 +164,6 @@ def beyond_range(topic: str, stamps: Stamps) -> str:
     if not stamps.size or stamps.min() >= 0:  # takes no memory, other than a comparison
         return ""
     count = int(np.count_nonzero(stamps < 0))
-    return f"topic '{shown([topic])}': {count} of {stamps.size} messages have a time out of range"
+    return (
+        f"topic '{printable([topic])}': {count} of {stamps.size} messages have a time out of range"
+    )

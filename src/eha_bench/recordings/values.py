@@ -20,7 +20,7 @@ _FEW = 0.05
 _FAR = 30.0
 """Steps so many times the smallest tell nothing: their rounding adds up."""
 _FINEST = 1e-6
-"""Share of the range below which steps cannot be told from noise."""
+"""Share of the range below which steps cannot be distinguished from noise."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from eha_bench.core.atomic_file import replacing, writing_to
 from eha_bench.core.errors import RecordingError
 from eha_bench.core.recording import Recording
 from eha_bench.recordings import sample
-from eha_bench.recordings.mcap.sink import Compressed, McapSink, compressed
+from eha_bench.recordings.mcap.sink import Compressed, McapSink, compressed_chunk
 from eha_bench.recordings.sample import WideMessage
 
 _WORKERS = 2
@@ -100,7 +100,7 @@ def _chunks(
             if len(waiting) == _WORKERS:
                 put()
             records = _records(message, channel, recording, stamps, where)
-            waiting.append((where, pool.submit(compressed, records, level)))
+            waiting.append((where, pool.submit(compressed_chunk, records, level)))
         while waiting:
             put()
 

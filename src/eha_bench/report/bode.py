@@ -31,9 +31,6 @@ from eha_bench.metrics.recorded import bind
 from eha_bench.report.engineering import limit_text, metric_label, number, quantity
 from eha_bench.report.marks import Role
 
-GAIN: Final = 0
-PHASE: Final = 1
-COHERENCE: Final = 2
 HALF_POWER: Final = 10.0 * math.log10(0.5)
 
 

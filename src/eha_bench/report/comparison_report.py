@@ -76,7 +76,7 @@ def comparison_page(comparison: Comparison) -> str:
             )
         ),
         "undecided": _by_trial(comparison.of(ComparisonVerdict.UNDECIDED)),
-        "needed": needed(comparison),
+        "needed": repeats_needed(comparison),
         "not_compared": _by_trial(comparison.of(ComparisonVerdict.NOT_COMPARED)),
         "trials": _trials(comparison),
     }
@@ -142,7 +142,7 @@ def _turned(key: _Key, before: _SideLimit, after: _SideLimit) -> str:
     return text if before.text == after.text else f"{text} (in the baseline {before.text})"
 
 
-def needed(comparison: Comparison) -> str:
+def repeats_needed(comparison: Comparison) -> str:
     """Return what it would take to decide what is undecided, as a sentence; "" for nothing."""
     undecided = comparison.of(ComparisonVerdict.UNDECIDED)
     if not undecided:

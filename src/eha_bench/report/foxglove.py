@@ -18,7 +18,7 @@ from eha_bench.core.trial import MODES
 from eha_bench.recordings import load_channel_map, read
 from eha_bench.recordings.sample import TOPIC, WideMessage
 from eha_bench.report.engineering import channel_name
-from eha_bench.report.panels import colour_of, grouped, heading_of
+from eha_bench.report.panels import channel_groups, colour_of, heading_of
 from eha_bench.suites import load_suite
 
 # As in report.css for a dark page, Foxglove's default.
@@ -83,7 +83,7 @@ def layout(series: Sequence[PlottedSeries], followed: Sequence[str] = ()) -> dic
     """
     by_name = {item.channel: item for item in series}
     panels: dict[str, Any] = {}
-    for number, names in enumerate(grouped(by_name, followed)):
+    for number, names in enumerate(channel_groups(by_name, followed)):
         panels[f"Plot!eha{number}"] = _plot(
             [by_name[name] for name in names], heading_of(names, followed)
         )

@@ -31,7 +31,7 @@ class HeatRow:
 
     Attributes:
         cells: the drawing.
-        told: description for screen readers.
+        title: description for screen readers.
     """
 
     cells: Markup

@@ -117,11 +117,13 @@ def panels_of(recording: Recording, followed: str = "") -> tuple[Panel, ...]:
     drawn = [name for name in recording if np.isfinite(recording[name]).any()]
     return tuple(
         _panel(recording, list(names), heading_of(names, (followed,)))
-        for names in grouped(drawn, (followed,))
+        for names in channel_groups(drawn, (followed,))
     )
 
 
-def grouped(names: Iterable[str], followed: Sequence[str] = ()) -> tuple[tuple[str, ...], ...]:
+def channel_groups(
+    names: Iterable[str], followed: Sequence[str] = ()
+) -> tuple[tuple[str, ...], ...]:
     """Return which of these channels are drawn together, from top to bottom.
 
     Args:

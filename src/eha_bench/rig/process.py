@@ -9,7 +9,7 @@ from pathlib import Path
 
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.errors import InputError
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.core.trial import command_of
 from eha_bench.plants.model import model_from
 from eha_bench.rig.drive import DriveLimits, RigDrive
@@ -61,8 +61,10 @@ class Rig:
             EhaBenchError: one of the files is wrong, or the transport cannot be opened.
         """
         drive = load_drive(target)
-        model = options.model or drive.model or shipped("models/paper.yaml")
-        controller = options.controller or drive.controller or shipped("controllers/paper.yaml")
+        model = options.model or drive.model or shipped_file("models/paper.yaml")
+        controller = (
+            options.controller or drive.controller or shipped_file("controllers/paper.yaml")
+        )
         self._plant = RealPlant(model_from(model), options.seed)
         _as_set_up(drive, self._plant)
         _check_command(drive, self._plant)

@@ -72,8 +72,14 @@ class RealPlant:
     def _started(
         self, initial: Mapping[str, float], now: float, *, locked: bool, bypass_open: bool
     ) -> Session:
-        return self._plant.session(
-            self._vector, initial, locked=locked, bypass_open=bypass_open, step=_STEP, start=now
+        return Session(
+            self._plant,
+            self._vector,
+            initial,
+            locked=locked,
+            bypass_open=bypass_open,
+            step=_STEP,
+            start=now,
         )
 
     @property

@@ -51,7 +51,7 @@ class Adapter:
         return frames, b"".join(answers)
 
 
-def written(frame: Frame) -> bytes:
+def frame_as_text(frame: Frame) -> bytes:
     """Return a frame as the adapter passes it on."""
     if frame.extended:
         head = b"T%08X%d" % (frame.id, len(frame.data))

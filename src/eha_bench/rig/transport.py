@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from eha_bench.core.errors import InputError
-from eha_bench.rig.slcan import Adapter, written
+from eha_bench.rig.slcan import Adapter, frame_as_text
 from eha_bench.targets.can.bus import check_channel
 from eha_bench.targets.can.drive import Frame
 from eha_bench.targets.can.target_file import BusFile
@@ -52,7 +52,7 @@ class SlcanTransport(Transport):
     def send(self, frames: list[Frame]) -> None:
         """Send frames, if a host has opened the channel."""
         if self._adapter.open:
-            self._write(b"".join(written(frame) for frame in frames))
+            self._write(b"".join(frame_as_text(frame) for frame in frames))
 
     def _fed(self, data: bytes) -> list[Frame]:
         """Return the frames in what the host wrote, and answer it."""

@@ -22,7 +22,7 @@ from eha_bench.server.guard import RequestGuard, Rules
 from eha_bench.server.inside import inside
 from eha_bench.server.pages import compare_page, live_page, message_page, start_page
 from eha_bench.server.runs_on import RunOn
-from eha_bench.server.stored import page, stored
+from eha_bench.server.stored import page, stored_file
 from eha_bench.server.watch import SITE, Watch
 
 _AGAIN: Final = 2.0
@@ -144,10 +144,10 @@ class _Pages:
         answer: Response | None = None
         if area == SITE and site is not None:
             made = inside(site, rest)
-            answer = None if made is None else stored(made, own=True)
+            answer = None if made is None else stored_file(made, own=True)
         if answer is None:
             found = inside(self._folder, name)
-            answer = None if found is None else stored(found)
+            answer = None if found is None else stored_file(found)
         if answer is None and area == SITE and site is None:
             return page(message_page("The trends are being computed"), 503, again=_AGAIN)
         if answer is None:

@@ -31,7 +31,7 @@ class RunOn:
 
 
 @dataclass(frozen=True)
-class Seen:
+class FolderScan:
     """What a look through a folder found.
 
     Attributes:
@@ -54,7 +54,7 @@ class Seen:
         return tuple(result for result in self.results if result[0] not in unfinished)
 
 
-def look(folder: Path, now: float | None = None) -> Seen:
+def look(folder: Path, now: float | None = None) -> FolderScan:
     """Go through a folder for results and for recordings that grow; links are not followed."""
     instant = time.time() if now is None else now
     results: list[tuple[str, int, int]] = []
@@ -74,7 +74,7 @@ def look(folder: Path, now: float | None = None) -> Seen:
             if newest is not None:
                 runs.append(RunOn(Path(place).relative_to(folder).as_posix(), newest))
         folders[:] = [one for one in folders if not one.startswith(".")]
-    return Seen(tuple(sorted(results)), tuple(sorted(runs, key=lambda run: run.name)))
+    return FolderScan(tuple(sorted(results)), tuple(sorted(runs, key=lambda run: run.name)))
 
 
 def _growing(recordings: Path, now: float) -> Path | None:

@@ -49,7 +49,7 @@ def page(text: str, status: int = 200, *, again: float = 0.0) -> Response:
     return HTMLResponse(text, status, headers)
 
 
-def stored(path: Path, *, own: bool = False) -> Response | None:
+def stored_file(path: Path, *, own: bool = False) -> Response | None:
     """Return a file as an answer; None for a kind of file that is not shown.
 
     Args:

@@ -19,7 +19,7 @@ from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.temporary_folder import TemporaryFolder
 from eha_bench.report.history_markdown import history_markdown
 from eha_bench.report.trend_site import write_site
-from eha_bench.server.runs_on import Seen, look
+from eha_bench.server.runs_on import FolderScan, look
 from eha_bench.trends.history import History, history_of
 from eha_bench.trends.index import update
 from eha_bench.trends.wear import Causes, causes_from
@@ -44,7 +44,7 @@ class FolderState:
         problem: why there is no history, as a sentence; "" while it is being worked out.
     """
 
-    seen: Seen = field(default_factory=lambda: Seen((), ()))
+    seen: FolderScan = field(default_factory=lambda: FolderScan((), ()))
     history: History | None = None
     site: Path | None = None
     problem: str = ""

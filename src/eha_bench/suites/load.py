@@ -14,7 +14,7 @@ from typing import Any
 
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Mistakes, UnitError
-from eha_bench.core.excerpt import fitted
+from eha_bench.core.excerpt import signal_of_length
 from eha_bench.core.limit import SafetyLimit
 from eha_bench.core.located import Located
 from eha_bench.core.margin import EquivalenceMargin
@@ -29,7 +29,7 @@ from eha_bench.suites.acceptance.limits import Judgement, judgement, safety_limi
 from eha_bench.suites.acceptance.margins import margins
 from eha_bench.suites.identifiers import check_identifier
 from eha_bench.suites.matrix import expand
-from eha_bench.suites.own_metrics import OwnMetrics, needed, own_metrics
+from eha_bench.suites.own_metrics import OwnMetrics, needed_metrics, own_metrics
 from eha_bench.suites.reach import ANYWHERE, asked_levels, check_reach
 from eha_bench.suites.signals.signal_model import SignalContext, SignalModel
 from eha_bench.suites.suite import Suite
@@ -169,7 +169,7 @@ def _trial(
         )
     if context.named:
         mode = replace(mode, declared=context.named[0])
-    reference = fitted(signal, duration)
+    reference = signal_of_length(signal, duration)
     judged = Judgement((), ())
     safety: tuple[SafetyLimit, ...] = ()
     matters: dict[str, EquivalenceMargin] = {}
@@ -199,7 +199,7 @@ def _trial(
         safety=safety,
         margins=matters,
         description=run.description.strip(),
-        own_metrics=needed(own.by_id, _asked(judged)),
+        own_metrics=needed_metrics(own.by_id, _asked(judged)),
         levels=asked_levels(mode.channel, initial, signal, content),
     )
     with mistakes:

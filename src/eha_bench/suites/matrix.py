@@ -51,7 +51,7 @@ def expand(trial: Located) -> Iterator[tuple[object, Located]]:
     marked = body.holding("${")
     for combination in product(*parameters):
         values = {name: value for case in combination for name, value in case.values.items()}
-        expanded = marked.mapped(partial(replaced, values=values))
+        expanded = marked.mapped(partial(with_values, values=values))
         yield _identifier(pattern, combination, body.place(("id",))), expanded
 
 
@@ -61,7 +61,7 @@ def _identifier(pattern: object, combination: tuple[FactorLevel, ...], place: Pl
     if _REFERENCE.search(pattern):
         values = {name: value for case in combination for name, value in case.values.items()}
         labels = {name: label(value) for name, value in values.items()}
-        return str(replaced(pattern, place, labels))
+        return str(with_values(pattern, place, labels))
     return "-".join([pattern, *(case.label for case in combination)])
 
 
@@ -112,7 +112,7 @@ def _check_names(parameters: list[list[FactorLevel]], matrix: Located) -> None:
             owner[name] = own
 
 
-def replaced(value: Any, place: Place, values: Mapping[str, Any]) -> Any:
+def with_values(value: Any, place: Place, values: Mapping[str, Any]) -> Any:
     """Return text with each `${name}` replaced; text that is nothing else becomes the value itself.
 
     Raises:

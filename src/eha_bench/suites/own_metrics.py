@@ -119,7 +119,7 @@ def _with_any_formula(name: str, unit: str) -> OwnMetric:
     return OwnMetric(name, Formula.parse("peak"), unit, "", -math.inf, math.inf)
 
 
-def needed(own: Mapping[str, OwnMetric], asked: Iterable[str]) -> tuple[OwnMetric, ...]:
+def needed_metrics(own: Mapping[str, OwnMetric], asked: Iterable[str]) -> tuple[OwnMetric, ...]:
     """Return those of a suite's own metrics that a trial asks for, and those that they need."""
     wanted = set(asked)
     chosen = []

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from eha_bench.core import plugins
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.excerpt import Excerpt, fitted
+from eha_bench.core.excerpt import Excerpt, signal_of_length
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
 from eha_bench.core.margin import EquivalenceMargin
 from eha_bench.core.near_miss import suggest
@@ -220,7 +220,7 @@ def trial_from_source(text: str, name: str = "the recording's trial") -> Trial:
     signal = signal_from(source.signal, name, SignalContext())
     return Trial(
         id=check_identifier(source.id, "the trial's id", Place(file=name, key="id")),
-        signal=fitted(signal, source.duration),
+        signal=signal_of_length(signal, source.duration),
         mode=ControlMode(source.mode, source.unit, Place(file=name, key="mode")),
         setup=Setup(
             source.setup.piston,
@@ -302,6 +302,6 @@ def signal_from(
     return validate(model, content, file, prefix, context=context, places=places)
 
 
-def written(signal: Signal) -> Signal:
+def signal_as_written(signal: Signal) -> Signal:
     """Return the signal as the suite wrote it, without the cut to the trial's length."""
     return signal.whole if isinstance(signal, Excerpt) else signal

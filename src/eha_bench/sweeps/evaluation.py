@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from eha_bench.bench.judging import Scorer, judge, judge_together, score
+from eha_bench.bench.judging import Scorer, judge, judge_together
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError, InputError
 from eha_bench.core.finite import finite_or_none
@@ -18,6 +18,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Score
 from eha_bench.core.trial import Trial
+from eha_bench.metrics import score
 from eha_bench.suites import Suite
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.space import Point, Space
@@ -127,7 +128,7 @@ class PointEvaluation:
                 (math.nan,) * len(limits_of(self.space.case.suite)),
                 reason=error.what,
             )
-        return evaluated(case)
+        return figures_of_case(case)
 
 
 MOST_SAMPLES: Final = 400
@@ -159,10 +160,10 @@ class Evaluated:
     def of(case: Case, draw: int = 0, *, curves: bool = False) -> Evaluated:
         """Run and judge a case; `draw` chooses the noise of the sensors."""
         kept: dict[str, TrialResponse] = {}
-        return Evaluated(evaluated(case, draw, kept if curves else None), kept)
+        return Evaluated(figures_of_case(case, draw, kept if curves else None), kept)
 
 
-def evaluated(
+def figures_of_case(
     case: Case,
     draw: int = 0,
     curves: dict[str, TrialResponse] | None = None,

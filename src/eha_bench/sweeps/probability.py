@@ -24,7 +24,7 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.progress import Progress, silent
 from eha_bench.core.result import Status
-from eha_bench.core.workers import HERE, Workers
+from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.posterior.posterior import Draw, Posterior
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.chance import Chance
@@ -219,7 +219,7 @@ def probability(
     seed: int = 0,
     conditions: Conditions = ANY,
     bands: bool = True,
-    workers: Workers = HERE,
+    workers: Workers = IN_PROCESS,
     progress: Progress = silent,
 ) -> Probability:
     """Return how likely a case's limits are kept.

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from eha_bench.bench.store import Shelf, held, set_aside
+from eha_bench.bench.store import SuiteFolder, folder_lock, set_aside
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.errors import InputError, Place
@@ -22,7 +22,7 @@ from eha_bench.core.interruption import Interruption
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import Progress, silent
 from eha_bench.core.result import Status
-from eha_bench.core.workers import HERE, Workers
+from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.design import design_of
 from eha_bench.sweeps.evaluation import LimitName, PointEvaluation, PointResult, limits_of
@@ -119,7 +119,7 @@ def _status(sweep: SweepResult) -> Status:
     return Status.PASSED if sweep.passed else Status.FAILED
 
 
-def prepared(case: Case, file: SweepFile) -> tuple[Space, tuple[Point, ...]]:
+def prepared_sweep(case: Case, file: SweepFile) -> tuple[Space, tuple[Point, ...]]:
     """Return the space and the points of a sweep file over a case.
 
     Raises:
@@ -132,10 +132,10 @@ def prepared(case: Case, file: SweepFile) -> tuple[Space, tuple[Point, ...]]:
 def run_sweep(
     case: Case,
     file: SweepFile,
-    out: Path | Shelf,
+    out: Path | SuiteFolder,
     *,
     resume: bool = False,
-    workers: Workers = HERE,
+    workers: Workers = IN_PROCESS,
     progress: Progress = silent,
 ) -> SweepResult:
     """Run a case's suite at every point of a sweep file; write its table and its summary.
@@ -150,7 +150,7 @@ def run_sweep(
     Raises:
         InputError: a factor that the case does not have, or `out` holds something else.
     """
-    space, points = prepared(case, file)
+    space, points = prepared_sweep(case, file)
     limits = limits_of(case.suite)
     if not limits:
         raise InputError(
@@ -166,7 +166,7 @@ def run_sweep(
         "sweep_sha256": file.sha256,
         **case.simulator.identity.digests,
     }
-    with held(folder), PointJournal(folder / JOURNAL, digests, resume=resume) as journal:
+    with folder_lock(folder), PointJournal(folder / JOURNAL, digests, resume=resume) as journal:
         _run_rest(space, points, journal, workers, progress)
         results = {place: journal.done[place] for place in sorted(journal.done)}
         sweep = SweepResult(space, points, results, limits, folder, file.path)
@@ -174,8 +174,8 @@ def run_sweep(
     return sweep
 
 
-def _folder(out: Path | Shelf, *, resume: bool) -> Path:
-    if isinstance(out, Shelf):
+def _folder(out: Path | SuiteFolder, *, resume: bool) -> Path:
+    if isinstance(out, SuiteFolder):
         latest = out.latest() if resume else None
         return latest or out.claim()
     folder = writable(out)
@@ -187,7 +187,7 @@ def _folder(out: Path | Shelf, *, resume: bool) -> Path:
             hint="name another folder with --out",
         )
     if ours and not resume:
-        with held(folder):
+        with folder_lock(folder):
             set_aside(folder)
     folder.mkdir(parents=True, exist_ok=True)
     return folder

@@ -35,7 +35,7 @@ def open_target(
         InputError: no such target, or its file is wrong.
     """
     if isinstance(target, Mapping):
-        path = yaml_file.given(target, "target" if "target" in target else "model")
+        path = yaml_file.file_of_content(target, "target" if "target" in target else "model")
     elif str(target) == "simulator":
         return default_simulator(named("model"), named("controller"))
     else:

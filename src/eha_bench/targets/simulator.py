@@ -15,11 +15,12 @@ from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.limit import Bounds
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.core.units import Unit
 from eha_bench.core.yaml_file import StrictModel
 from eha_bench.plants.model import Model, model_from
+from eha_bench.plants.session import Session
 from eha_bench.targets.channel_check import check_channels
 from eha_bench.targets.closed_loop import ClosedLoop
 from eha_bench.targets.sensors import RIG_SENSORS, SimulatedSensor
@@ -134,7 +135,8 @@ class Simulator(Target):
 
     def run(self, trial: Trial, repeat: int, stopping: Stopping = never) -> Outcome:
         """Run one repeat; the same trial, repeat and files give the same recording."""
-        session = self._plant.session(
+        session = Session(
+            self._plant,
             self._vector,
             self._initial(trial),
             locked=trial.setup.piston is Piston.LOCKED,
@@ -249,7 +251,7 @@ def simulator_from_file(path: Path) -> Simulator:
     own = yaml_file.file_beside(path, content, "controller") if file.controller else None
     return Simulator(
         model,
-        load_controllers(own or shipped("controllers/paper.yaml")),
+        load_controllers(own or shipped_file("controllers/paper.yaml")),
         sensors=file.sensors,
         step=file.step,
         name=f"simulator:{path.stem}",
@@ -258,9 +260,9 @@ def simulator_from_file(path: Path) -> Simulator:
 
 def default_simulator(model: Path | None = None, controller: Path | None = None) -> Simulator:
     """Return the simulator with the shipped model and controller, or those given."""
-    chosen = model or shipped("models/paper.yaml")
+    chosen = model or shipped_file("models/paper.yaml")
     return Simulator(
-        model_from(chosen), load_controllers(controller or shipped("controllers/paper.yaml"))
+        model_from(chosen), load_controllers(controller or shipped_file("controllers/paper.yaml"))
     )
 
 

@@ -17,7 +17,7 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.lazy import later
 from eha_bench.core.margin import parse_margin
 from eha_bench.core.metric import Better, metric_spec
-from eha_bench.core.workers import HERE, Workers
+from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.suites.acceptance.grammar import parse_bounds, split_stated
 from eha_bench.trends.changes import FEWEST
 from eha_bench.trends.events import Event, events_of
@@ -129,7 +129,7 @@ class History:
         write_text(path, self.to_json())
 
 
-def history_of(index: Index, folder: str, workers: Workers = HERE) -> History:
+def history_of(index: Index, folder: str, workers: Workers = IN_PROCESS) -> History:
     """Return the trends of an index, each judged by itself, wherever the workers are.
 
     Raises:

@@ -122,7 +122,7 @@ def update(file: Path, folder: Path, *, rebuild: bool = False) -> Index:
     Args:
         file: the index; made where there is none.
         folder: watched folder; every result.json below it is a run.
-        rebuild: make it again from what is there.
+        rebuild: make it again from the results.
 
     Raises:
         InputError: the folder is not there, the file is not an index, or cannot be written.

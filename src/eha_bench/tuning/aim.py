@@ -46,7 +46,7 @@ class Aim(ABC):
         return self.of(np.concatenate([margins, rest]))
 
 
-class Passing(Aim):
+class PassProbability(Aim):
     """P(pass), and among equals the mean of the worst quarter of the least margins."""
 
     def of(self, margins: FloatArray) -> float:
@@ -74,7 +74,7 @@ class Tail(Aim):
 
 
 @dataclass(frozen=True)
-class Only(Aim):
+class LeastMarginOf(Aim):
     """The least margin of some of the limits, whatever becomes of the others."""
 
     places: tuple[int, ...]

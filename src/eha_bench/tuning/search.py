@@ -23,7 +23,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.sweeps.space import Point, Space
 from eha_bench.tuning.aim import Aim, least
 from eha_bench.tuning.surrogate import next_places
-from eha_bench.tuning.trying import Machine, Trying
+from eha_bench.tuning.trying import GainTrials, Machine
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class GainSearch:
         stop: whether it was asked to stop. tell: called with each generation.
     """
 
-    trying: Trying
+    trying: GainTrials
     machines: Sequence[Machine]
     aim: Aim
     stop: Callable[[], bool]
@@ -93,7 +93,7 @@ class GainSearch:
 
         if self.stop():
             return
-        # the stubs know neither the vectorized form nor the callback that is told all
+        # the stubs know neither the vectorized form nor the callback that gets all
         evolve: Any = optimize.differential_evolution
         self._standing = None
         evolve(

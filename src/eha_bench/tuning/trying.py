@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from eha_bench.bench.judging import score_limits
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.workers import Workers
+from eha_bench.metrics import score_limits
 from eha_bench.plants.model import Model
 from eha_bench.sweeps.case import Case
-from eha_bench.sweeps.evaluation import PointResult, evaluated, limits_of
+from eha_bench.sweeps.evaluation import PointResult, figures_of_case, limits_of
 from eha_bench.sweeps.probability import judged_only
 from eha_bench.sweeps.remainder import with_remainder
 from eha_bench.sweeps.space import Point, Space
@@ -47,11 +47,11 @@ class _MachineRun:
         simulator = case.simulator.varied(model=job.machine.model)
         simulator = with_remainder(simulator, job.machine.remainder)
         noise = max(job.machine.number, 0)
-        return evaluated(replace(case, simulator=simulator), noise, scorer=score_limits)
+        return figures_of_case(replace(case, simulator=simulator), noise, scorer=score_limits)
 
 
 @dataclass
-class Trying:
+class GainTrials:
     """Candidates over machines.
 
     Attributes:

@@ -17,7 +17,7 @@ import numpy as np
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.progress import Progress, silent
-from eha_bench.core.workers import HERE, Workers
+from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.core.yaml_file import line_of, parse
 from eha_bench.posterior.posterior import Draw, Posterior
 from eha_bench.sweeps.case import Case
@@ -27,7 +27,7 @@ from eha_bench.sweeps.factor import Gain
 from eha_bench.sweeps.probability import Probability, judged_only
 from eha_bench.sweeps.space import Point, Space, space_of
 from eha_bench.sweeps.span import Range
-from eha_bench.tuning.aim import Aim, Only, Passing, Worst
+from eha_bench.tuning.aim import Aim, LeastMarginOf, PassProbability, Worst
 from eha_bench.tuning.contradiction import Contradiction, contradiction
 from eha_bench.tuning.search import (
     GainSearch,
@@ -35,7 +35,7 @@ from eha_bench.tuning.search import (
     first_population,
     narrow_population,
 )
-from eha_bench.tuning.trying import Machine, Trying
+from eha_bench.tuning.trying import GainTrials, Machine
 from eha_bench.tuning.vary_file import VaryFile
 
 _AS_FITTED = -1
@@ -115,7 +115,7 @@ def tune(
     effort: SearchEffort | None = None,
     aim: Aim | None = None,
     conditions: Conditions = ANY,
-    workers: Workers = HERE,
+    workers: Workers = IN_PROCESS,
     progress: Progress = silent,
 ) -> Tuned:
     """Return the gains that pass with the highest probability, and among these with most margin.
@@ -132,9 +132,9 @@ def tune(
         InputError: a gain that no controller has, an empty range, gains that no limit follows, or
             a limit that nothing scores.
     """
-    effort, aim = effort or SearchEffort(), aim or Passing()
+    effort, aim = effort or SearchEffort(), aim or PassProbability()
     space = gains_space(judged_only(case), file)
-    trying = Trying(space, workers)
+    trying = GainTrials(space, workers)
     if not trying.moves:
         raise InputError(
             "no trial with a limit is run under a controller of these gains",
@@ -153,7 +153,7 @@ def _modes(case: Case) -> tuple[str, ...]:
 
 @dataclass
 class _Tuning:
-    trying: Trying
+    trying: GainTrials
     posterior: Posterior | None
     effort: SearchEffort
     aim: Aim
@@ -226,7 +226,7 @@ class _Tuning:
 
     def _search(self, machines: Sequence[Machine], aim: Aim) -> GainSearch:
         def tell(search: GainSearch) -> None:
-            if isinstance(aim, Only):
+            if isinstance(aim, LeastMarginOf):
                 self.progress(0, self.effort.candidates, "searching for limits that cannot be kept")
                 return
             what = "at the model as fitted" if len(machines) == 1 else f"over {len(machines)} draws"
@@ -249,7 +249,7 @@ class _Tuning:
         limit = limits_of(suite)[int(unscored[0])]
         alone = replace(suite, trials=tuple(t for t in suite.trials if t.id == limit.trial))
         case = replace(self.trying.space.case, suite=alone)
-        trying = Trying(replace(self.trying.space, case=case), HERE)
+        trying = GainTrials(replace(self.trying.space, case=case), IN_PROCESS)
         machine = Machine(_AS_FITTED, case.simulator.model)
         found = trying.results([first.best.point], [machine])[0][0]
         raise InputError(
@@ -270,7 +270,7 @@ class _Tuning:
             if doubt is None:
                 break
             asked.add(doubt)
-            search = self._search(first.machines, Only(doubt))
+            search = self._search(first.machines, LeastMarginOf(doubt))
             nearest = sorted(tried, key=lambda item: -search.aim.of(item.margins))[:3]
             start = narrow_population(nearest, size, 3.0 * _SPREAD, self.effort.seed)
             search.run(start, _GENERATIONS_OF_DOUBT, self.effort.seed)

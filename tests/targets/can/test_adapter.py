@@ -13,7 +13,7 @@ import pytest
 from eha_bench.core.interruption import Interruption
 from eha_bench.targets.can.adapter import adapter_of
 from eha_bench.targets.can.bus import Bus, BusLost
-from eha_bench.targets.can.hold import Hold, Latched, RigBusy
+from eha_bench.targets.can.hold import Hold, RigBusy, RigLatched
 from eha_bench.targets.can.target_file import BusFile
 
 
@@ -84,9 +84,9 @@ def test_deleting_the_lock_frees_nothing(tmp_path: Path) -> None:
 
 def test_a_latch_is_found_by_the_adapter_as_well() -> None:
     Hold("one", "tcp-4711").arm("step")
-    with pytest.raises(Latched, match="step"):
+    with pytest.raises(RigLatched, match="step"):
         Hold("another", "tcp-4711").check()
-    with pytest.raises(Latched, match="step"):
+    with pytest.raises(RigLatched, match="step"):
         Hold("one", "tcp-4712").check()
     Hold("one", "tcp-4711").clear("Ada")
     Hold("another", "tcp-4711").check()

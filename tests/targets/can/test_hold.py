@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from eha_bench.core.errors import TargetFault
-from eha_bench.targets.can.hold import Hold, Latched, RigBusy
+from eha_bench.targets.can.hold import Hold, RigBusy, RigLatched
 
 
 def test_a_second_holder_is_refused_until_the_first_lets_go() -> None:
@@ -30,7 +30,7 @@ def test_a_latch_survives_its_process_and_only_a_person_takes_it_away(tmp_path: 
     subprocess.run([sys.executable, "-c", code], check=False)
     hold = Hold("rig")
     hold.take()
-    with pytest.raises(Latched, match="torque was on, in trial 'step'"):
+    with pytest.raises(RigLatched, match="torque was on, in trial 'step'"):
         hold.check()
     assert "step" in str(hold.clear("Ada"))
     hold.check()
@@ -51,7 +51,7 @@ def test_disarmed_is_as_if_nothing_had_been() -> None:
 def test_a_damaged_latch_still_latches(tmp_path: Path) -> None:
     hold = Hold("rig")
     (tmp_path / "state" / "rig.latch").write_text("{", encoding="utf-8")
-    with pytest.raises(Latched):
+    with pytest.raises(RigLatched):
         hold.check()
 
 

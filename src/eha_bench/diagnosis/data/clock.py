@@ -22,7 +22,7 @@ _BESIDE = 0.3
 _NOTICED = 1e-3
 """And at least, in periods, to be worth it."""
 _FEWEST = 50
-TELLING = 20.0
+DECISIVE = 20.0
 """Least sum of squares that tells 0 from 1: noise is 0.4 of its unit, so the slope's error 0.1."""
 
 
@@ -57,7 +57,7 @@ class RegularClock:
 
 
 @dataclass(frozen=True)
-class Telling:
+class ClockEvidence:
     """What readings say of stamps: a regression of 0 says regular, of 1 that stamps are true.
 
     Attributes:
@@ -67,18 +67,18 @@ class Telling:
     product: float = 0.0
     square: float = 0.0
 
-    def __add__(self, other: Telling) -> Telling:
+    def __add__(self, other: ClockEvidence) -> ClockEvidence:
         """What both say together."""
-        return Telling(self.product + other.product, self.square + other.square)
+        return ClockEvidence(self.product + other.product, self.square + other.square)
 
     @property
-    def tells(self) -> bool:
-        """Whether it tells one from the other."""
-        return self.square >= TELLING
+    def is_decisive(self) -> bool:
+        """Whether it decides between the two."""
+        return self.square >= DECISIVE
 
     @property
     def for_stamps(self) -> bool:
-        """Whether it speaks for the stamps."""
+        """Whether it is for the stamps."""
         return self.product > 0.5 * self.square
 
 
@@ -91,8 +91,8 @@ def regular_clock(time: FloatArray, channels: Sequence[FloatArray]) -> FloatArra
     clock = clock_beside(time)
     if clock is None or not _NOTICED * clock.period < clock.beside:
         return None
-    evidence = telling(clock, channels)
-    return None if not evidence.tells or evidence.for_stamps else clock.tick * clock.period
+    evidence = clock_evidence(clock, channels)
+    return None if not evidence.is_decisive or evidence.for_stamps else clock.tick * clock.period
 
 
 def clock_beside(time: FloatArray) -> RegularClock | None:
@@ -120,7 +120,7 @@ def clock_beside(time: FloatArray) -> RegularClock | None:
     return clock if clock.beside < _BESIDE * slope else None
 
 
-def telling(clock: RegularClock, channels: Sequence[FloatArray]) -> Telling:
+def clock_evidence(clock: RegularClock, channels: Sequence[FloatArray]) -> ClockEvidence:
     """Return whether readings have gone on by what their stamps are late.
 
     Args:
@@ -142,4 +142,4 @@ def telling(clock: RegularClock, channels: Sequence[FloatArray]) -> Telling:
         good &= np.abs(third) < far
         product += float(third[good] @ expected[good]) / far**2
         square += float(expected[good] @ expected[good]) / far**2
-    return Telling(product, square)
+    return ClockEvidence(product, square)

@@ -19,7 +19,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.shipped import by_name
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.core.units import Unit
-from eha_bench.core.yaml_file import Real, StrictModel, WrongAt
+from eha_bench.core.yaml_file import ErrorAt, Real, StrictModel
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.model import Model, model_from, parse_parameter
 from eha_bench.plants.plant import Plant
@@ -81,7 +81,7 @@ class RunEntry(StrictModel):
     @model_validator(mode="after")
     def _ends_later(self) -> RunEntry:
         if self.stop is not None and self.stop <= self.start:
-            raise WrongAt(
+            raise ErrorAt(
                 f"it ends at {self.stop:g} s, not after its start at {self.start:g} s", "to"
             )
         return self
@@ -360,7 +360,7 @@ def _computed(
     for name, entry in channels.items():
         try:
             check_known(name, entry.unit)
-        except WrongAt as error:
+        except ErrorAt as error:
             raise InputError(str(error), where=place("channels", name, *error.keys)) from error
     in_order(channels, place("channels"))
     return channels

@@ -14,12 +14,12 @@ import numpy as np
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.errors import MissingChannelError, Place, RecordingError
-from eha_bench.core.note import Note, merged, of_run
+from eha_bench.core.note import Note, merged_notes, of_run
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.clock import regular_clock
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.dataset import Run
-from eha_bench.diagnosis.data.lost_inputs import Unsure, guessed
+from eha_bench.diagnosis.data.lost_inputs import LostValues, guess_lost
 from eha_bench.diagnosis.data.noise import (
     noise_of,
     noise_of_input,
@@ -101,7 +101,7 @@ class Measured:
     late: Mapping[str, str] = field(default_factory=dict)
     clocks: Mapping[str, int] = field(default_factory=dict)
     lateness: Mapping[str, float] = field(default_factory=dict)
-    unsure: Mapping[str, Unsure] = field(default_factory=dict)
+    unsure: Mapping[str, LostValues] = field(default_factory=dict)
     apart: bool = False
 
     def at(self, channel: str, ticks: slice | IndexArray) -> FloatArray:
@@ -211,9 +211,9 @@ class Measured:
         return np.where(self.valid[:, at], self.values[:, at], np.nan)
 
 
-def grouped(measured: Sequence[Measured]) -> tuple[str, ...]:
+def notes_of_runs(measured: Sequence[Measured]) -> tuple[str, ...]:
     """Return the notes of several runs, those that differ in numbers only as one."""
-    return merged(note for item in measured for note in item.notes)
+    return merged_notes(note for item in measured for note in item.notes)
 
 
 def pooled_noise(measured: Sequence[Measured], outputs: Sequence[str]) -> dict[str, float]:
@@ -386,7 +386,7 @@ class _Driven:
 
     values: dict[str, FloatArray]
     noise: dict[str, float]
-    unsure: dict[str, Unsure]
+    unsure: dict[str, LostValues]
     missing: BoolArray
 
 
@@ -422,7 +422,7 @@ def _driven(
             text = "{run}: input '{channel}' has {count:d} gaps, bridged"
             values: dict[str, str | int] = {"channel": name, "count": int(lost.sum())}
             if asked:
-                known, found.unsure[name] = guessed(time, raw, lost)
+                known, found.unsure[name] = guess_lost(time, raw, lost)
                 text += "; {unknown:d} of them are unknown"
                 values["unknown"] = found.unsure[name].ticks.size
             notes.append(Note(text, run=run.name, **values))

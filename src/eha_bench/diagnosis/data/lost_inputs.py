@@ -27,7 +27,7 @@ _MOST = 3
 
 
 @dataclass(frozen=True)
-class Unsure:
+class LostValues:
     """An input's values that were not logged.
 
     Attributes:
@@ -40,7 +40,9 @@ class Unsure:
     spread: FloatArray
 
 
-def guessed(time: FloatArray, values: FloatArray, lost: BoolArray) -> tuple[FloatArray, Unsure]:
+def guess_lost(
+    time: FloatArray, values: FloatArray, lost: BoolArray
+) -> tuple[FloatArray, LostValues]:
     """Return an input with guesses where its messages were lost, and how far they may be off.
 
     Args:
@@ -51,7 +53,7 @@ def guessed(time: FloatArray, values: FloatArray, lost: BoolArray) -> tuple[Floa
     at = _few_in_a_row(lost & ~np.isfinite(values), np.isfinite(values))
     if there.size < 2 * _SIDE:
         none = np.zeros(0, dtype=np.intp)
-        return out, Unsure(none, none, np.zeros(0))
+        return out, LostValues(none, none, np.zeros(0))
     t, y = time[there], values[there]
     place = np.searchsorted(there, at)
     inside = (place >= 1) & (place < there.size)
@@ -77,7 +79,7 @@ def guessed(time: FloatArray, values: FloatArray, lost: BoolArray) -> tuple[Floa
     acting = np.append(np.flatnonzero(lost | np.isfinite(values)), values.size)
     stops = acting[np.searchsorted(acting, at) + 1]
     moves = spread > 0.0
-    return out, Unsure(at[moves], stops[moves], spread[moves])
+    return out, LostValues(at[moves], stops[moves], spread[moves])
 
 
 def _few_in_a_row(lost: BoolArray, there: BoolArray) -> IndexArray:

@@ -43,7 +43,7 @@ _ALIKE = 0.05
 """What sampling periods may differ by and still be the same, as a share of them."""
 
 
-def coloured(measured: Sequence[Measured]) -> tuple[Measured, ...]:
+def with_noise_colour(measured: Sequence[Measured]) -> tuple[Measured, ...]:
     """Return runs with the colour of their channels' noise, where it is not white.
 
     A measured input that remembers is as noisy as all of its noise, not as what is new in it.

@@ -15,7 +15,7 @@ class StartAngle:
     """The angle of the shaft at a run's first sample.
 
     Attributes:
-        value: rad. spread: how far it may be off before the run itself has told, one standard
+        value: rad. spread: how far it may be off before the run itself is fitted, one standard
             deviation, rad; 0 where it is taken for known.
     """
 
@@ -24,7 +24,7 @@ class StartAngle:
 
     @property
     def is_estimated(self) -> bool:
-        """Whether the run itself has to tell it."""
+        """Whether it is estimated from the run itself."""
         return self.spread > 0.0
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.note import Note
 from eha_bench.core.recording import Recording
-from eha_bench.diagnosis.data.clock import RegularClock, Telling, clock_beside, telling
+from eha_bench.diagnosis.data.clock import ClockEvidence, RegularClock, clock_beside, clock_evidence
 
 _SAME = 0.05
 """What samples of one tick lie apart at most, in periods of the fastest topic."""
@@ -160,11 +160,11 @@ def _topic(part: Recording, wanted: Collection[str]) -> _Topic:
 
 def _at_their_clocks(topics: Sequence[_Topic]) -> tuple[list[_Topic], list[Note]]:
     """Return topics on regular clocks where the log's readings do not speak for its stamps."""
-    evidence = Telling()
+    evidence = ClockEvidence()
     for item in topics:
         if item.clock is not None:
-            evidence += telling(item.clock, [item.part.values[name] for name in item.names])
-    regular = not (evidence.tells and evidence.for_stamps)
+            evidence += clock_evidence(item.clock, [item.part.values[name] for name in item.names])
+    regular = not (evidence.is_decisive and evidence.for_stamps)
     found, notes = [], []
     for item in topics:
         own = item

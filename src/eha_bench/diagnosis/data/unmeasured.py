@@ -39,7 +39,7 @@ def missing(plant: Plant, window: Window) -> tuple[str, ...]:
     )
 
 
-def carried(
+def with_carried_states(
     plant: Plant, vector: FloatArray, windows: Sequence[Window], step: float
 ) -> list[Window]:
     """Return windows of one run with the states that they miss, as a simulation carries them.

@@ -61,7 +61,7 @@ class Window:
     noise: Mapping[str, float] = field(default_factory=dict)
 
 
-def cut(
+def cut_windows(
     measured: Measured, noise: Mapping[str, float], length: float = FREE_WINDOW
 ) -> list[Window]:
     """Return the windows of a run, in the order of time, without overlap.
@@ -127,7 +127,7 @@ def window_at(measured: Measured, first: int, last: int, noise: Mapping[str, flo
     return Window(measured, first, last, state, spread, noise)
 
 
-def restarted(window: Window, measured: Measured) -> Window:
+def from_another_angle(window: Window, measured: Measured) -> Window:
     """Return a window of the same run, of which only the shaft's angle at the start is another."""
     state, spread = dict(window.initial), dict(window.spread)
     _turn(measured, window.first, window.noise, state, spread)

@@ -16,14 +16,20 @@ from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.data.gate import (
     Measured,
     admit,
-    grouped,
+    notes_of_runs,
     pooled_noise,
     restful_channels,
 )
-from eha_bench.diagnosis.data.quiet import coloured, quiet_stretches, with_colours
+from eha_bench.diagnosis.data.quiet import quiet_stretches, with_colours, with_noise_colour
 from eha_bench.diagnosis.data.start_angle import StartAngle
 from eha_bench.diagnosis.data.ticks import on_ticks
-from eha_bench.diagnosis.data.windows import Window, cut, restarted, split, window_at
+from eha_bench.diagnosis.data.windows import (
+    Window,
+    cut_windows,
+    from_another_angle,
+    split,
+    window_at,
+)
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
 from eha_bench.diagnosis.fit.evidence import refined_noise
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
@@ -32,7 +38,7 @@ from eha_bench.diagnosis.fit.own_parameters import with_clocks, with_own
 from eha_bench.diagnosis.fit.problem import Problem, cost_of
 from eha_bench.diagnosis.fit.residual_colour import NOTHING_SEEN, noise_of_residual
 from eha_bench.diagnosis.fit.start_angles import counts_on, own_angles
-from eha_bench.diagnosis.fit.starts import Arrival, arrived
+from eha_bench.diagnosis.fit.starts import MultistartFit, best_fit_of_starts
 from eha_bench.plants.layout import Layout
 
 STEP = 2e-4
@@ -162,7 +168,7 @@ def gather(
             unread.append(error)
     if unread and not measured:
         raise unread[0]
-    measured = [*with_clocks(plant.layout, coloured(measured))]
+    measured = [*with_clocks(plant.layout, with_noise_colour(measured))]
     noise = pooled_noise(measured, compared)
     if not noise:
         raise InputError(
@@ -170,8 +176,8 @@ def gather(
             where=Place(file=dataset.source),
             hint=f"{plant.id} gives: {', '.join(compared)}",
         )
-    windows = [window for item in measured for window in cut(item, noise)]
-    windows = thinned(windows)
+    windows = [window for item in measured for window in cut_windows(item, noise)]
+    windows = thinned_windows(windows)
     notes = [f"a training run is left out: {error}" for error in unread]
     notes += [
         f"'{name}' is not compared: no input drives it"
@@ -181,7 +187,7 @@ def gather(
     return tuple(measured), windows, noise, (*notes, *_noise_notes(measured), *_notes(measured))
 
 
-def thinned(windows: list[Window], budget: float = BUDGET) -> list[Window]:
+def thinned_windows(windows: list[Window], budget: float = BUDGET) -> list[Window]:
     """Return evenly chosen windows where all of them are longer than a budget in s and in ticks."""
     total = sum(_length(window) for window in windows)
     budget = max(budget, BUDGET_TICKS * _tick(windows))
@@ -213,7 +219,7 @@ class CalibrationInterrupted(KeyboardInterrupt):
         self.baseline = baseline
 
 
-def calibrated(dataset: Dataset, progress: ProgressHook = no_progress) -> Baseline:
+def calibrated_baseline(dataset: Dataset, progress: ProgressHook = no_progress) -> Baseline:
     """Fit the parameters under `calibrate`, and what is mundane, to all training runs.
 
     Raises:
@@ -265,7 +271,9 @@ def _calibrated(
     if seen.levels:
         measured = tuple(with_colours(item, seen.colours) for item in measured)
         noise = pooled_noise(measured, plant.outputs) | seen.levels
-        windows = thinned([window for item in measured for window in cut(item, noise)])
+        windows = thinned_windows(
+            [window for item in measured for window in cut_windows(item, noise)]
+        )
         declared, rough, arrival = _roughly(dataset, windows, noise, best)
     progress("calibrate", 0.4)
     fit = at_rest(rough, arrival.fit)
@@ -323,13 +331,13 @@ def _at_their_angles(
     starts = own_angles(Problem(dataset.model.plant, windows, noise, COARSE), vector)
     turned = {item.run.name: item.at_angles(starts) for item in measured}
     return tuple(turned.values()), [
-        restarted(item, turned[item.measured.run.name]) for item in windows
+        from_another_angle(item, turned[item.measured.run.name]) for item in windows
     ]
 
 
 def _roughly(
     dataset: Dataset, windows: list[Window], noise: dict[str, float], best: list[FloatArray]
-) -> tuple[FloatArray, Problem, Arrival]:
+) -> tuple[FloatArray, Problem, MultistartFit]:
     """Return the residual of the declared model, and where first fits end with their problem."""
     rough = Problem(dataset.model.plant, windows, noise, COARSE, beliefs_of(dataset.model))
     vector = rough.places.lengthened(dataset.model.vector())
@@ -337,7 +345,7 @@ def _roughly(
     first = rough.residual(vector)
     rough.scale_to(first)
     free = free_parameters(rough.places, _keys(dataset, rough), vector)
-    arrival = arrived(rough, vector, free, best.append)
+    arrival = best_fit_of_starts(rough, vector, free, best.append)
     rough.scale_to(arrival.fit.residual)
     return first, rough, arrival
 
@@ -373,7 +381,7 @@ def colour_notes(measured: Sequence[Measured]) -> Iterator[str]:
 
 
 def _notes(measured: Sequence[Measured]) -> tuple[str, ...]:
-    notes = grouped(measured)
+    notes = notes_of_runs(measured)
     total = sum(float(item.time[-1]) for item in measured)
     ticks = sum(item.time.size - 1 for item in measured)
     budget = max(BUDGET, BUDGET_TICKS * total / max(ticks, 1))

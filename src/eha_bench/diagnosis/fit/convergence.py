@@ -87,7 +87,7 @@ def convergence(fit: Fit, starts: int = 1, agreed: int = 1) -> Convergence:
     """Return how a fit ended.
 
     Args:
-        fit: with the Jacobian at its own place. starts, agreed: as `starts.Arrival` has them.
+        fit: with the Jacobian at its own place. starts, agreed: as `MultistartFit` has them.
     """
     soft, weight = soften(fit.residual, fit.soft)
     matrix = fit.jacobian * weight[:, None]

@@ -10,7 +10,7 @@ _SIMULATED: ContextVar[list[float] | None] = ContextVar("simulated", default=Non
 
 
 @contextmanager
-def counted() -> Iterator[list[float]]:
+def count_simulated_time() -> Iterator[list[float]]:
     """A context in which all simulated times are noted in the list that it gives, s."""
     spent: list[float] = []
     token = _SIMULATED.set(spent)
@@ -20,8 +20,8 @@ def counted() -> Iterator[list[float]]:
         _SIMULATED.reset(token)
 
 
-def simulated(seconds: float) -> None:
-    """Note a simulated time, s; outside of `counted` it is dropped."""
+def note_simulated_time(seconds: float) -> None:
+    """Note a simulated time, s; outside of `count_simulated_time` it is dropped."""
     spent = _SIMULATED.get()
     if spent is not None:
         spent.append(seconds)

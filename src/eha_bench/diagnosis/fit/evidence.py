@@ -116,7 +116,6 @@ class Excess:
     Attributes:
         total: cost above the noise's.
         size: number of residuals.
-        structure: mean square of block means over that of white noise, by block length.
         significance: in standard deviations, of the most structured block length, or of a channel
             that swings.
         by_channel: channel -> mean square.
@@ -126,7 +125,6 @@ class Excess:
 
     total: float
     size: int
-    structure: Mapping[int, float]
     significance: float
     by_channel: Mapping[str, float]
     bursts: float = 0.0
@@ -146,7 +144,7 @@ def is_unexplained(rest: Excess) -> bool:
 
 def excess(problem: Problem, fit: Fit) -> Excess:
     """Return what the residual of a fit holds beyond noise."""
-    structure: dict[int, float] = {}
+    white = 1.0
     significance = -np.inf
     parts = [(channel, part) for _, channel, part in _by_channel(problem, fit.residual)]
     clipped = [np.clip(part, -_FURTHEST, _FURTHEST) for _, part in parts]
@@ -160,10 +158,11 @@ def excess(problem: Problem, fit: Fit) -> Excess:
                 count += blocks
         if count > len(fit.free) + 4:
             value = total / (count - len(fit.free))
-            structure[length] = value
-            if length > 1:
-                # apart from single samples: what is white only tells a wrong estimate of the noise
-                above = value / max(1.0, structure.get(1, 1.0)) - 1.0
+            if length == 1:
+                # what is white only tells a wrong estimate of the noise
+                white = max(1.0, value)
+            else:
+                above = value / white - 1.0
                 significance = max(significance, above * np.sqrt(count / 2.0))
     bursts = 0.0
     for channel in dict.fromkeys(channel for channel, _ in parts):
@@ -178,7 +177,6 @@ def excess(problem: Problem, fit: Fit) -> Excess:
     return Excess(
         fit.cost - floor,
         problem.size,
-        structure,
         float(significance),
         {name: float(np.mean(values)) for name, values in sums.items()},
         bursts,

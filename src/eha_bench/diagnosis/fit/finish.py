@@ -63,7 +63,7 @@ def fine_enough(problem: Problem, vector: FloatArray) -> Problem:
 
 
 @dataclass(frozen=True)
-class Finished:
+class ConvergedFit:
     """A fit at the bottom of its cost.
 
     Attributes:
@@ -75,7 +75,7 @@ class Finished:
     shifts: Mapping[str, float]
 
 
-def finished(problem: Problem, fit: Fit) -> Finished:
+def converged_fit(problem: Problem, fit: Fit) -> ConvergedFit:
     """Return a fit at the bottom of the cost, at half the step at which it was found or the finest.
 
     Args:
@@ -110,7 +110,7 @@ def finished(problem: Problem, fit: Fit) -> Finished:
     coarse, _ = soften(problem.at_step(2.0 * finer.step).residual(fit.vector), fit.soft)
     matrix = fit.jacobian * weight[:, None]
     moved = np.linalg.lstsq(matrix, coarse - soft, rcond=1e-10)[0] if fit.free else np.zeros(0)
-    return Finished(
+    return ConvergedFit(
         fit,
         {item.key: float(step * item.scale) for item, step in zip(fit.free, moved, strict=True)},
     )

@@ -14,12 +14,12 @@ import numpy as np
 
 from eha_bench.core.note import Note
 from eha_bench.diagnosis.data.gate import Measured
-from eha_bench.diagnosis.data.windows import Window, cut
+from eha_bench.diagnosis.data.windows import Window, cut_windows
 from eha_bench.diagnosis.fit.evidence import groups_of
 from eha_bench.diagnosis.fit.least_squares import free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.own_parameters import with_own
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.fit.starts import arrived
+from eha_bench.diagnosis.fit.starts import best_fit_of_starts
 from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates
 from eha_bench.plants.model import Model
 
@@ -89,7 +89,7 @@ def first_part(measured: Measured, model: Model, noise: Mapping[str, float]) -> 
     run = with_own(plant.layout, [measured.run], model.per_run)[0]
     if not run.own:
         return FirstPart(run.name, until)
-    windows = _until(cut(replace(measured, run=run), noise), until)
+    windows = _until(cut_windows(replace(measured, run=run), noise), until)
     known = {name: level for name, level in noise.items() if name in measured.outputs}
     problem = Problem(plant, windows, known, _STEP)
     vector = problem.places.lengthened(model.vector()) if windows else model.vector()
@@ -104,7 +104,7 @@ def first_part(measured: Measured, model: Model, noise: Mapping[str, float]) -> 
     keys = [item.key for item in problem.places.own]
     free = free_parameters(problem.places, keys, vector)
     # a load that is far from the declared one starts the run elsewhere: one start is not enough
-    fit = arrived(problem, vector, free, lambda _: None).fit
+    fit = best_fit_of_starts(problem, vector, free, lambda _: None).fit
     problem.scale_to(fit.residual)
     fit = levenberg_marquardt(problem, fit.vector, free, iterations=4)
     intervals = estimates(fit, groups_of(problem), {})

@@ -38,7 +38,7 @@ _REACH = 2.0
 
 
 @dataclass(frozen=True)
-class Shaken:
+class InputNoise:
     """What the noise of a window's inputs does to its residual.
 
     Attributes:
@@ -56,18 +56,18 @@ class Shaken:
         most = _NEAR * np.maximum(np.abs(vector), np.abs(self.vector))
         return bool((np.abs(vector - self.vector) <= most).all())
 
-    def reweighted(self, ratio: FloatArray) -> Shaken:
+    def reweighted(self, ratio: FloatArray) -> InputNoise:
         """Return the same for a residual that is multiplied row by row, (N,)."""
         return replace(self, columns=self.columns * ratio[:, None])
 
 
-def shaken(
+def input_noise_of(
     drive: Drive,
     noise: Mapping[str, float],
     colours: Mapping[str, Colour],
     vector: FloatArray,
     residual: Callable[[Drive], FloatArray],
-) -> Shaken:
+) -> InputNoise:
     """Return what the noise of all measured inputs does to a window's residual.
 
     Args:
@@ -85,7 +85,7 @@ def shaken(
         own, count = _responses(drive, name, sizes, lambda other: residual(other) - base)
         columns += own
         simulations += count
-    return Shaken(np.array(columns).reshape(-1, base.size).T, vector, simulations)
+    return InputNoise(np.array(columns).reshape(-1, base.size).T, vector, simulations)
 
 
 def _responses(

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.data.lost_inputs import Unsure
-from eha_bench.diagnosis.fit.input_noise import SHOWS, Shaken
+from eha_bench.diagnosis.data.lost_inputs import LostValues
+from eha_bench.diagnosis.fit.input_noise import SHOWS, InputNoise
 from eha_bench.plants.plant import Drive
 
 _APART = 0.4
@@ -39,12 +39,12 @@ class _Pulse:
 
 def lost(
     drive: Drive,
-    unsure: Mapping[str, Unsure],
+    unsure: Mapping[str, LostValues],
     begin: int,
     times: FloatArray,
     vector: FloatArray,
     residual: Callable[[Drive], FloatArray],
-) -> Shaken:
+) -> InputNoise:
     """Return what messages of inputs that were lost do to a window's residual.
 
     Args:
@@ -53,12 +53,12 @@ def lost(
         vector: of the plant. residual: (N,) weighted by its own noise, of the window under a drive.
     """
     _, columns, simulations = _responses(drive, unsure, begin, times, residual)
-    return Shaken(columns, vector, simulations)
+    return InputNoise(columns, vector, simulations)
 
 
 def at_their_best(
     drive: Drive,
-    unsure: Mapping[str, Unsure],
+    unsure: Mapping[str, LostValues],
     times: FloatArray,
     residual: Callable[[Drive], FloatArray],
 ) -> Drive:
@@ -80,7 +80,7 @@ def at_their_best(
 
 def _responses(
     drive: Drive,
-    unsure: Mapping[str, Unsure],
+    unsure: Mapping[str, LostValues],
     begin: int,
     times: FloatArray,
     residual: Callable[[Drive], FloatArray],

@@ -29,7 +29,7 @@ OwnValues = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True)
-class Own:
+class RunParameter:
     """A parameter (`name`, or `effect.name`) of one run alone, and its place."""
 
     parameter: str
@@ -48,7 +48,7 @@ LATENESS = Parameter("lateness", "s", 0.0, -LATEST, LATEST)
 
 
 @dataclass(frozen=True)
-class Late:
+class LateClock:
     """A clock whose stamps may be late by always the same, and the place of that number."""
 
     clock: str
@@ -70,8 +70,8 @@ class Places:
     """
 
     layout: Layout
-    own: tuple[Own, ...] = ()
-    late: tuple[Late, ...] = ()
+    own: tuple[RunParameter, ...] = ()
+    late: tuple[LateClock, ...] = ()
     settings: tuple[LeastSetting, ...] = ()
 
     def least(self, key: str, vector: FloatArray) -> float:
@@ -83,7 +83,7 @@ class Places:
         return all(vector[self.index[key]] >= self.least(key, vector) for key in keys)
 
     @cached_property
-    def behind(self) -> tuple[Own | Late, ...]:
+    def behind(self) -> tuple[RunParameter | LateClock, ...]:
         """What stands behind the plant's parameters."""
         return (*self.own, *self.late)
 
@@ -143,13 +143,13 @@ class Places:
 
 def places_of(layout: Layout, runs: Iterable[Measured]) -> Places:
     """Return where the numbers of a plant and of some runs stand."""
-    own: dict[int, Own] = {}
-    late: dict[int, Late] = {}
+    own: dict[int, RunParameter] = {}
+    late: dict[int, LateClock] = {}
     known = list({id(item): item for item in runs}.values())
     for item in known:
         run = item.run
-        own |= {place: Own(key, run.name, place) for key, place in run.own.items()}
-        late |= {place: Late(clock, place) for clock, place in item.clocks.items()}
+        own |= {place: RunParameter(key, run.name, place) for key, place in run.own.items()}
+        late |= {place: LateClock(clock, place) for clock, place in item.clocks.items()}
     return Places(
         layout,
         tuple(own[place] for place in sorted(own)),

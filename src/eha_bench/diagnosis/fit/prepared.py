@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.diagnosis.data.windows import Window
-from eha_bench.diagnosis.fit.input_noise import Shaken
+from eha_bench.diagnosis.fit.input_noise import InputNoise
 from eha_bench.diagnosis.fit.instants import Instants
 from eha_bench.plants.plant import Drive
 
@@ -47,10 +47,10 @@ class Prepared:
     scale: FloatArray
     basis: FloatArray
     shrink: FloatArray
-    shaken: Shaken | None = None
+    shaken: InputNoise | None = None
     whitening: csr_array | None = None
     instants: Instants | None = None
-    lost: Shaken | None = None
+    lost: InputNoise | None = None
     starts: tuple[str, ...] = ()
     moved: FloatArray | None = None
     offset: FloatArray | None = None

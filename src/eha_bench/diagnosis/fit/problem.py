@@ -28,14 +28,14 @@ from scipy.sparse.linalg import spsolve
 from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.interruption import checkpoint
 from eha_bench.diagnosis.data.start_angle import StartAngle
-from eha_bench.diagnosis.data.unmeasured import carried, missing
+from eha_bench.diagnosis.data.unmeasured import missing, with_carried_states
 from eha_bench.diagnosis.data.wander import cosines
-from eha_bench.diagnosis.data.windows import Window, restarted
+from eha_bench.diagnosis.data.windows import Window, from_another_angle
 from eha_bench.diagnosis.fit import side_by_side
 from eha_bench.diagnosis.fit.beliefs import Belief, believed_residual
-from eha_bench.diagnosis.fit.effort import simulated
+from eha_bench.diagnosis.fit.effort import note_simulated_time
 from eha_bench.diagnosis.fit.groups import WindowGroup, groups_of
-from eha_bench.diagnosis.fit.input_noise import shaken
+from eha_bench.diagnosis.fit.input_noise import input_noise_of
 from eha_bench.diagnosis.fit.instants import instants_of
 from eha_bench.diagnosis.fit.lost_inputs import lost
 from eha_bench.diagnosis.fit.own_parameters import places_of
@@ -191,9 +191,11 @@ class Problem:
         other = self.subset(range(len(self.windows)))
         other._defect = self._defect
         runs = {id(item.measured): item.measured.at_angles(starts) for item in self.windows}
-        other.windows = tuple(restarted(item, runs[id(item.measured)]) for item in self.windows)
+        other.windows = tuple(
+            from_another_angle(item, runs[id(item.measured)]) for item in self.windows
+        )
         other._parts = [
-            replace(part, window=restarted(part.window, runs[id(part.window.measured)]))
+            replace(part, window=from_another_angle(part.window, runs[id(part.window.measured)]))
             for part in self._parts
         ]
         return other
@@ -271,7 +273,7 @@ class Problem:
                 continue
             further += rough._move_start(part, in_run(part))
         if further:
-            simulated(further)
+            note_simulated_time(further)
 
     def _look_at_starts(self, part: Prepared) -> None:
         """Find the states that are uncertain at a window's start."""
@@ -290,7 +292,7 @@ class Problem:
         part.offset = columns @ part.moved if part.moved is not None else None
         further = 0.0
         if (noise := part.window.measured.input_noise) and part.shaken is None:
-            part.shaken = shaken(
+            part.shaken = input_noise_of(
                 part.drive,
                 noise,
                 part.window.measured.colours,
@@ -391,10 +393,10 @@ class Problem:
             numbers.sort(key=lambda k: self.windows[k].first)
             own = [self.windows[k] for k in numbers]
             if any(missing(self.plant, window) for window in own):
-                simulated(float(own[0].measured.time[-1]))
+                note_simulated_time(float(own[0].measured.time[-1]))
                 for number, window in zip(
                     numbers,
-                    carried(
+                    with_carried_states(
                         self.plant,
                         own[0].measured.run.vector(self.plant.layout, vector),
                         own,
@@ -491,7 +493,9 @@ class Problem:
     ) -> list[T]:
         """Do something with every group; `seconds` are simulated by it (default: all once)."""
         checkpoint()
-        simulated(sum(part.length for part in self._parts) if seconds is None else seconds)
+        note_simulated_time(
+            sum(part.length for part in self._parts) if seconds is None else seconds
+        )
         groups = self._groups
         threads = 1 if side_by_side.is_one_of_several() else side_by_side.PROCESSORS
         each = map if threads == 1 or len(groups) < 2 else _pool(threads).map

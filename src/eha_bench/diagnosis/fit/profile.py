@@ -30,7 +30,7 @@ _SEARCHED = 6
 """Simulations to each side for the end of an interval."""
 
 
-def profiled(problem: Problem, fit: Fit, key: str, deviation: float) -> float:
+def profile_deviation(problem: Problem, fit: Fit, key: str, deviation: float) -> float:
     """Return a parameter's standard deviation by the profile of the cost, SI.
 
     Args:

@@ -22,8 +22,8 @@ from typing import Generic, TypeVar
 from threadpoolctl import threadpool_limits
 
 from eha_bench.core.interruption import checkpoint
-from eha_bench.core.workers import HERE, Workers
-from eha_bench.diagnosis.fit.effort import counted, simulated
+from eha_bench.core.workers import IN_PROCESS, Workers
+from eha_bench.diagnosis.fit.effort import count_simulated_time, note_simulated_time
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
@@ -94,7 +94,7 @@ class ByWorkers(Way):
             for outcome in outcomes:
                 value, spent = outcome.get()
                 for seconds in spent:
-                    simulated(seconds)
+                    note_simulated_time(seconds)
                 checkpoint()
                 found.append(value)
         return found
@@ -111,7 +111,7 @@ class _Elsewhere(Generic[Item, Value]):
 
     def _alone(self, item: Item) -> tuple[Value, list[float]]:
         _ONE_OF_SEVERAL.set(True)
-        with one_thread_of_algebra(), counted() as spent:
+        with one_thread_of_algebra(), count_simulated_time() as spent:
             return self.function(item), spent
 
 
@@ -121,8 +121,8 @@ _WAY: ContextVar[Way] = ContextVar("way", default=_ON_THREADS)
 
 @contextmanager
 def fits_by(workers: Workers) -> Iterator[None]:
-    """A context in which workers do what is independent; `HERE` does it on threads."""
-    token = _WAY.set(_ON_THREADS if workers == HERE else ByWorkers(workers))
+    """A context in which workers do what is independent; `IN_PROCESS` does it on threads."""
+    token = _WAY.set(_ON_THREADS if workers == IN_PROCESS else ByWorkers(workers))
     try:
         yield
     finally:

@@ -93,7 +93,7 @@ def rows_of_runs(problem: Problem) -> dict[str, IndexArray]:
     return {name: problem.rows_of(own) for name, own in windows.items()}
 
 
-def refined(problem: Problem, vector: FloatArray) -> Problem:
+def with_refined_angles(problem: Problem, vector: FloatArray) -> Problem:
     """Return a problem whose runs begin where each fits best, near where they begin now.
 
     Angles that are taken for known stay, and where all are it is the problem itself.
@@ -150,7 +150,7 @@ def own_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     return _settled(problem, short.at_angles(starts), vector)
 
 
-def estimated(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
+def estimated_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     """Return the angle at which each run fits best, by run; those that do not tell are not there.
 
     Args:
@@ -201,10 +201,10 @@ def _scanned(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle],
 
 def _settled(problem: Problem, short: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     """Return the angles refined over short windows, and then over the problem's own."""
-    long = problem.at_angles(starts_of(refined(short, vector)))
+    long = problem.at_angles(starts_of(with_refined_angles(short, vector)))
     long.prepare(vector)
     long.scale_to(long.residual(vector))
-    return starts_of(refined(long, vector))
+    return starts_of(with_refined_angles(long, vector))
 
 
 def _short_windows(problem: Problem, vector: FloatArray) -> Problem | None:

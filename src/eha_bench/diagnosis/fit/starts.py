@@ -53,7 +53,7 @@ _SAME = 0.02
 
 
 @dataclass(frozen=True)
-class Arrival:
+class MultistartFit:
     """Where several starts ended.
 
     Attributes:
@@ -66,7 +66,9 @@ class Arrival:
     agreed: int = 1
 
 
-def arrived(problem: Problem, vector: FloatArray, free: Sequence[Free], watch: Watch) -> Arrival:
+def best_fit_of_starts(
+    problem: Problem, vector: FloatArray, free: Sequence[Free], watch: Watch
+) -> MultistartFit:
     """Return the best fit from as many starts as it takes.
 
     Args:
@@ -76,11 +78,11 @@ def arrived(problem: Problem, vector: FloatArray, free: Sequence[Free], watch: W
     vector = _undeclared_first(problem, vector, free)
     first = levenberg_marquardt(problem, vector, free, iterations=6, refresh=1, watch=watch)
     if not free or _mean_square(problem, first) < _WELL:
-        return Arrival(first)
+        return MultistartFit(first)
     calm = _without_loud(problem, first, free)
     if _mean_square(problem, calm) < _WELL:
         watch(calm.vector)
-        return Arrival(calm, tried=2)
+        return MultistartFit(calm, tried=2)
     if calm is not first:
         problem.prepare(vector)  # starts that were moved for a fit that failed suit no other
     ends = [first]
@@ -93,7 +95,7 @@ def arrived(problem: Problem, vector: FloatArray, free: Sequence[Free], watch: W
     best = min(ends, key=lambda fit: fit.cost)
     watch(best.vector)
     agreed = sum(fit.cost < (1.0 + _SAME) * best.cost for fit in ends)
-    return Arrival(best, len(ends), agreed)
+    return MultistartFit(best, len(ends), agreed)
 
 
 def _undeclared_first(problem: Problem, vector: FloatArray, free: Sequence[Free]) -> FloatArray:

@@ -347,7 +347,7 @@ class ParameterDirection:
         return f"{text} (one standard deviation along it is {100.0 * self.deviation:.3g} %)"
 
 
-def undetermined(fit: Fit) -> tuple[str, ...]:
+def undetermined_directions(fit: Fit) -> tuple[str, ...]:
     """Return, in words, the directions in which the parameters could move unnoticed.
 
     A direction counts where one standard deviation along it changes parameters by 30 %, or three

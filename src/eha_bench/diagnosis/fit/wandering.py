@@ -74,7 +74,7 @@ def _with_measured(problem: Problem, change: Callable[[Measured], Measured]) -> 
     )
 
 
-def refitted(problem: Problem, fit: Fit) -> Fit:
+def refit_with_noise(problem: Problem, fit: Fit) -> Fit:
     """Return the fit in a problem whose noise is another one."""
     problem.prepare(fit.vector)
     problem.scale_to(problem.residual(fit.vector))

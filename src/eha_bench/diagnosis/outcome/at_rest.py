@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from eha_bench.diagnosis.fit.baseline import Baseline
 from eha_bench.diagnosis.fit.convergence import Convergence, convergence
 from eha_bench.diagnosis.fit.evidence import Groups
-from eha_bench.diagnosis.fit.finish import Finished, finished
+from eha_bench.diagnosis.fit.finish import ConvergedFit, converged_fit
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.uncertainty import Estimate, estimates, spreads
 
@@ -29,7 +29,7 @@ class Calibrated:
         convergence: how the fit ended.
     """
 
-    end: Finished
+    end: ConvergedFit
     keys: tuple[str, ...]
     notes: tuple[str, ...]
     convergence: Convergence
@@ -43,7 +43,7 @@ def with_friction_at_rest(base: Baseline, groups: Groups, units: dict[str, str])
     """
     layout = base.problem.plant.layout
     declared = base.dataset.model.vector()
-    end = finished(base.problem, base.fit)
+    end = converged_fit(base.problem, base.fit)
     found = estimates(end.fit, groups, units, shift=end.shifts)
     deviations = {key: item.deviation for key, item in spreads(end.fit, groups).items()}
     kept: dict[str, Estimate] = {}
@@ -55,7 +55,7 @@ def with_friction_at_rest(base: Baseline, groups: Groups, units: dict[str, str])
         elif end.fit.vector[at] != declared[at]:
             notes.append(_estimated(key, float(end.fit.vector[at]), found.get(key), units[key]))
     if kept:
-        end = finished(base.problem, _refitted(base, end.fit, tuple(kept)))
+        end = converged_fit(base.problem, _refitted(base, end.fit, tuple(kept)))
     for key, item in kept.items():
         value = f"{float(declared[layout.index[key]]):.3g} {units[key]}"
         notes.append(

@@ -12,24 +12,23 @@ from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.fit.baseline import COARSE, Baseline, friction_at_rest_of
 from eha_bench.diagnosis.fit.candidates import LEARNED
 from eha_bench.diagnosis.fit.convergence import convergence, moved_notes
-from eha_bench.diagnosis.fit.finish import Finished, finished
+from eha_bench.diagnosis.fit.finish import ConvergedFit, converged_fit
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.own_parameters import LATENESS, Places
-from eha_bench.diagnosis.fit.profile import profiled
+from eha_bench.diagnosis.fit.profile import profile_deviation
 from eha_bench.diagnosis.fit.uncertainty import (
     Estimate,
     estimates,
     open_parameters,
     spreads,
-    undetermined,
+    undetermined_directions,
 )
 from eha_bench.diagnosis.outcome.confounded import confounded
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rivals import found_rival
-from eha_bench.diagnosis.search.state import RankedCandidate
-from eha_bench.diagnosis.search.stepwise import Search
+from eha_bench.diagnosis.search.state import RankedCandidate, Search
 from eha_bench.plants.effect import AT, BoundEffect
 from eha_bench.plants.model import Model
 
@@ -121,7 +120,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
         _ranking(search),
         calibrated=calibrated,
         per_run=own,
-        undetermined=undetermined(fit),
+        undetermined=undetermined_directions(fit),
         convergence=ended,
         notes=tuple(notes),
         rivals=(found_rival(search, fit, final, added),),
@@ -158,16 +157,16 @@ def lateness_note(lateness: Mapping[str, Estimate]) -> list[str]:
     ]
 
 
-def _finished(search: Search, decision: Decision) -> Finished:
+def _finished(search: Search, decision: Decision) -> ConvergedFit:
     """Return what was decided at the bottom of its cost; a learned curve stays as it is."""
     fit = decision.fit
     if decision.learned:
-        return Finished(fit, {})
+        return ConvergedFit(fit, {})
     layout = search.problem.plant.layout
     still = {key for key in friction_at_rest_of(layout)
              if fit.vector[layout.index[key]] == 0.0}  # fmt: skip
     free = tuple(item for item in fit.free if item.key not in still)
-    return finished(search.problem, replace(fit, free=free))
+    return converged_fit(search.problem, replace(fit, free=free))
 
 
 def _profiles(search: Search, decision: Decision, fit: Fit) -> dict[str, float]:
@@ -178,7 +177,7 @@ def _profiles(search: Search, decision: Decision, fit: Fit) -> dict[str, float]:
     begin = spreads(fit, search.groups)
     sought = {key for item in search.effects for key in item.start.keys}
     return {
-        item.key: profiled(problem, fit, item.key, begin[item.key].deviation)
+        item.key: profile_deviation(problem, fit, item.key, begin[item.key].deviation)
         for item in fit.free
         if item.key in sought
     }

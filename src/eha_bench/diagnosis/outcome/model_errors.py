@@ -16,8 +16,8 @@ from eha_bench.diagnosis.data.dataset import Dataset, Use
 from eha_bench.diagnosis.data.gate import Measured, admit, restful_channels
 from eha_bench.diagnosis.data.quiet import coloured_like
 from eha_bench.diagnosis.data.ticks import on_ticks
-from eha_bench.diagnosis.data.windows import cut
-from eha_bench.diagnosis.fit.baseline import STEP, Baseline, thinned
+from eha_bench.diagnosis.data.windows import cut_windows
+from eha_bench.diagnosis.fit.baseline import STEP, Baseline, thinned_windows
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.own_parameters import OwnValues, like_clocks
 from eha_bench.diagnosis.fit.problem import Problem
@@ -25,7 +25,7 @@ from eha_bench.diagnosis.fit.start_angles import (
     angles_note,
     angles_of,
     counts_on,
-    estimated,
+    estimated_angles,
     starts_of,
 )
 from eha_bench.diagnosis.fit.uncertainty import Estimate
@@ -120,7 +120,7 @@ def scores_of(
         for item in (*base.measured, *held_out):
             alone = None if item.run.name in seen else _windows_of(dataset, [item], noise)
             if alone is not None:
-                starts |= estimated(alone, vectors[-1])
+                starts |= estimated_angles(alone, vectors[-1])
         base = base.at_angles(starts)
         held_out = [item.at_angles(starts) for item in held_out]
         notes.append(angles_note(starts))
@@ -203,5 +203,5 @@ def _over_windows(
 
 
 def _windows_of(dataset: Dataset, runs: list[Measured], noise: dict[str, float]) -> Problem | None:
-    windows = [window for item in runs if item.outputs for window in cut(item, noise)]
-    return Problem(dataset.model.plant, thinned(windows), noise, STEP) if windows else None
+    windows = [window for item in runs if item.outputs for window in cut_windows(item, noise)]
+    return Problem(dataset.model.plant, thinned_windows(windows), noise, STEP) if windows else None

@@ -21,7 +21,7 @@ from eha_bench.diagnosis.fit.evidence import (
 )
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.wandering import (
-    refitted,
+    refit_with_noise,
     wandering,
     with_noise_of_residual,
     with_wander,
@@ -63,13 +63,13 @@ def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | 
         return None
     search.problem.prepare(search.fit.vector)
     problem = with_noise_of_residual(search.problem, search.fit.vector)
-    fit = refitted(problem, search.fit)
+    fit = refit_with_noise(problem, search.fit)
     wander: Mapping[str, Wander] = {}
     if search.effects and excess(problem, fit).significance > REST_SIGNIFICANCE:
         wander = wandering(problem, fit)
     if wander:
         wandered = with_wander(problem, wander)
-        beside = refitted(wandered, fit)
+        beside = refit_with_noise(wandered, fit)
         if excess(wandered, beside).significance > REST_SIGNIFICANCE:
             wander = {}
         else:
@@ -91,12 +91,12 @@ def with_slow_noise(base: Baseline, search: Search, decision: Decision) -> Basel
         return None
     search.problem.prepare(search.base.vector)
     problem = with_noise_of_residual(search.problem, search.base.vector)
-    fit = refitted(problem, search.base)
+    fit = refit_with_noise(problem, search.base)
     wander = wandering(problem, fit)
     if not wander:
         return None
     problem = with_wander(problem, wander)
-    fit = refitted(problem, fit)
+    fit = refit_with_noise(problem, fit)
     left = excess(problem, fit)
     if is_unexplained(left) and left.significance > _LEFT * search.excess_base.significance:
         return None

@@ -19,7 +19,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.data.gate import Measured, admit, pooled_noise
 from eha_bench.diagnosis.data.ticks import Sampled, nearest, on_ticks
-from eha_bench.diagnosis.data.windows import cut
+from eha_bench.diagnosis.data.windows import cut_windows
 from eha_bench.diagnosis.fit.first_part import first_part
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.start_angles import angles_note, counts_on, own_angles
@@ -133,7 +133,7 @@ def _at_its_angle(measured: Measured, model: Model) -> Measured:
     noise = pooled_noise([measured], measured.outputs)
     if not noise or not counts_on(model.plant.layout, vector):
         return measured
-    problem = Problem(model.plant, cut(measured, noise), noise, STEP)
+    problem = Problem(model.plant, cut_windows(measured, noise), noise, STEP)
     return measured.at_angles(own_angles(problem, vector))
 
 

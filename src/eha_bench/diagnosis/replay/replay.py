@@ -22,7 +22,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.data.gate import Measured
-from eha_bench.diagnosis.fit.effort import simulated
+from eha_bench.diagnosis.fit.effort import note_simulated_time
 from eha_bench.diagnosis.fit.lost_inputs import at_their_best
 from eha_bench.diagnosis.fit.own_parameters import OwnValues
 from eha_bench.diagnosis.replay.first_sample import first_sample, first_state
@@ -120,7 +120,7 @@ def replay(
     with ThreadPoolExecutor(_WORKERS) as pool:
         for number, item in enumerate(pool.map(one, usable)):
             found.append(item)
-            simulated(len(models) * float(item.time[-1]))
+            note_simulated_time(len(models) * float(item.time[-1]))
             if progress:
                 progress((number + 1) / len(usable))
     return tuple(found)

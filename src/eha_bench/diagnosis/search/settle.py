@@ -14,7 +14,7 @@ from eha_bench.diagnosis.fit.evidence import excess, refined_noise
 from eha_bench.diagnosis.fit.finish import fine_enough
 from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import soften
-from eha_bench.diagnosis.fit.start_angles import refined
+from eha_bench.diagnosis.fit.start_angles import with_refined_angles
 from eha_bench.diagnosis.search.refit import polish, polish_at_rest
 from eha_bench.diagnosis.search.state import Search
 
@@ -26,7 +26,7 @@ def settle(search: Search) -> None:
     """Fit, and weigh again by what is left, until neither changes much any more."""
     for number in range(_ROUNDS):
         refine(search, search.fit.vector)
-        search.problem = refined(search.problem, search.fit.vector)
+        search.problem = with_refined_angles(search.problem, search.fit.vector)
         residual = _reweighted(search, search.fit.vector)
         soft, _ = soften(residual, search.problem.soft)
         here = replace(search.fit, residual=residual, cost=float(soft @ soft))

@@ -21,9 +21,9 @@ from eha_bench.diagnosis.fit.start_angles import (
     angles_of,
     begin_apart,
     counts_on,
-    estimated,
-    refined,
+    estimated_angles,
     starts_of,
+    with_refined_angles,
 )
 from eha_bench.diagnosis.search.periodic import Wave, best_counts
 from eha_bench.diagnosis.search.refit import Near, Nearby
@@ -74,7 +74,7 @@ def with_own_angles(search: Search, near: Near, starts: Sequence[Start]) -> Near
     # a run whose windows all began wrongly has had no say
     unseen = angles_of(search.problem).keys() - angles_of(near.problem).keys()
     if unseen:
-        others = estimated(search.problem, found.fit.vector)
+        others = estimated_angles(search.problem, found.fit.vector)
         angles = {**angles, **{name: others[name] for name in sorted(unseen & others.keys())}}
     return near.adopted(angles)
 
@@ -94,6 +94,6 @@ def _fitted(near: Near, wave: Wave, apart: Wave) -> tuple[Starts, Nearby]:
     here = near.at_angles(starts)
     found = here.refitted((apart.start,), apart.start.apply(near.fit.vector))
     for _ in range(_ROUNDS):
-        here = near.at_angles(starts_of(refined(here.problem, found.fit.vector)))
+        here = near.at_angles(starts_of(with_refined_angles(here.problem, found.fit.vector)))
         found = here.refitted(found.starts, found.fit.vector, found.fit.columns)
     return starts_of(here.problem), found

@@ -36,13 +36,10 @@ from eha_bench.diagnosis.search.state import (
     Refit,
     Search,
     Thresholds,
-    begin,
     rival_share,
     starts_of,
 )
 from eha_bench.plants.layout import Layout
-
-__all__ = ["Search", "begin", "equivalents", "look", "run"]
 
 MOST_EFFECTS = 4
 _SHORTLIST = 5

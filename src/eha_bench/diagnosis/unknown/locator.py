@@ -3,7 +3,7 @@
 In windows of 0.1 s, each from its own start state, an error cannot travel far from the balance it
 enters. At every place (each balance, each sensor) an input is offered that is free at every time;
 what speaks for it is weighed by its marginal likelihood (`free_input`), and again with most of it
-following a curve of one variable, simulated. A fault in a sensor does not propagate: it is told
+following a curve of one variable, simulated. A fault in a sensor does not propagate: it is found
 only where a free error of that sensor leaves nothing in any other channel (the generalised observer
 scheme: Frank, Automatica 26 (1990) 459, doi:10.1016/0005-1098(90)90018-D). Then curves of one
 variable (hat functions as the effect `learned` has them; for the time also a sine and its second
@@ -61,7 +61,7 @@ _VOLUMES = SuspectPlace("flow", "additive", "volumes", ())
 
 
 @dataclass(frozen=True, eq=False)
-class Offered:
+class SupportedPlace:
     """A place with what speaks for it.
 
     Attributes:
@@ -110,9 +110,9 @@ class Locator:
         self.curves = Curves(self.short, self.period, here)
         self.channels = np.concatenate([piece.channels for piece in self.short.pieces])
 
-    def offered(self, progress: ProgressHook) -> list[Offered]:
+    def offered(self, progress: ProgressHook) -> list[SupportedPlace]:
         """Return every place that can act at all, the one with most support first."""
-        found: list[Offered] = []
+        found: list[SupportedPlace] = []
         places = places_of(self.plant)
         for number, place in enumerate(places):
             progress("locate", number / len(places))
@@ -143,9 +143,9 @@ class Locator:
             columns.append(np.clip(change, -self.limit, self.limit))
         return np.column_stack(columns)
 
-    def _weighed(self, place: SuspectPlace, size: float, influence: FloatArray) -> Offered:
+    def _weighed(self, place: SuspectPlace, size: float, influence: FloatArray) -> SupportedPlace:
         free = self.input.support(influence)
-        return Offered(
+        return SupportedPlace(
             place, size, influence, free, free.log - self.nothing, self._left(place, free.rest)
         )
 
@@ -164,7 +164,7 @@ class Locator:
         after = float(rest[others] @ rest[others]) - floor - 2.0 * math.sqrt(2.0 * count)
         return max(after, 0.0) / max(before, REST_RELATIVE * floor)
 
-    def _with_curves(self, found: list[Offered]) -> list[Offered]:
+    def _with_curves(self, found: list[SupportedPlace]) -> list[SupportedPlace]:
         """Simulate curves where more than one equation is in the race."""
         found.sort(key=lambda item: -item.support)
         top = found[0].support if found else 0.0
@@ -183,7 +183,7 @@ class Locator:
             out.append(self._curved(item))
         return out
 
-    def _curved(self, item: Offered) -> Offered:
+    def _curved(self, item: SupportedPlace) -> SupportedPlace:
         """Return a place with what speaks for its best curve, simulated, where that is more."""
         best: tuple[Support, str] | None = None
         for variable in item.place.variables:
@@ -217,7 +217,7 @@ class Locator:
 
     def _simulated(
         self,
-        item: Offered,
+        item: SupportedPlace,
         template: Template,
         vector: FloatArray,
         knots: FloatArray,
@@ -250,7 +250,7 @@ class Locator:
             out[item.at] = min(max(out[item.at] + float(share) * item.scale, item.low), item.high)
         return out
 
-    def described(self, offered: Sequence[Offered]) -> list[LocatedCurve]:
+    def described(self, offered: Sequence[SupportedPlace]) -> list[LocatedCurve]:
         """Return curves of one variable at some places, the one that explains most first."""
         found = [
             self.curves.described(item.place, variable, item.influence, item.size)
@@ -278,14 +278,14 @@ def locate(
     offered = locator.offered(progress)
     if not offered:
         return locator, "", []
-    best = believed(offered).place.equation
-    curves = described(locator, offered)
+    best = believed_place(offered).place.equation
+    curves = described_places(locator, offered)
     return locator, curves[0].template.equation if curves else best, curves
 
 
-def described(locator: Locator, offered: Sequence[Offered]) -> list[LocatedCurve]:
+def described_places(locator: Locator, offered: Sequence[SupportedPlace]) -> list[LocatedCurve]:
     """Return curves at the places that may be meant by the one that is believed."""
-    best = believed(offered)
+    best = believed_place(offered)
     kind = bool(best.place.sensors)
     near = [
         item
@@ -328,7 +328,7 @@ def by_what_it_follows(
     return driven if driven[0].share > max(least, _TELLING) else machine
 
 
-def believed(offered: Sequence[Offered]) -> Offered:
+def believed_place(offered: Sequence[SupportedPlace]) -> SupportedPlace:
     """Return the place with most support; a sensor only where the case against it is complete.
 
     A free error of a sensor can hide what shows in that sensor only, wherever it comes from.

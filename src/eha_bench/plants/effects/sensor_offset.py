@@ -3,8 +3,7 @@
     y_read = y + offset
 
 Such a plant's balances are its own code, so what may act on it is what acts on its signals. In a
-plant.yaml pressures have `pressure_sensor_offset`, and what else is off zero is told by the
-balances.
+plant.yaml pressures have `pressure_sensor_offset`, and the balances show what else is off zero.
 
 Source: IEC 61298-2:2008 (zero offset of measuring devices).
 """

@@ -4,7 +4,7 @@
     u = P (r - y) - D v + added            `proportional` P, `derivative` D
 
 once a `period` T; y is what the position's sensor reads, v the mean slope of its last three
-readings, (y - y_2) / (2 T). A smart servo holds the position that it was told last.
+readings, (y - y_2) / (2 T). A smart servo holds its last reference.
 
 Source: Janot, Gautier, Brunot, Data Set and Reference Models of EMPS, Workshop on Nonlinear System
 Identification Benchmarks, 2019 (cascaded; its velocity is not published: this one reproduces the

@@ -1,20 +1,69 @@
-"""What the channels of a network are, told by the nodes and elements that they show."""
+"""Channels of a network: states, units and roles, by the nodes and elements that they show."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Mapping
 
 from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.network.element import NodeKind
-
-if TYPE_CHECKING:
-    from eha_bench.plants.network.plant import NetworkPlant
+from eha_bench.plants.network.system import System
 
 
-def roles_of_channels(plant: NetworkPlant) -> ChannelRoles:
-    """Return what the channels of a plant are."""
-    system = plant.system
-    names = {place: name for name, place in plant.state_places.items()}
+def imposable_signals(system: System) -> list[tuple[str, int]]:
+    """Return the outputs that are signals, (channel, place in `S`): a drive may impose them."""
+    return [(item.channel, item.signal) for item in system.outputs if item.signal >= 0]
+
+
+def places_of_states(system: System) -> dict[str, int]:
+    """Return states by the channel that shows them, or by node and quantity.
+
+    Signals that may be imposed come behind the states.
+    """
+    shown = {item.state: item.channel for item in system.outputs if item.state >= 0}
+    found = {}
+    for item in system.coordinates:
+        turning = item.node.kind is NodeKind.ROTATION
+        names = ("speed", "angle") if turning else ("velocity", "position")
+        for place, name in zip((item.speed, item.position), names, strict=True):
+            found[shown.get(place, f"{item.name}_{name}")] = place
+    for volume in system.volumes:
+        found[shown.get(volume.pressure, f"{volume.name}_pressure")] = volume.pressure
+    for number, (channel, _) in enumerate(imposable_signals(system)):
+        found[channel] = system.size + number
+    return found
+
+
+def units_of_channels(system: System, state_places: Mapping[str, int]) -> dict[str, str]:
+    """Return the SI unit of every output, derived channel, state and input."""
+    found = {item.channel: item.unit for item in system.columns}
+    found |= {item.channel: item.unit for item in system.outputs}
+    found |= {channel: unit for channel, (_, _, unit) in system.derived.items()}
+    for name, place in state_places.items():
+        found.setdefault(name, _unit_of_state(system, place))
+    return found
+
+
+def _unit_of_state(system: System, place: int) -> str:
+    for item in system.coordinates:
+        if place in (item.speed, item.position):
+            unit = "rad" if item.node.kind is NodeKind.ROTATION else "m"
+            return unit if place == item.position else f"{unit}/s"
+    return "Pa"
+
+
+def roles_of_channels(
+    system: System,
+    shown: Collection[str],
+    state_places: Mapping[str, int],
+    units: Mapping[str, str],
+) -> ChannelRoles:
+    """Return what the channels of a network are.
+
+    Args:
+        system: the network. shown: nodes and elements that a channel shows.
+        state_places: state -> place in `Y`. units: channel -> SI unit.
+    """
+    names = {place: name for name, place in state_places.items()}
     rates = {item.name: names[item.speed] for item in system.coordinates}
     positions = {item.name: names[item.position] for item in system.coordinates}
     locked = [
@@ -73,7 +122,6 @@ def roles_of_channels(plant: NetworkPlant) -> ChannelRoles:
         if item.node.kind is NodeKind.ROTATION
         and not any(out.state == item.position for out in system.outputs)
     }
-    shown = {of for of, _ in plant.network.channels.values()}
     read = {output.state for output in system.outputs}
     joined = [
         system.leader_of(node)
@@ -98,5 +146,5 @@ def roles_of_channels(plant: NetworkPlant) -> ChannelRoles:
         added_up=(*acting, *rates.values(), *pressures, *reservoirs, "pressure_difference"),
         added_up_by_rod=tuple(forces),
         volumes=tuple(item.name for item in system.volumes),
-        units=plant.units,
+        units=units,
     )

@@ -21,7 +21,7 @@ from types import FunctionType, ModuleType
 import numpy as np
 
 from eha_bench.core.atomic_file import write_text
-from eha_bench.core.error_text import uncoloured
+from eha_bench.core.error_text import without_colours
 from eha_bench.core.errors import PluginError
 from eha_bench.plants.compiled import load_numba
 
@@ -31,7 +31,7 @@ _OURS = __name__.partition(".")[0]
 _IMPORTED = re.compile(r"^from (eha_bench\.[\w.]+) import", re.MULTILINE)
 
 
-def compiled(
+def compiled_kernel(
     plant: str, text: str, functions: Iterable[Callable[..., object]], entry: str = "simulate"
 ) -> ModuleType:
     """Return the module that a kernel's source is, compiled where it is called first.
@@ -106,7 +106,7 @@ def _refuse_untypable(function: Callable[..., object]) -> None:
         alone = numba.njit(function)
         alone.compile((numba.float64,) * len(names))
     except Exception as error:
-        lines = [line.strip() for line in uncoloured(str(error)).splitlines()]
+        lines = [line.strip() for line in without_colours(str(error)).splitlines()]
         why = next((line for line in lines if line and not line.startswith("Failed in")), "")
         raise PluginError(
             f"{where} cannot be compiled: {why.removesuffix(':') or type(error).__name__}",

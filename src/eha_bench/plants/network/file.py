@@ -10,10 +10,10 @@ from typing import Any
 
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.near_miss import suggest
-from eha_bench.core.shipped import names, shipped
+from eha_bench.core.shipped import names, shipped_file
+from eha_bench.plants.effect import registered_effects
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.network.plant_file import NETWORK_KEYS, Locate, parse_network
-from eha_bench.plants.plant import registered_effects
 
 SHIPPED = "plants"
 """Folder of the shipped plants."""
@@ -31,7 +31,9 @@ def plant_of(content: Mapping[str, Any], locate: Locate | None = None) -> Networ
     text = json.dumps(own)
     if text not in _KEPT:
         where = locate or _nowhere
-        _KEPT[text] = NetworkPlant(parse_network(content, where), registered_effects(), where)
+        plant = NetworkPlant(parse_network(content, where), registered_effects(), where)
+        plant.origin = (plant_of, (own,))
+        _KEPT[text] = plant
     return _KEPT[text]
 
 
@@ -65,7 +67,7 @@ def shipped_plant(name: str) -> NetworkPlant:
     Raises:
         InputError: none of that name is shipped.
     """
-    return load_plant(shipped(f"{SHIPPED}/{name}.yaml"))
+    return load_plant(shipped_file(f"{SHIPPED}/{name}.yaml"))
 
 
 @cache

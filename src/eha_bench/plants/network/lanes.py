@@ -23,7 +23,7 @@ from eha_bench.plants.network.hooks import Hooks
 from eha_bench.plants.network.integration import LANES
 from eha_bench.plants.network.source import Writer
 from eha_bench.plants.network.system import Coordinate, PlantInput, System
-from eha_bench.plants.network.vector_math import vectorised
+from eha_bench.plants.network.vector_math import vectorised_law
 
 _HEAD = '''"""Generated: the kernel of a plant's sweeps."""
 
@@ -36,7 +36,7 @@ from {scalar} import substep
 from eha_bench.plants.compiled import njit as inner
 from eha_bench.plants.network import integration
 from eha_bench.plants.network.integration import FINE, GAMMA
-from eha_bench.plants.network.vector_math import vectorised
+from eha_bench.plants.network.vector_math import vectorised_law
 from eha_bench.plants.pointer import pointer
 
 
@@ -47,7 +47,7 @@ def njit(function=None, **options):
 
 
 def lane(law):
-    return njit(vectorised(law), forceinline=True)
+    return njit(vectorised_law(law), forceinline=True)
 
 
 '''
@@ -70,7 +70,7 @@ def sweep_source(system: System, hooks: Hooks, scalar: str, parameters: int) -> 
     """
     writer = LaneWriter(system, hooks, scalar, parameters)
     text = writer.text()
-    return text if all(vectorised(law) is not None for law in writer.laws) else None
+    return text if all(vectorised_law(law) is not None for law in writer.laws) else None
 
 
 class LaneWriter(Writer):

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -18,8 +17,13 @@ from eha_bench.core.linkage import Linkage
 from eha_bench.plants.channel_roles import ChannelRoles
 from eha_bench.plants.effect import BoundEffect, Effect, bound
 from eha_bench.plants.layout import Layout
-from eha_bench.plants.network.channels import roles_of_channels
-from eha_bench.plants.network.compiler import compiled, refuse_uncompiled
+from eha_bench.plants.network.channels import (
+    imposable_signals,
+    places_of_states,
+    roles_of_channels,
+    units_of_channels,
+)
+from eha_bench.plants.network.compiler import compiled_kernel, refuse_uncompiled
 from eha_bench.plants.network.element import Friction
 from eha_bench.plants.network.hooks import Hooks
 from eha_bench.plants.network.integration import LANES
@@ -103,10 +107,8 @@ class NetworkPlant(Plant):
         self.layout = Layout(self.id, system.parameters, own, synonyms=synonyms)
         self.outputs = tuple(item.channel for item in system.outputs)
         self.derived_channels = tuple(system.derived)
-        self._imposable = [
-            (item.channel, item.signal) for item in system.outputs if item.signal >= 0
-        ]
-        self.state_places = self._state_places()
+        self._imposable = imposable_signals(system)
+        self.state_places = places_of_states(system)
         self.states = tuple(self.state_places)
         self.inputs = tuple(item.channel for item in system.columns)
         commands = [item.channel for item in system.columns if item.command is not None]
@@ -122,51 +124,16 @@ class NetworkPlant(Plant):
         self.can_lock = bool(system.locked)
         self.has_bypass = system.has_bypass
 
-    def __reduce__(self) -> tuple[Callable[..., Plant], tuple[Any, ...]]:
-        """Travel to other processes as what was declared: each compiles, or loads, the kernel."""
-        from eha_bench.plants.network.file import plant_of
-
-        return plant_of, (dict(self.network.source),)
-
-    def _state_places(self) -> dict[str, int]:
-        """Return states by the channel that shows them, or by node and quantity."""
-        system = self.system
-        shown = {item.state: item.channel for item in system.outputs if item.state >= 0}
-        found = {}
-        for item in system.coordinates:
-            turning = item.node.kind.value == "rotation"
-            names = ("speed", "angle") if turning else ("velocity", "position")
-            for place, name in zip((item.speed, item.position), names, strict=True):
-                found[shown.get(place, f"{item.name}_{name}")] = place
-        for volume in system.volumes:
-            found[shown.get(volume.pressure, f"{volume.name}_pressure")] = volume.pressure
-        for number, (channel, _) in enumerate(self._imposable):
-            found[channel] = system.size + number
-        return found
-
     @cached_property
     def roles(self) -> ChannelRoles:
         """What its channels are."""
-        return roles_of_channels(self)
+        shown = {of for of, _ in self.network.channels.values()}
+        return roles_of_channels(self.system, shown, self.state_places, self.units)
 
     @property
     def units(self) -> Mapping[str, str]:
         """SI unit of every output, derived channel, state and input."""
-        system = self.system
-        found = {item.channel: item.unit for item in system.columns}
-        found |= {item.channel: item.unit for item in system.outputs}
-        found |= {channel: unit for channel, (_, _, unit) in system.derived.items()}
-        for name, place in self.state_places.items():
-            found.setdefault(name, self._unit_of_state(place))
-        return found
-
-    def _unit_of_state(self, place: int) -> str:
-        for item in self.system.coordinates:
-            turning = item.node.kind.value == "rotation"
-            if place in (item.speed, item.position):
-                unit = "rad" if turning else "m"
-                return unit if place == item.position else f"{unit}/s"
-        return "Pa"
+        return units_of_channels(self.system, self.state_places)
 
     # --- kernels -----------------------------------------------------------------------------
 
@@ -204,7 +171,7 @@ class NetworkPlant(Plant):
         refuse_uncompiled(self._written(self.system, self.layout)[1])
 
     def _compile(self, system: System, layout: Layout) -> ModuleType:
-        return compiled(self.id, *self._written(system, layout))
+        return compiled_kernel(self.id, *self._written(system, layout))
 
     def _written(self, system: System, layout: Layout) -> tuple[str, list[Callable[..., object]]]:
         """Return the kernel's source, and the functions that it imports."""
@@ -439,7 +406,7 @@ class NetworkPlant(Plant):
         text = sweep_source(self.system, hooks, scalar.__name__, self.bare.size)
         if text is None:
             return None
-        kernel = compiled(self.id, text, [*self.system.laws], "sweep")
+        kernel = compiled_kernel(self.id, text, [*self.system.laws], "sweep")
         sweep: Callable[..., None] = kernel.sweep
         return sweep
 
@@ -568,13 +535,13 @@ class NetworkPlant(Plant):
                     hint=f"name '{name}' under inputs, or give the node an inertia",
                 )
 
-    # --- what channels tell ------------------------------------------------------------------
+    # --- channels ---------------------------------------------------------------------------
 
     def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
         """Return the outputs that these inputs determine."""
         nodes = determined_nodes(self.system, self.state_places, frozenset(inputs))
         places = {self.state_places[name] for name in inputs if name in self.state_places}
-        # of what is imposed, a position follows from its rate, and nothing else is told
+        # of what is imposed, a position follows from its rate, and nothing else follows
         still = {
             place
             for item in self.system.coordinates

@@ -201,7 +201,7 @@ class _Parser:
                 values[key] = (
                     _quantity(parameter, unit, raw, where)
                     if unit is not None
-                    else _of_any_unit(parameter, raw, where)
+                    else _of_any_unit(raw, where)
                 )
         for needed in kind.required:
             if needed not in values:
@@ -390,7 +390,7 @@ def _quantity(parameter: Parameter, unit: str, raw: Any, where: Place) -> float:
     return value
 
 
-def _of_any_unit(parameter: Parameter, raw: Any, where: Place) -> float:
+def _of_any_unit(raw: Any, where: Place) -> float:
     """Return a number in SI whose unit depends on another element."""
     unit = units.unit_in(raw) if isinstance(raw, str) else ""
     try:

@@ -63,7 +63,7 @@ def role_summary(role: str) -> str:
 # --- expressions -----------------------------------------------------------------------------
 
 
-def shown(system: System, expression: str) -> str:
+def shown_expression(system: System, expression: str) -> str:
     """Return an expression over states as one over what is shown to effects."""
     places = {name: place for place, name in enumerate(system.state_names)}
     text = _STATE.sub(lambda m: f"X[{places[m[0]]}]", expression)
@@ -80,9 +80,9 @@ def _motion(system: System, item: Coordinate) -> dict[str, str]:
         "speed": f"X[{item.speed}]",
         "position": f"X[{item.position}]",
         "t": "S[1]",
-        "inertia": shown(system, f"mass{item.number}({call})"),
-        "drive": shown(system, f"drive{item.number}({call})"),
-        "load": shown(system, f"outside{item.number}({call})"),
+        "inertia": shown_expression(system, f"mass{item.number}({call})"),
+        "drive": shown_expression(system, f"drive{item.number}({call})"),
+        "load": shown_expression(system, f"outside{item.number}({call})"),
         "slow": repr(25.0 * _usual_position(system, item)),
         "oil_temperature": f"S[{system.signals['oil_temperature']}]",
     }
@@ -258,7 +258,7 @@ def _pump_friction(system: System) -> Iterator[Spot]:
                 f"{system.pressure(part.element.ports['from'])}))"
                 for part in pumps
             ]
-            yield _spot(system, item, {"pump_load": shown(system, " + ".join(loads))})
+            yield _spot(system, item, {"pump_load": shown_expression(system, " + ".join(loads))})
 
 
 def _rod(system: System) -> Iterator[Spot]:
@@ -270,8 +270,8 @@ def _rod(system: System) -> Iterator[Spot]:
                 system,
                 item,
                 {
-                    "p_a": shown(system, system.pressure(ports["a"])),
-                    "p_b": shown(system, system.pressure(ports["b"])),
+                    "p_a": shown_expression(system, system.pressure(ports["a"])),
+                    "p_b": shown_expression(system, system.pressure(ports["b"])),
                     "area_a": str(system.parameter(part.name, "area_a")),
                     "area_b": str(system.parameter(part.name, "area_b")),
                 },
@@ -309,9 +309,9 @@ def _motors(system: System) -> Iterator[tuple[BoundElement, Spot]]:
         ratio = system.ratio(node)
         names = {
             **_motion(system, item),
-            "angle": shown(system, system.position(node)),
-            "current": shown(system, system.call(part, current.law)),
-            "ratio": shown(system, ratio) if ratio else "1.0",
+            "angle": shown_expression(system, system.position(node)),
+            "current": shown_expression(system, system.call(part, current.law)),
+            "ratio": shown_expression(system, ratio) if ratio else "1.0",
             "torque_constant": str(
                 system.parameter(part.name, "torque_constant")
                 or system.parameter(part.name, "force_constant")
@@ -376,7 +376,7 @@ def _voltage_drive(system: System) -> Iterator[Spot]:
         ):
             continue
         winding = {
-            "winding": shown(system, system.call(part, current.law)),
+            "winding": shown_expression(system, system.call(part, current.law)),
             "torque_constant": str(system.parameter(part.name, "torque_constant")),
         }
         reads = tuple(
@@ -450,7 +450,10 @@ def _valve(system: System) -> Iterator[Spot]:
             volume = system.volume_of.get(ports[port])
             hooks[f"inflow_{port}"] = (Hook(f"inflow:{volume.name}"),) if volume else ()
             hooks[f"ground_{port}"] = (Hook(f"ground:{volume.name}"),) if volume else ()
-        names = {f"p_{port}": shown(system, system.pressure(node)) for port, node in ports.items()}
+        names = {
+            f"p_{port}": shown_expression(system, system.pressure(node))
+            for port, node in ports.items()
+        }
         names |= {
             "opening": f"S[{system.signals[f'{part.name}.opening']}]",
             "flow_gain": str(system.parameter(part.name, "flow_gain")),
@@ -561,14 +564,14 @@ def _pump(system: System) -> Iterator[Spot]:
             Equation.FLOW,
             {"delivery": (Hook(f"delivery:{part.name}"),), "net": (Hook(f"net:{item.name}"),)},
             {
-                "angle": shown(system, system.position(node)),
-                "speed": shown(system, system.speed(node)),
-                "difference": shown(
+                "angle": shown_expression(system, system.position(node)),
+                "speed": shown_expression(system, system.speed(node)),
+                "difference": shown_expression(
                     system,
                     f"({system.pressure(ports['to'])} - {system.pressure(ports['from'])})",
                 ),
                 "displacement": str(system.parameter(part.name, "displacement")),
-                "ratio": shown(system, ratio) if ratio else "1.0",
+                "ratio": shown_expression(system, ratio) if ratio else "1.0",
                 "t": "S[1]",
             },
         )
@@ -666,10 +669,12 @@ def _joint(system: System, kind: NodeKind) -> Iterator[Spot]:
         ]
         names = {
             **_motion(system, item),
-            "pushed": shown(system, f"drive{item.number}({call})"),
-            "pulled": shown(system, f"outside{item.number}({call})"),
+            "pushed": shown_expression(system, f"drive{item.number}({call})"),
+            "pulled": shown_expression(system, f"outside{item.number}({call})"),
             "viscous_force": _viscous(system, item),
-            "whole_mass": " + ".join(shown(system, text) for text in system.inertias(item)),
+            "whole_mass": " + ".join(
+                shown_expression(system, text) for text in system.inertias(item)
+            ),
             "coulomb": " + ".join(frictions) or "0.0",
         }
         units = {**UNITS[item.node.kind], "play": UNITS[item.node.kind]["position"]}
@@ -700,8 +705,8 @@ def _hanging(system: System) -> Iterator[Spot]:
             _balance(item),
             {"net": (Hook(f"net:{item.name}"),)},
             {
-                "angle": shown(system, system.position(node)),
-                "turns": shown(system, system.ratio(node)),
+                "angle": shown_expression(system, system.position(node)),
+                "turns": shown_expression(system, system.ratio(node)),
             },
             {"weight": "N*m"},
             {"weight": 1.0},
@@ -764,7 +769,7 @@ def _supply(system: System) -> Iterator[Spot]:
             node.name,
             Equation.FLOW,
             {"pressure": (Hook(f"pressure:{node.name}"),)},
-            {"drawn": shown(system, " + ".join(drawn)) if drawn else "0.0", "t": "S[1]",
+            {"drawn": shown_expression(system, " + ".join(drawn)) if drawn else "0.0", "t": "S[1]",
              "pressure": f"S[{system.signals[f'{node.name}.pressure']}]"},
         )  # fmt: skip
 
@@ -776,7 +781,7 @@ def variables_of(system: System) -> dict[str, str]:
         if item.state >= 0:
             found[item.channel] = f"X[{item.state}]"
         elif item.command < 0:
-            found[item.channel] = shown(system, item.expression)
+            found[item.channel] = shown_expression(system, item.expression)
     pairs = [(spot.names["p_a"], spot.names["p_b"]) for spot in _chambers(system)]
     for a, b in pairs[:1]:
         found["pressure_difference"] = f"{a} - {b}"

@@ -74,8 +74,6 @@ class Coordinate:
     Attributes:
         node: it. number: among the coordinates; its states are `v<number>` and `x<number>`.
         speed, position: places in `Y`.
-        efforts, frictions, inertias: what acts on it, as (expression, ...) over the states.
-        low, high: expressions of the ends of its stroke, "" where it has none.
     """
 
     node: Node
@@ -117,7 +115,6 @@ class PlantInput:
         signal: place in `S` that it sets, where it is not a command.
         default: place in `P` of what stands in where it is not given, -1 for 0.
         command: the command that it is, None where it is none. part: its element.
-        loop: whether a controller inside the plant sets it where it is not given.
     """
 
     channel: str

@@ -1,9 +1,9 @@
 """Mathematical functions that LLVM can turn into vector instructions: no branches and no calls.
 
 Laws of elements call `math.exp` and its like, and a call into the C library keeps a loop over
-parameter sets from being vectorised. `vectorised` returns a law whose `math` is this module. Each
-function here is within a few units of the last place of the C library's; outside the range that it
-is written for it returns NaN, and the step is then done by the scalar kernel.
+parameter sets from being vectorised. `vectorised_law` returns a law whose `math` is this module.
+Each of its functions is within a few units of the last place of the C library's; outside the range
+that it is written for it returns NaN, and the step is then done by the scalar kernel.
 
 Reductions and polynomials: Cody, Waite, Software Manual for the Elementary Functions, Prentice Hall
 1980; Muller, Elementary Functions, 3rd ed., Birkhäuser 2016, chapters 3 and 11.
@@ -26,13 +26,7 @@ from eha_bench.plants.compiled import Compiled, njit
 pi, e, tau, inf, nan = math.pi, math.e, math.tau, math.inf, math.nan
 sqrt, fabs, copysign = math.sqrt, math.fabs, math.copysign
 
-_SHIFT = 6755399441055744.0
-"""1.5 * 2^52: added and taken away again, it rounds to the nearest integer."""
-
 _WORD = ir.IntType(64)
-
-_LARGEST_ANGLE = 1e5
-"""Beyond it the reduction of an angle loses digits, rad."""
 
 
 def _on_bits(change: Callable[[Any, Any], Any]) -> Callable[[float], float]:
@@ -200,7 +194,7 @@ _BUILTINS = frozenset({"abs", "max", "min", "float", "bool"})
 _LOOPS = ("JUMP_BACKWARD", "FOR_ITER", "SEND")
 
 
-def vectorised(law: Callable[..., Any]) -> FunctionType | None:
+def vectorised_law(law: Callable[..., Any]) -> FunctionType | None:
     """Return a law with this module for `math`, None where LLVM could not vectorise it.
 
     It cannot be where it loops, raises to a power by `**`, or calls what has no twin here.

@@ -32,7 +32,7 @@ from eha_bench.recordings.bags.bag_file import BagFile
 from eha_bench.recordings.bags.blobs import Batch, Connection
 from eha_bench.recordings.decompress import DamagedChunk, decompress, decompress_torn
 from eha_bench.recordings.file_bytes import map_file
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.naming import printable
 
 _MAGIC = b"#ROSBAG V2.0\n"
 
@@ -104,8 +104,8 @@ class Bag1Source(BagFile):
             self._damaged = True
             self._conflicts.add(known.topic)
             self._notes.append(
-                f"connection {found.id} is declared twice, as '{shown([known.topic])}' and "
-                f"'{shown([found.topic])}': its messages are not read"
+                f"connection {found.id} is declared twice, as '{printable([known.topic])}' and "
+                f"'{printable([found.topic])}': its messages are not read"
             )
 
     def _in_order(self) -> list[tuple[Record, bool]]:

@@ -10,7 +10,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.bags.blobs import Batch, Connection, collect
 from eha_bench.recordings.channel_map import Clock
 from eha_bench.recordings.encodings.decoder import UnreadableTopic
-from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
+from eha_bench.recordings.source import Source, TimeSpan, Topic, TopicRequest
 from eha_bench.recordings.track import Track
 
 
@@ -48,7 +48,7 @@ class BagFile(Source):
         return tuple(found.values())
 
     def tracks(
-        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+        self, wanted: Mapping[str, TopicRequest], span: TimeSpan | None = None
     ) -> dict[str, Track]:
         """Return the samples of the wanted topics, in order of the log.
 

@@ -12,8 +12,8 @@ from eha_bench.core.arrays import Bytes
 from eha_bench.recordings.batch_decoder import MessageGroup
 from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.payloads import Payloads
-from eha_bench.recordings.source import Source, Wanted
-from eha_bench.recordings.topic_reader import TopicReader, finished
+from eha_bench.recordings.source import Source, TopicRequest
+from eha_bench.recordings.topic_reader import TopicReader, finished_tracks
 from eha_bench.recordings.track import Track
 
 
@@ -60,7 +60,7 @@ class Batch:
         return parts
 
 
-def joined(connections: list[int], stamps: list[int], payloads: list[bytes]) -> Batch:
+def batch_of(connections: list[int], stamps: list[int], payloads: list[bytes]) -> Batch:
     """Return messages that come one by one as a batch."""
     sizes = np.fromiter((len(payload) for payload in payloads), np.int64, len(payloads))
     return Batch(
@@ -74,7 +74,7 @@ def joined(connections: list[int], stamps: list[int], payloads: list[bytes]) -> 
 
 def collect(
     source: Source,
-    wanted: Mapping[str, Wanted],
+    wanted: Mapping[str, TopicRequest],
     connections: Mapping[int, Connection],
     batches: Iterable[Batch],
 ) -> dict[str, Track]:
@@ -100,4 +100,4 @@ def collect(
                 reader.extend(parts)
             except UnreadableTopic as error:
                 raise source.refuse(topic, error) from error
-    return finished(source, readers)
+    return finished_tracks(source, readers)

@@ -14,8 +14,8 @@ from eha_bench.core.temporary_folder import TemporaryFolder
 from eha_bench.core.yaml_file import load
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.formats import open_file
-from eha_bench.recordings.naming import shown
-from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
+from eha_bench.recordings.naming import printable
+from eha_bench.recordings.source import Source, TimeSpan, Topic, TopicRequest
 from eha_bench.recordings.track import Track
 
 _FILES = ("*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
@@ -79,7 +79,7 @@ class Rosbag2Source(Source):
         return tuple(found.values())
 
     def tracks(
-        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+        self, wanted: Mapping[str, TopicRequest], span: TimeSpan | None = None
     ) -> dict[str, Track]:
         """Return the samples of the wanted topics, file after file.
 
@@ -142,14 +142,14 @@ class Rosbag2Source(Source):
             name = PurePath(written).name
             if name != written:
                 self._notes.append(
-                    f"metadata.yaml names {shown([written])}; {shown([name])} was read"
+                    f"metadata.yaml names {printable([written])}; {printable([name])} was read"
                 )
             file = self._folder / name
             if not file.is_file():  # no pipe either
                 raise RecordingError(
-                    f"a part of the recording is missing: {shown([name])}",
+                    f"a part of the recording is missing: {printable([name])}",
                     where=Place(file=str(self._path)),
-                    hint="put the file back, or remove metadata.yaml to read what is there",
+                    hint="put the file back, or remove metadata.yaml to read the other files",
                 )
             files.append(file)
         return files

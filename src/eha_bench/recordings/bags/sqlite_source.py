@@ -11,10 +11,10 @@ from typing import Any
 
 from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.bags.bag_file import BagFile
-from eha_bench.recordings.bags.blobs import Batch, Connection, joined
+from eha_bench.recordings.bags.blobs import Batch, Connection, batch_of
 from eha_bench.recordings.budget import OverBudget, budget
 from eha_bench.recordings.encodings.decoder import Encoded
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.naming import printable
 
 _BATCH = 8192
 _ROW = 200
@@ -110,8 +110,9 @@ class SqliteSource(BagFile):
                     self._conflicts.add(str(topic))
                     known = declared[str(topic)].schema_name
                     self._notes.append(
-                        f"topic '{shown([str(topic)])}' is declared twice, as '{shown([known])}' "
-                        f"and '{shown([str(kind)])}': its messages are not read"
+                        f"topic '{printable([str(topic)])}' is declared twice, "
+                        f"as '{printable([known])}' and '{printable([str(kind)])}': "
+                        "its messages are not read"
                     )
                 found[int(number)] = Connection(int(number), str(topic), encoded)
             strangers = database.execute(
@@ -141,7 +142,7 @@ class SqliteSource(BagFile):
                     if len(rows) == _BATCH or 4 * held > self._budget.memory:
                         self._budget.hold(2 * held, "a message")
                         held = 0
-                        yield joined(*map(list, zip(*rows, strict=True)))
+                        yield batch_of(*map(list, zip(*rows, strict=True)))
                         rows.clear()
         except (sqlite3.Error, TypeError, ValueError, OverflowError) as error:
             if self._spent is not None:
@@ -152,7 +153,7 @@ class SqliteSource(BagFile):
                 "everything before was read"
             )
         if rows:
-            yield joined(*map(list, zip(*rows, strict=True)))
+            yield batch_of(*map(list, zip(*rows, strict=True)))
 
 
 def _row(topic: Any, stamp: Any, data: Any, number: int) -> tuple[int, int, bytes]:

@@ -10,7 +10,7 @@ from typing import Any
 from eha_bench.core.arrays import FloatArray
 from eha_bench.recordings.encodings.field_path import FieldPath
 from eha_bench.recordings.encodings.payloads import Payloads
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.naming import printable
 
 Column = FloatArray
 
@@ -82,7 +82,7 @@ def _called(value: Any) -> str:
     """Return what the author of a log would call a value."""
     match value:
         case str():
-            return f"the text {shown([value[:40]])!r}"
+            return f"the text {printable([value[:40]])!r}"
         case bytes():
             return "bytes"
         case Mapping():

@@ -18,7 +18,7 @@ def are_packed(payloads: Payloads) -> bool:
     return payloads.size > 4 and payloads.count > 0 and payloads.column(0, "<u4")[0] == _MAGIC
 
 
-def unpacked(payloads: Payloads) -> Iterator[tuple[IndexArray, Payloads]]:
+def unpacked_messages(payloads: Payloads) -> Iterator[tuple[IndexArray, Payloads]]:
     """Yield the messages decompressed, those of one size together, and which ones they are.
 
     Raises:

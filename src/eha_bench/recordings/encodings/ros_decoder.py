@@ -17,12 +17,12 @@ from eha_bench.recordings.encodings.definitions import (
     short_name,
 )
 from eha_bench.recordings.encodings.field_path import FieldPath, NamedElement
-from eha_bench.recordings.encodings.packed_messages import are_packed, unpacked
+from eha_bench.recordings.encodings.packed_messages import are_packed, unpacked_messages
 from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.encodings.ros_layout import MessageLayout, layout_of
 from eha_bench.recordings.encodings.ros_path import check_path
 from eha_bench.recordings.encodings.ros_walker import PayloadError
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.naming import printable
 
 _MOST_LAYOUTS = 8
 _BLOCK = 2048
@@ -58,7 +58,7 @@ class RosDecoder(Decoder):
         if not any(isinstance(step, NamedElement) for step in path.steps):
             return ""
         names = {name for known in self._layouts.values() for one in known for name in one.names}
-        return f"the names in it are {shown(sorted(names)) or 'none'}"
+        return f"the names in it are {printable(sorted(names)) or 'none'}"
 
     def decode(self, payloads: Payloads, columns: list[Column]) -> None:
         """Write one value a message into each column.
@@ -98,7 +98,7 @@ class RosDecoder(Decoder):
 
     def _decode_packed(self, payloads: Payloads, columns: list[Column]) -> None:
         try:
-            for rows, plain in unpacked(payloads):
+            for rows, plain in unpacked_messages(payloads):
                 targets = [np.empty(plain.count) for _ in columns]
                 self.decode(plain, targets)
                 for column, target in zip(columns, targets, strict=True):

@@ -34,7 +34,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.checksum import crc32
 from eha_bench.recordings.file_bytes import forget, map_file
 from eha_bench.recordings.mcap.demux import RECORD_HEAD
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.naming import printable
 
 MAGIC = b"\x89MCAP0\r\n"
 _FRAME = struct.Struct("<BQ")
@@ -362,8 +362,8 @@ def add_schema(file: McapFile, start: int, length: int, buffer: Bytes) -> None:
     known = file.schemas.setdefault(schema.id, schema)
     if known != schema:
         file.conflicts[None, schema.id] = (
-            f"schema {schema.id} is declared twice, as '{shown([known.name])}' and "
-            f"'{shown([schema.name])}': its topics are not read"
+            f"schema {schema.id} is declared twice, as '{printable([known.name])}' and "
+            f"'{printable([schema.name])}': its topics are not read"
         )
 
 
@@ -375,8 +375,8 @@ def add_channel(file: McapFile, start: int, length: int, buffer: Bytes) -> None:
     known = file.channels.setdefault(channel.id, channel)
     if known != channel:
         file.conflicts[channel.id, None] = (
-            f"channel {channel.id} is declared twice, as '{shown([known.topic])}' and "
-            f"'{shown([channel.topic])}': its messages are not read"
+            f"channel {channel.id} is declared twice, as '{printable([known.topic])}' and "
+            f"'{printable([channel.topic])}': its messages are not read"
         )
 
 

@@ -16,7 +16,7 @@ from eha_bench.recordings.budget import budget
 from eha_bench.recordings.checksum import crc32
 from eha_bench.recordings.file_bytes import forget
 from eha_bench.recordings.mcap.file import Chunk, McapFile
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.naming import printable
 
 _STEP = 1 << 20
 _FOOTER = struct.Struct("<BQQQ")
@@ -49,7 +49,8 @@ def summary_problems(file: McapFile) -> Iterator[str]:
         ("metadata records", file.metadata_names, [record.name for record in file.metadata]),
     ):
         if declared and Counter(declared) != Counter(there):
-            yield f"its index names the {what} {shown(declared)}, it holds {shown(there) or 'none'}"
+            held = printable(there) or "none"
+            yield f"its index names the {what} {printable(declared)}, it holds {held}"
 
 
 def data_problems(file: McapFile) -> Iterator[str]:
@@ -102,7 +103,7 @@ def count_problems(
     ]
     for number in wrong[:3]:
         channel = file.channels.get(number)
-        name = f"topic {shown([channel.topic])}" if channel else f"channel {number}"
+        name = f"topic {printable([channel.topic])}" if channel else f"channel {number}"
         yield (
             f"its statistics count {by_channel.get(number, 0)} messages of {name}, "
             f"it holds {total[number]}"

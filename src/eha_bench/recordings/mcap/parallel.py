@@ -21,7 +21,7 @@ from eha_bench.recordings.encodings.decoder import Encoded, UnreadableTopic
 from eha_bench.recordings.encodings.payloads import Payloads
 from eha_bench.recordings.mcap.demux import LOG_TIME, PAYLOAD, PUBLISH_TIME, Split, Splitter
 from eha_bench.recordings.mcap.file import Chunk
-from eha_bench.recordings.source import Wanted
+from eha_bench.recordings.source import TopicRequest
 from eha_bench.recordings.track import Arena, Column, Stamps, Track
 
 _WORKERS = 2
@@ -39,7 +39,7 @@ class _UnlikeIndex(Exception):
 class _Target:
     """Where a topic's samples go; `stamps` is None where they are another topic's."""
 
-    wanted: Wanted
+    wanted: TopicRequest
     columns: list[Column]
     stamps: Stamps | None
     like: str | None
@@ -48,7 +48,9 @@ class _Target:
 class _Worker:
     """What each thread keeps for itself."""
 
-    def __init__(self, wanted: Mapping[str, Wanted], encoded: Callable[[int], Encoded]) -> None:
+    def __init__(
+        self, wanted: Mapping[str, TopicRequest], encoded: Callable[[int], Encoded]
+    ) -> None:
         self.splitter = Splitter()
         self.room = DecompressBuffer()
         self.decoders = {topic: BatchDecoder(what, encoded) for topic, what in wanted.items()}
@@ -61,7 +63,7 @@ class ParallelReader:
         self,
         chunks: list[Chunk],
         ids: Mapping[int, str],
-        wanted: Mapping[str, Wanted],
+        wanted: Mapping[str, TopicRequest],
         encoded: Callable[[int], Encoded],
         open_chunk: OpenChunk,
     ) -> None:

@@ -58,7 +58,7 @@ class Compressed:
     crc: int
 
 
-def compressed(records: Any, level: int) -> Compressed:
+def compressed_chunk(records: Any, level: int) -> Compressed:
     """Return whole message records, any contiguous buffer, as a chunk compressed with zstd."""
     raw = memoryview(records).cast("B")
     data = zstandard.ZstdCompressor(level=level).compress(raw)
@@ -169,7 +169,7 @@ class McapSink:
             level: of the compression.
             verified: whether the records are known to be right, so that they get a checksum.
         """
-        made = compressed(records, level)
+        made = compressed_chunk(records, level)
         self.compressed_chunk(made if verified else replace(made, crc=0), index)
 
     def compressed_chunk(self, chunk: Compressed, index: Index) -> None:

@@ -16,9 +16,9 @@ from eha_bench.recordings.mcap.demux import LOG_TIME, PUBLISH_TIME, Split
 from eha_bench.recordings.mcap.file import BareMessages, Chunk, McapFile, open_mcap
 from eha_bench.recordings.mcap.integrity import count_problems, data_problems, summary_problems
 from eha_bench.recordings.mcap.parallel import ParallelReader
-from eha_bench.recordings.naming import shown
-from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
-from eha_bench.recordings.topic_reader import TopicReader, finished
+from eha_bench.recordings.naming import printable
+from eha_bench.recordings.source import Source, TimeSpan, Topic, TopicRequest
+from eha_bench.recordings.topic_reader import TopicReader, finished_tracks
 from eha_bench.recordings.track import Arena, StampColumn, Track
 
 
@@ -53,11 +53,12 @@ class McapSource(Source):
     def notes(self) -> tuple[str, ...]:
         """What was found so far: a tear, damaged chunks, what is not as the file says."""
         attached = (
-            f"the attachment {shown([name])} is damaged (its checksum is wrong): it was left out"
+            f"the attachment {printable([name])} is damaged (its checksum is wrong): "
+            "it was left out"
             for name in self._wrong_attachments
         )
         found = (
-            *recovered(self._file),
+            *recovery_notes(self._file),
             *damage(self._file),
             *attached,
             *self._file.conflicts.values(),
@@ -74,7 +75,7 @@ class McapSource(Source):
             or bool(self._file.holes)
             or self._reader.lost + self._reader.unlike > 0
             or bool(self._wrong or self._wrong_attachments or self._file.conflicts)
-            or bool(recovered(self._file))
+            or bool(recovery_notes(self._file))
         )
 
     def damaged_attachments(self) -> tuple[str, ...]:
@@ -98,7 +99,7 @@ class McapSource(Source):
         return tuple(found.values())
 
     def tracks(
-        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+        self, wanted: Mapping[str, TopicRequest], span: TimeSpan | None = None
     ) -> dict[str, Track]:
         """Return the samples of the wanted topics, in file order.
 
@@ -112,7 +113,7 @@ class McapSource(Source):
             for part in self._reader.splits(ids, span):
                 self._collect(part, ids, readers)
                 del part  # or there would be three chunks in memory
-            tracks = finished(self, readers)
+            tracks = finished_tracks(self, readers)
         if any(what.fields for what in wanted.values()):
             self._refuse_conflicts(ids)
         if span is None:
@@ -144,7 +145,7 @@ class McapSource(Source):
                 if channel == number or schema == self._file.channels[number].schema_id:
                     raise self.refuse(topic, UnreadableTopic(text))
 
-    def first_stamp(self, wanted: Mapping[str, Wanted]) -> int | None:
+    def first_stamp(self, wanted: Mapping[str, TopicRequest]) -> int | None:
         """Return the log time in ns of the first wanted message, None if only a full scan tells."""
         if not all(isinstance(part, Chunk) and part.channels for part in self._file.parts):
             return None
@@ -181,11 +182,11 @@ class McapSource(Source):
                 found[attachment.name] = attachment.data
         return found
 
-    def _ids(self, wanted: Mapping[str, Wanted]) -> dict[int, str]:
+    def _ids(self, wanted: Mapping[str, TopicRequest]) -> dict[int, str]:
         return {c.id: c.topic for c in self._file.channels.values() if c.topic in wanted}
 
     def _together(
-        self, ids: Mapping[int, str], wanted: Mapping[str, Wanted], span: TimeSpan | None
+        self, ids: Mapping[int, str], wanted: Mapping[str, TopicRequest], span: TimeSpan | None
     ) -> dict[str, Track] | None:
         """Read on several cores, if nothing is out of the ordinary."""
         parts = self._reader.needed(ids, span)
@@ -195,7 +196,7 @@ class McapSource(Source):
         return ParallelReader(chunks, ids, wanted, self._encoded, self._reader.open).tracks()
 
     def _readers(
-        self, wanted: Mapping[str, Wanted], expected: Mapping[str, int]
+        self, wanted: Mapping[str, TopicRequest], expected: Mapping[str, int]
     ) -> dict[str, TopicReader]:
         most = max(expected.values(), default=0)
         leading: list[str] = []
@@ -291,7 +292,7 @@ def joined_metadata(file: McapFile) -> dict[str, dict[str, str]]:
     return found
 
 
-def recovered(file: McapFile) -> tuple[str, ...]:
+def recovery_notes(file: McapFile) -> tuple[str, ...]:
     """Say what was wrong with the file that this one was recovered from."""
     found = (record.metadata for record in file.metadata if record.name == RECOVERY)
     return tuple(f"recovered from a damaged file: {note}" for one in found for note in one.values())

@@ -30,7 +30,7 @@ from eha_bench.recordings.budget import (
     OverBudget,
     ReadingBudget,
     budget,
-    limited,
+    reading_budget,
     spending,
 )
 from eha_bench.recordings.channel_map import ChannelMap
@@ -371,7 +371,7 @@ def main() -> None:
     # what libraries print must not come between the answers
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    with limited(int(memory), float(seconds)), suppress(BrokenPipeError):
+    with reading_budget(int(memory), float(seconds)), suppress(BrokenPipeError):
         serve(kind, Path(path), sys.stdin.buffer, answers)
 
 

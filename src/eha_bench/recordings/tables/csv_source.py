@@ -16,7 +16,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.tables.csv_layout import MISSING, CsvLayout, NoTable
 from eha_bench.recordings.tables.table import TableSource
-from eha_bench.recordings.tables.times import NoTime, parse_times
+from eha_bench.recordings.tables.times import NotATime, parse_times
 
 _MOST_TIMES = 12
 """A table takes so many times its size while it is read: as text, twice, and as numbers."""
@@ -70,7 +70,7 @@ class CsvSource(TableSource):
             return self.column(name)
         try:
             return parse_times(column)
-        except NoTime as error:
+        except NotATime as error:
             cell = str(column[error.row])[:40]
             raise RecordingError(
                 f"'{cell}' in column '{name}' is neither a number nor a time",

@@ -15,7 +15,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.tables.grouped import GroupedTable, Series
 from eha_bench.recordings.tables.library import reading_with
-from eha_bench.recordings.tables.times import NoTime, parse_times
+from eha_bench.recordings.tables.times import NotATime, parse_times
 
 _UNITS = ("unit", "units", "Unit", "Units", "UNIT", "UNITS")
 _MOST = 10_000
@@ -73,7 +73,7 @@ class Hdf5Source(GroupedTable):
         )
         try:
             return parse_times(cells)
-        except NoTime as error:
+        except NotATime as error:
             raise RecordingError(
                 f"'{str(cells[error.row])[:40]}' is neither a number nor a time",
                 where=Place(file=self.path, key=name),

@@ -16,7 +16,7 @@ _DEEPEST = 40
 _NAN = float("nan")
 
 
-class TooMuch(Exception):
+class TooManyValues(Exception):
     """The values are more, or deeper, than a recording can be; says what."""
 
 
@@ -45,7 +45,7 @@ class Records:
         """Add one record.
 
         Raises:
-            TooMuch: there are too many columns for so many records, or it nests too deep.
+            TooManyValues: there are too many columns for so many records, or it nests too deep.
         """
         if isinstance(record, list):
             self._list("", record, 0)
@@ -54,7 +54,7 @@ class Records:
                 self._value(key, value, 0)
         self.count += 1
         if self.count * (len(self.columns) + len(self.texts)) > self.most:
-            raise TooMuch(
+            raise TooManyValues(
                 f"{self.count} records of {len(self.columns) + len(self.texts)} different "
                 "values each"
             )
@@ -83,24 +83,24 @@ class Records:
         try:
             column.append(value)
         except OverflowError as error:
-            raise TooMuch(f"'{path[:80]}' holds a number of too many digits") from error
+            raise TooManyValues(f"'{path[:80]}' holds a number of too many digits") from error
 
     def _nested(self, path: str, value: dict[str, Any], depth: int) -> None:
         if depth > _DEEPEST:
-            raise TooMuch(f"it is nested deeper than {_DEEPEST} levels")
+            raise TooManyValues(f"it is nested deeper than {_DEEPEST} levels")
         for key, inner in value.items():
             self._value(f"{path}.{key}", inner, depth + 1)
 
     def _list(self, path: str, value: list[Any], depth: int) -> None:
         if depth > _DEEPEST:
-            raise TooMuch(f"it is nested deeper than {_DEEPEST} levels")
+            raise TooManyValues(f"it is nested deeper than {_DEEPEST} levels")
         if value and lists_names(path.rpartition(".")[2]) and all(type(v) is str for v in value):
             known = self.labels.setdefault(path, value)
             if known != value:
                 self.changed.add(path)
             return
         if len(value) > self.most:
-            raise TooMuch(f"'{path[:80]}' has {len(value)} elements in one record")
+            raise TooManyValues(f"'{path[:80]}' has {len(value)} elements in one record")
         names = self._elements.get((path, len(value)))
         if names is None:
             names = [f"{path}[{k}]" if path else str(k) for k in range(len(value))]

@@ -17,8 +17,8 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.encodings.field_path import lists_names
 from eha_bench.recordings.tables.grouped import GroupedTable, Series
-from eha_bench.recordings.tables.json_records import Records, TooMuch
-from eha_bench.recordings.tables.times import NoTime, parse_times
+from eha_bench.recordings.tables.json_records import Records, TooManyValues
+from eha_bench.recordings.tables.times import NotATime, parse_times
 
 _BLANK = " \t\r\n"
 _NUMBER = 8
@@ -50,7 +50,7 @@ class JsonSource(GroupedTable):
         self._counted = 0, 1  # up to which letter lines were counted, and how many there are
         try:
             self._format = self._parse(self._text())
-        except TooMuch as error:
+        except TooManyValues as error:
             raise RecordingError(
                 f"it is more than can be read: {error}", where=Place(file=self.path)
             ) from error
@@ -96,7 +96,7 @@ class JsonSource(GroupedTable):
             return self.column(name)
         try:
             return parse_times(values)
-        except NoTime as error:
+        except NotATime as error:
             raise RecordingError(
                 f"'{str(values[error.row])[:40]}' is neither a number nor a time (record "
                 f"{error.row + 1})",
@@ -218,7 +218,7 @@ class JsonSource(GroupedTable):
     def _walk(self, path: str, value: Any, depth: int) -> None:
         """Take the lists that stand anywhere in an object."""
         if depth > _DEEPEST:
-            raise TooMuch(f"it is nested deeper than {_DEEPEST} levels")
+            raise TooManyValues(f"it is nested deeper than {_DEEPEST} levels")
         for key, inner in value.items():
             here = f"{path}.{key}" if path else key
             match inner:

@@ -19,7 +19,7 @@ _UNPACKED: Final = struct.Struct("<2sBxIQ")
 
 
 def stored_bytes(content: mmap.mmap | bytes, address: int) -> int | None:
-    """Return how many bytes of samples lie behind a data link; None where that cannot be told."""
+    """Return how many bytes of samples lie behind a data link; None where it cannot be followed."""
     total = 0
     seen: set[int] = set()
     waiting = [address]

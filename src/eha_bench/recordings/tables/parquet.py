@@ -16,7 +16,7 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.encodings.field_path import ArrayItem, Attribute, FieldPath, Step
 from eha_bench.recordings.naming import among
-from eha_bench.recordings.tables.parquet_pages import NoPage, pages_of
+from eha_bench.recordings.tables.parquet_pages import MissingPage, pages_of
 from eha_bench.recordings.tables.table import TableSource
 
 DESCRIPTION: Final = b"eha_bench"
@@ -213,7 +213,7 @@ class ParquetSource(TableSource):
         for chunk in chunks:
             try:
                 found = pages_of(self._content, chunk.start, chunk.end)
-            except NoPage as error:
+            except MissingPage as error:
                 raise self._damaged(f"its pages are damaged: {error}", where) from error
             if found.values != chunk.values or (
                 chunk.rows is not None and chunk.rows != chunk.values

@@ -31,7 +31,7 @@ _LONGEST: Final = 10
 """Bytes of a number."""
 
 
-class NoPage(ValueError):
+class MissingPage(ValueError):
     """There is no page where one has to be."""
 
 
@@ -52,7 +52,7 @@ def pages_of(content: mmap.mmap | bytes, start: int, end: int) -> Pages:
     """Return what the pages that begin from `start` to `end` of a file hold.
 
     Raises:
-        NoPage: something else lies there, or a page reaches beyond the file.
+        MissingPage: something else lies there, or a page reaches beyond the file.
     """
     view = memoryview(content)
     found = size = 0
@@ -63,16 +63,16 @@ def pages_of(content: mmap.mmap | bytes, start: int, end: int) -> Pages:
         fields = header.struct(0)
         packed, whole = fields.get(_COMPRESSED), fields.get(_UNCOMPRESSED)
         if not isinstance(packed, int) or not isinstance(whole, int) or min(packed, whole) < 0:
-            raise NoPage("a page has no size")
+            raise MissingPage("a page has no size")
         place = header.place + packed
         if place > len(view):
-            raise NoPage("a page reaches beyond the file")
+            raise MissingPage("a page reaches beyond the file")
         size += whole
         for key in _DATA:
             head = fields.get(key)
             count = head.get(_COUNT) if isinstance(head, dict) else 0
             if not isinstance(count, int) or count < 0:
-                raise NoPage("a page has no count")
+                raise MissingPage("a page has no count")
             found += count
     return Pages(found, size)
 
@@ -90,7 +90,7 @@ class _Reader:
     def struct(self, depth: int) -> _Fields:
         """Return the fields of a struct by their numbers."""
         if depth > _DEEPEST:
-            raise NoPage("a header is nested too deeply")
+            raise MissingPage("a header is nested too deeply")
         fields: _Fields = {}
         number = 0
         while head := self._byte():
@@ -123,11 +123,11 @@ class _Reader:
             kinds = self._byte() if count else 0
             self._elements(count, (kinds >> 4, kinds & 0x0F), depth)
         else:
-            raise NoPage("a header is damaged")
+            raise MissingPage("a header is damaged")
 
     def _elements(self, count: int, kinds: tuple[int, ...], depth: int) -> None:
         if depth > _DEEPEST or count > len(self._view) - self.place:
-            raise NoPage("a header is damaged")
+            raise MissingPage("a header is damaged")
         for _ in range(count):
             budget().tick()
             for kind in kinds:
@@ -136,14 +136,14 @@ class _Reader:
 
     def _byte(self) -> int:
         if not 0 <= self.place < len(self._view):
-            raise NoPage("a page lies beyond the file")
+            raise MissingPage("a page lies beyond the file")
         self.place += 1
         return self._view[self.place - 1]
 
     def _pass(self, count: int) -> None:
         self.place += count
         if self.place > len(self._view):
-            raise NoPage("a header reaches beyond the file")
+            raise MissingPage("a header reaches beyond the file")
 
     def _unsigned(self) -> int:
         value = 0
@@ -152,7 +152,7 @@ class _Reader:
             value |= (byte & 0x7F) << 7 * shift
             if byte < 0x80:
                 return value
-        raise NoPage("a header is damaged")
+        raise MissingPage("a header is damaged")
 
     def _signed(self) -> int:
         value = self._unsigned()

@@ -10,7 +10,7 @@ from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import UnitError
 from eha_bench.core.units import base_unit, factor_and_offset
 from eha_bench.recordings.channel_map import ChannelEntry, TimeColumn
-from eha_bench.recordings.naming import shown
+from eha_bench.recordings.naming import printable
 
 _WITH_UNIT = re.compile(r"(?P<name>[^\[\](),]*[^\[\](),\s])\s*[\[(](?P<unit>[^\[\]()]*)[\])]")
 _NONE = ("", "-", "1", "none", "None")
@@ -27,7 +27,7 @@ def named_unit(column: str) -> tuple[str, str | None]:
     return match["name"], match["unit"].strip()
 
 
-def described(
+def described_channels(
     columns: Mapping[str, str], units: Mapping[str, str], *, own_clock: bool
 ) -> tuple[dict[str, ChannelEntry], TimeColumn | None, list[str]]:
     """Return the channels that need no map, the column that holds their time, and notes.
@@ -53,21 +53,23 @@ def described(
             continue
         wrong = _unit_problem(name, unit)
         if wrong or not name.strip() or not name.isprintable() or name == "time":
-            notes.append(f"column {shown([column])!r} was left out: {wrong or 'it has no name'}")
+            notes.append(
+                f"column {printable([column])!r} was left out: {wrong or 'it has no name'}"
+            )
             continue
         # of a known channel without a unit the trial knows what it asks for
         known = "" if unit is None and not CHANNELS[name].unit else unit
         channels[name] = ChannelEntry(column=column, unit=known)
     if unsaid and channels:
         notes.append(
-            f"columns without a known name or a unit were left out: {shown(unsaid)}; "
+            f"columns without a known name or a unit were left out: {printable(unsaid)}; "
             "a channels.yaml takes them"
         )
     if channels:
         declared = any(entry.unit for entry in channels.values())
         notes.append(
             "columns were taken by their names, in SI units"
-            + (" where none is said" if declared else "")
+            + (" where none is given" if declared else "")
         )
     return channels, clock, notes
 

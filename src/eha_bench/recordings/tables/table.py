@@ -14,8 +14,8 @@ from eha_bench.core.errors import Place, RecordingError
 from eha_bench.core.units import factor_and_offset
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.channel_map import ChannelMap, ChannelMapFile, TimeColumn
-from eha_bench.recordings.naming import among, shown
-from eha_bench.recordings.source import Source, TimeSpan, Topic, Wanted
+from eha_bench.recordings.naming import among, printable
+from eha_bench.recordings.source import Source, TimeSpan, Topic, TopicRequest
 from eha_bench.recordings.track import Column, Stamps, Track
 
 _NUMBER = 8
@@ -74,7 +74,7 @@ class TableSource(Source):
         return tuple(Topic(name, None) for name in self.names())
 
     def tracks(
-        self, wanted: Mapping[str, Wanted], span: TimeSpan | None = None
+        self, wanted: Mapping[str, TopicRequest], span: TimeSpan | None = None
     ) -> dict[str, Track]:
         """Refuse: a table has no topics."""
         del wanted, span
@@ -106,14 +106,16 @@ class TableSource(Source):
         Raises:
             RecordingError: it has no clock, or no such column.
         """
-        from eha_bench.recordings.tables.self_description import described
+        from eha_bench.recordings.tables.self_description import described_channels
 
-        channels, clock, notes = described(self.titles(), self.units(), own_clock=self.has_clock)
+        channels, clock, notes = described_channels(
+            self.titles(), self.units(), own_clock=self.has_clock
+        )
         if not channels or (clock is None and not self.has_clock):
             raise RecordingError(
                 "no channel map says what this table holds",
                 where=Place(file=self.path),
-                hint=f"give a channels.yaml that maps its columns: {shown(self.names())}",
+                hint=f"give a channels.yaml that maps its columns: {printable(self.names())}",
             )
         self._notes += notes
         return ChannelMapFile(time=clock, channels=channels)

@@ -12,7 +12,7 @@ _ISO = r"\3-\2-\1T"
 _TIME_OF_DAY = r"\d{1,3}:\d{2}:\d{2}(?:\.\d+)?"
 
 
-class NoTime(Exception):
+class NotATime(Exception):
     """A text is not a time; says in which row, from 0."""
 
     def __init__(self, row: int) -> None:
@@ -28,7 +28,7 @@ def parse_times(cells: NDArray[Any]) -> NDArray[Any]:
     (`12:00:00.5`). `03/01/2025` is not: either number may be the month.
 
     Raises:
-        NoTime: one is anything else.
+        NotATime: one is anything else.
     """
     import pandas as pd
 
@@ -45,5 +45,5 @@ def parse_times(cells: NDArray[Any]) -> NDArray[Any]:
         found = dates.dt.tz_localize(None).to_numpy().astype("datetime64[ns]")
     wrong = np.flatnonzero(np.isnat(found) & there.to_numpy())
     if wrong.size:
-        raise NoTime(int(wrong[0]))
+        raise NotATime(int(wrong[0]))
     return found

@@ -62,7 +62,7 @@ class BaselineResult:
         return statistics.median(found)
 
 
-def scaled(shares: Bounds, value: float) -> Bounds:
+def scaled_bounds(shares: Bounds, value: float) -> Bounds:
     """Return bounds on a value from bounds on its ratio to the baseline's `value`."""
     ends = sorted((shares.low * value, shares.high * value)) if value != 0.0 else [0.0, 0.0]
     return Bounds(ends[0], ends[1])

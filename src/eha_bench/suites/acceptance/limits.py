@@ -17,9 +17,9 @@ from eha_bench.core.signal import Signal
 from eha_bench.core.trial import ControlMode
 from eha_bench.core.units import base_unit
 from eha_bench.core.yaml_file import Real, StrictModel, validate
-from eha_bench.suites.acceptance.baseline import BaselineResult, scaled
+from eha_bench.suites.acceptance.baseline import BaselineResult, scaled_bounds
 from eha_bench.suites.acceptance.grammar import LimitWords, examples, parse_bounds, split_words
-from eha_bench.suites.acceptance.specs import NONE, Specs, named
+from eha_bench.suites.acceptance.specs import NONE, Specs, spec_named
 
 Quantity: TypeAlias = Real | str
 
@@ -119,7 +119,7 @@ def _check_applies(
     metric: str, entry: Located, trial: str, signal: Signal | None, own: Specs
 ) -> None:
     """Raise an InputError for a limit that nothing in the trial can ever be judged by."""
-    needs = named(metric, own, entry.place()).needs
+    needs = spec_named(metric, own, entry.place()).needs
     if needs is None or signal is None or needs.met_by(signal):
         return
     raise entry.error(
@@ -152,7 +152,7 @@ def _acceptance(
     metric: str, entry: Located, mode: ControlMode, trial: str, baseline: BaselineResult, own: Specs
 ) -> tuple[tuple[str, str], AcceptanceLimit | None]:
     """Return the (metric, channel) of an entry, and its limit if it has one."""
-    spec = named(metric, own, entry.place())
+    spec = spec_named(metric, own, entry.place())
     shown = spec.unit_for(mode.unit)
     form = LimitFile() if entry.value is None else _form(LimitFile, entry, shown)
     channel = spec.channel_for(mode.channel) if form.channel is None else form.channel
@@ -174,7 +174,7 @@ def _acceptance(
         shares, text = _bounds(form.model_copy(update={"limit": words.bounds}), "", entry)
         value = baseline.value(trial, metric, channel, entry.place())
         bounds, text = (
-            scaled(shares, value),
+            scaled_bounds(shares, value),
             f"{text} of baseline ({value:.4g} {unit}".rstrip() + ")",
         )
     else:
@@ -211,11 +211,11 @@ def _scores(scores: Located, mode: ControlMode, own: Specs) -> list[tuple[str, s
         entry = scores.at(index)
         if isinstance(entry.value, dict):
             form = validate(ScoreFile, entry.value, "", places=entry.place)
-            named(form.metric, own, entry.place(("metric",)))
+            spec_named(form.metric, own, entry.place(("metric",)))
             _unit_of(form.channel, form, mode, entry.place(("channel",)))
             pairs.append((form.metric, form.channel))
         elif isinstance(entry.value, str):
-            spec = named(entry.value, own, entry.place())
+            spec = spec_named(entry.value, own, entry.place())
             pairs.append((spec.id, spec.channel_for(mode.channel)))
         else:
             raise entry.error("expected a metric", hint="write [rise_time, overshoot]")

@@ -6,7 +6,7 @@ from eha_bench.core.errors import InputError, UnitError
 from eha_bench.core.located import Located
 from eha_bench.core.margin import EquivalenceMargin, parse_margin
 from eha_bench.core.trial import ControlMode
-from eha_bench.suites.acceptance.specs import NONE, Specs, named
+from eha_bench.suites.acceptance.specs import NONE, Specs, spec_named
 
 
 def margins(matters: Located, mode: ControlMode, own: Specs = NONE) -> dict[str, EquivalenceMargin]:
@@ -19,7 +19,7 @@ def margins(matters: Located, mode: ControlMode, own: Specs = NONE) -> dict[str,
     """
     found = {}
     for metric, entry in matters.mapping("differences by metric").items():
-        spec = named(metric, own, entry.place())
+        spec = spec_named(metric, own, entry.place())
         channel = spec.channel_for(mode.channel)
         controlled = channel == mode.channel
         unit = spec.unit_for(mode.unit) if controlled else spec.unit_on(channel)

@@ -15,7 +15,7 @@ Specs: TypeAlias = Mapping[str, MetricSpec]
 NONE: Final[Specs] = {}
 
 
-def named(name: str, own: Specs, where: Place) -> MetricSpec:
+def spec_named(name: str, own: Specs, where: Place) -> MetricSpec:
     """Return the specification of a metric by its id.
 
     Raises:

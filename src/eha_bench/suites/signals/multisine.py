@@ -107,7 +107,7 @@ class Multisine(SignalModel):
         starts = [self.at + index * self._length for index in range(self.realisations)]
         stops = [*starts[1:], self.duration]
         return tuple(
-            Lines(start, stop, self.period, self.lines_excited, index)
+            Lines(start, stop, self.period, self.lines_excited)
             for index, (start, stop) in enumerate(zip(starts, stops, strict=True))
         )
 

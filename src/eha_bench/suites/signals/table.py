@@ -12,8 +12,6 @@ from eha_bench.core.near_miss import suggest
 from eha_bench.core.units import factor_and_offset
 from eha_bench.core.yaml_file import StrictModel, read_text
 
-MOST_ROWS = 10_000_000
-
 
 class Column(StrictModel):
     """A column of a CSV file, by its name in the first line, and its unit."""

@@ -52,7 +52,7 @@ class RigBusy(TargetFault):
     """Another run holds the rig."""
 
 
-class Latched(TargetFault):
+class RigLatched(TargetFault):
     """The rig was left in a state that a person has to look at."""
 
 
@@ -159,11 +159,11 @@ class Hold:
         """Refuse a latched rig.
 
         Raises:
-            Latched: with the reason.
+            RigLatched: with the reason.
         """
         latch = self.latch
         if latch is not None:
-            raise Latched(
+            raise RigLatched(
                 f"the rig '{self._name}' is latched: {latch}",
                 hint="inspect the rig, then clear it with `eha-bench clear TARGET --by NAME`",
             )

@@ -188,5 +188,5 @@ class Link:
         return ""
 
 
-class NotThere(TargetFault):
+class DriveAbsent(TargetFault):
     """The drive does not answer: nothing was run, and it can be tried again."""

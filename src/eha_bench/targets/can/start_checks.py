@@ -9,7 +9,7 @@ from collections.abc import Callable
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import TargetFault
 from eha_bench.targets.can.guard import Guard
-from eha_bench.targets.can.link import Link, NotThere
+from eha_bench.targets.can.link import DriveAbsent, Link
 from eha_bench.targets.can.plan import DrivePlan
 
 _SETTLED = 0.02
@@ -29,7 +29,7 @@ class StartCheck:
         """Wait for the first frame of everything.
 
         Raises:
-            NotThere: something does not come.
+            DriveAbsent: something does not come.
         """
         link, began = self._link, time.monotonic()
         heartbeat = link.drive.heartbeat is None
@@ -45,7 +45,7 @@ class StartCheck:
             what = f"no {', '.join(missing)}" if missing else "no state"
             if not missing and link.state:
                 what = link.alive(time.monotonic()) or "no heartbeat"
-            raise NotThere(
+            raise DriveAbsent(
                 f"the drive does not answer: {what} within {self._start.timeout:g} s",
                 hint="check its supply, the bus and the DBC",
             )
@@ -71,7 +71,7 @@ class StartCheck:
         """Let the fixture set the rig up, or see that a person has.
 
         Raises:
-            NotThere: the fixture does not answer.
+            DriveAbsent: the fixture does not answer.
             TargetFault: the rod is not where the trial starts.
         """
         file, link = self._link.drive.file, self._link
@@ -79,7 +79,7 @@ class StartCheck:
             request = ((link.fixture_done or 0) + 1) % 256
             link.send(link.drive.fixture_frame(request, locked, bypass, position))
             if not self._idle(file.fixture.timeout, lambda: link.fixture_done == request):
-                raise NotThere(
+                raise DriveAbsent(
                     f"the fixture did not set the rig up within {file.fixture.timeout:g} s"
                 )
             self._idle(_SETTLED, lambda: False)  # what was read while it moved is not looked at

@@ -18,7 +18,7 @@ from eha_bench.control.controller_file import ControllerSet, load_controllers
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, TargetFault
 from eha_bench.core.linkage import Linkage
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.core.trial import ControlMode, Piston, Trial, command_of
 from eha_bench.plants.model import Model, model_from
 from eha_bench.targets.can.adapter import adapter_of
@@ -368,7 +368,7 @@ class CanTarget(Target):
 
 
 def _controllers(drive: CanDrive) -> ControllerSet:
-    return load_controllers(drive.controller or shipped("controllers/paper.yaml"))
+    return load_controllers(drive.controller or shipped_file("controllers/paper.yaml"))
 
 
 def _torque_model(drive: CanDrive, model: Model | None) -> TorqueModel | None:

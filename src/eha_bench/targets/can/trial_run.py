@@ -19,7 +19,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.trial import Bypass, Piston
 from eha_bench.targets.can.bus import BusLost
 from eha_bench.targets.can.guard import Guard
-from eha_bench.targets.can.link import Link, NotThere
+from eha_bench.targets.can.link import DriveAbsent, Link
 from eha_bench.targets.can.pacing import LoopHealth, Pacer
 from eha_bench.targets.can.plan import DrivePlan
 from eha_bench.targets.can.start_checks import StartCheck
@@ -103,7 +103,7 @@ class TrialRun:
             loop.run()
         except _Stop as stop:
             ending, reason = stop.ending, stop.reason
-        except NotThere as error:
+        except DriveAbsent as error:
             ending, reason = Ending.INFRASTRUCTURE, str(error)
         except KeyboardInterrupt:
             ending, reason = Ending.INTERRUPTED, "interrupted"
@@ -128,7 +128,7 @@ class TrialRun:
         """Bring the rig into the trial's setup and look at it before any torque.
 
         Raises:
-            NotThere: it does not answer.
+            DriveAbsent: it does not answer.
             TargetFault: it is not fit to be run.
         """
         setup = self.plan.trial.setup

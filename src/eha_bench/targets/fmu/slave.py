@@ -80,7 +80,8 @@ class ExportedPlant:
         """Start the simulation from the values that stand now."""
         values = self.values
         names = [parameter.name for parameter in self._plant.layout.parameters]
-        self._session = self._plant.session(
+        self._session = Session(
+            self._plant,
             self._model.with_parameters({name: values[name] for name in names}).vector(),
             {name: values[f"start_{name}"] for name in self._starts},
             locked=bool(values.get("piston_locked", 0.0)),

@@ -20,7 +20,7 @@ from eha_bench.core.errors import InputError, Place, TargetFault, UnitError
 from eha_bench.core.linkage import Linkage
 from eha_bench.core.near_miss import likely
 from eha_bench.core.recording import Recording
-from eha_bench.core.shipped import shipped
+from eha_bench.core.shipped import shipped_file
 from eha_bench.core.temporary_folder import TemporaryFolder
 from eha_bench.core.trial import COMMANDS, Bypass, Piston, Setup, Trial
 from eha_bench.core.units import base_unit
@@ -83,7 +83,7 @@ class FmuTarget(Target):
         self._model: Model | None = model_from(model) if model else None
         self._linkage = _linkage(self._model)
         controller = self._beside("controller", file.controller)
-        self._controllers = load_controllers(controller or shipped("controllers/paper.yaml"))
+        self._controllers = load_controllers(controller or shipped_file("controllers/paper.yaml"))
 
     # --- target.yaml ----------------------------------------------------------
 

@@ -46,7 +46,7 @@ def conversion(
     Args:
         description: the FMU's, for its unit definitions.
         variable: the variable.
-        said: unit that target.yaml gives, None where it gives none.
+        written: unit that target.yaml gives, None where it gives none.
         si_unit: SI unit of the channel.
 
     Raises:
