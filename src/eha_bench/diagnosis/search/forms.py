@@ -38,7 +38,7 @@ def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
     ]
     place = layout.index.get(f"{effect.id}.{AT}")
     found = []
-    for start in effect_starts(layout, effect):
+    for start in effect_starts(layout, effect, refined=True):
         settings = dict(start.settings)
         elsewhere = place is not None and settings[place] != fit.vector[place]
         if not elsewhere and any(settings[at] != fit.vector[at] for at in choices):
