@@ -23,8 +23,8 @@ def noise(count: int, seed: int = 0) -> FloatArray:
 def test_gains_are_those_of_least_squares(kind: Kind) -> None:
     values = noise(40)
     terms = [Term(12, Kind.STEP)]
-    found = gains(values, terms, kind)
-    pairs = pair_gains(values, terms, kind, 7)
+    found = gains(values, design(terms, 40), kind, 40)
+    pairs = pair_gains(values, design(terms, 40), kind, 40, 7)
 
     def squares(matrix: FloatArray) -> float:
         return float(

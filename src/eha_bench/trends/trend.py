@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Final
 
@@ -13,6 +13,7 @@ from scipy import stats
 from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.changes import FEWEST, Change, PiecewiseLine, course_of
 from eha_bench.trends.index import Night
+from eha_bench.trends.influence import Influence
 from eha_bench.trends.newest import newest_of, spread_of
 from eha_bench.trends.swing import Swing, swing_of
 from eha_bench.trends.tails import reach
@@ -152,6 +153,7 @@ class Judged:
         shift: by how much the newest run is away from what was; NaN if unknown.
         drift: by how much the level moved since the last change (0 where it does not).
         swing: a slow swing that was taken out before anything was looked for; None for none.
+        beside: (n,) what influences did, fitted with the changes and taken out; empty for none.
     """
 
     course: PiecewiseLine
@@ -161,6 +163,7 @@ class Judged:
     shift: float
     drift: float
     swing: Swing | None = None
+    beside: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 def cut_off(judged: Judged, side: str) -> Judged:
@@ -184,6 +187,7 @@ def judge(
     margin: float,
     own: float = math.nan,
     missing: tuple[int, int] = (0, 0),
+    influence: Influence | None = None,
 ) -> Judged:
     """Return what a series did, and what its newest run is.
 
@@ -193,14 +197,18 @@ def judge(
         margin: smallest change that matters, SI.
         own: standard deviation of a night by its own interval, SI; NaN where unknown.
         missing: newest nights in a row without a value, and nights without one before them.
+        influence: what else acts on the nights, fitted with the changes; nothing if None.
     """
-    course, swing = course_of(values, alpha=ALPHA / family), None
+    known = influence if influence is not None else Influence.none(values.size)
+    course, swing = course_of(values, alpha=ALPHA / family, influence=known), None
     if course.changes:
-        swing = _swing(values, course)
+        swing = _swing(values - known.columns @ course.strengths, course)
     if swing is not None:
-        course = course_of(values - swing.course, alpha=ALPHA / family)
-    rest = values if swing is None else values - swing.course
-    judged = _judged_rest(rest, course, family, margin, own, missing)
+        course = course_of(values - swing.course, alpha=ALPHA / family, influence=known)
+    beside = known.columns @ course.strengths
+    rest = values - beside if swing is None else values - beside - swing.course
+    left = known.without(course.strengths)
+    judged = replace(_judged_rest(rest, course, family, margin, own, missing, left), beside=beside)
     if swing is None:
         return judged
     newest = float(swing.course[-1])
@@ -229,6 +237,7 @@ def _judged_rest(
     margin: float,
     own: float,
     missing: tuple[int, int],
+    influence: Influence,
 ) -> Judged:
     count, alpha = values.size, ALPHA / family
     last = course.changes[-1].start if course.changes else 0
@@ -239,7 +248,7 @@ def _judged_rest(
         return replace(found, state=_lost(count, *missing))
     if count < FEWEST:
         return replace(found, state=TrendState.TOO_FEW)
-    expected, leverage, residuals = _expected(values, course)
+    expected, leverage, residuals = _expected(values, course, influence)
     start = _stretch(course, count)
     known = residuals[start:-1]
     half = _half_width(known, own, leverage)
@@ -256,7 +265,7 @@ def _judged_rest(
         return replace(found, state=TrendState.STEPPED, since=change.start, shift=change.size)
     if abs(drift) >= margin and drift:
         return replace(found, state=TrendState.DRIFTING, since=last, shift=drift)
-    newest = newest_of(_from_before(values, course, start), own)
+    newest = newest_of(_from_before(values, course, start), own, influence.since(start))
     if newest.p_value <= NEWEST_ALPHA / family and abs(newest.shift) >= margin:
         since = count - newest.span
         return replace(found, state=TrendState.STEPPED, since=since, shift=newest.shift)
@@ -275,18 +284,24 @@ def _stretch(course: PiecewiseLine, count: int) -> int:
     return starts[-1] if starts else 0
 
 
-def _expected(values: FloatArray, course: PiecewiseLine) -> tuple[float, float, FloatArray]:
+def _expected(
+    values: FloatArray, course: PiecewiseLine, influence: Influence
+) -> tuple[float, float, FloatArray]:
     """Return the newest night as expected by those before, its leverage, and all residuals."""
     count = values.size
     terms = _terms(course.changes, count - 2)
-    matrix = design(terms, count)
-    before, newest = matrix[:-1], matrix[-1]
+    sigma = course.sigma or 1.0
+    own = influence.scaled(sigma)
+    matrix = own.beside(design(terms, count), course.widening)
+    newest = matrix[count - 1]
+    before = np.delete(matrix, count - 1, axis=0)
     # what is drawn is the line through clipped values: one wild night does not move the limits
     far = 3.0 * course.sigma
-    known = np.clip(values, course.line - far, course.line + far)[:-1]
-    sizes = np.linalg.lstsq(before, known, rcond=None)[0]
+    clipped = np.clip(values, course.line - far, course.line + far)
+    known = own.with_beliefs(clipped[:-1] / sigma, course.widening)
+    sizes = sigma * np.linalg.lstsq(before, known, rcond=None)[0]
     leverage = float(newest @ np.linalg.pinv(before.T @ before) @ newest)
-    return float(newest @ sizes), leverage, values - matrix @ sizes
+    return float(newest @ sizes), leverage, values - matrix[:count] @ sizes
 
 
 def _half_width(residuals: FloatArray, own: float, leverage: float) -> float:
