@@ -79,6 +79,7 @@ def course_of(found: Estimates, cause: int, family: int, healthy: int) -> CauseC
         TrendState.DRIFTING,
         TrendState.OUT_OF_LIMITS,
         TrendState.STEADY,
+        TrendState.SUSPECTED,
         TrendState.ONE_NIGHT_OUT,
     ):
         return course

@@ -22,8 +22,15 @@ from eha_bench.trends.terms import Kind, Term, design
 ALPHA: Final = 0.005
 """Of a false change in any metric of a history, and of a false alarm in any metric of a night."""
 
-NEWEST_ALPHA: Final = 0.006
-"""Of a false alarm by the newest nights together, in any metric."""
+ALONE_ALPHA: Final = 2e-4
+"""Of a false alarm by the newest night alone, in any metric: blunders happen, of any size, and no
+scatter of nights before tells of them, so that all but the wildest wait for a second night."""
+
+NEWEST_ALPHA: Final = 0.0045
+"""Of a false alarm by the newest nights together, in any metric; see `_newest_alpha`."""
+
+SUSPECT_ALPHA: Final = 0.05
+"""Of a step that is suspected and is none, in any metric: a mark, and no alarm."""
 
 LIMITS_ALPHA: Final = 0.005
 """Of a night outside the control limits of one metric, by chance."""
@@ -31,19 +38,25 @@ LIMITS_ALPHA: Final = 0.005
 RECENT: Final = 7
 """Nights for which a step is news."""
 
+_MANY: Final = 30
+"""Nights that tell how much neighbouring ones are alike."""
+
 
 class TrendState(StrEnum):
     """What the newest run is in a metric.
 
     `one night out` is a newest night outside its control limits that the next night has to bear
-    out; `out of limits` one so far out that it needs no second; `cut off by the sensor` a newest
-    value that is only known to be at least (at most) what it says, and that shows no change.
+    out; `step suspected` newest nights away from the level more than chance explains easily, and
+    too few for an alarm; `out of limits` one so far out that it needs no second; `cut off by the
+    sensor` a newest value that is only known to be at least (at most) what it says, and that shows
+    no change.
     """
 
     LOST = "not scored any more"
     OUT_OF_LIMITS = "out of limits"
     STEPPED = "stepped"
     DRIFTING = "drifting"
+    SUSPECTED = "step suspected"
     ONE_NIGHT_OUT = "one night out"
     NOT_SCORED = "not scored"
     CUT_OFF = "cut off by the sensor"
@@ -173,7 +186,7 @@ def cut_off(judged: Judged, side: str) -> Judged:
         judged: by the values as they are. side: `above` where the newest is at least what it says,
             `below` where at most; "" where it is whole.
     """
-    steady = judged.state in (TrendState.STEADY, TrendState.ONE_NIGHT_OUT)
+    steady = judged.state in (TrendState.STEADY, TrendState.SUSPECTED, TrendState.ONE_NIGHT_OUT)
     wrong_way = judged.shift < 0.0 if side == "above" else judged.shift > 0.0
     if not side or not (steady or (judged.state.drifted and (wrong_way or side == "both"))):
         return judged
@@ -239,7 +252,7 @@ def _judged_rest(
     missing: tuple[int, int],
     influence: Influence,
 ) -> Judged:
-    count, alpha = values.size, ALPHA / family
+    count = values.size
     last = course.changes[-1].start if course.changes else 0
     drift = float(course.line[-1] - course.line[last]) if course.slope else 0.0
     nothing = math.nan
@@ -255,7 +268,8 @@ def _judged_rest(
     away = float(values[-1]) - expected
     found = replace(found, limits=(expected - half, expected + half), shift=away)
     below, above = (
-        math.sqrt(1.0 + leverage) * distance for distance in reach(residuals[:-1], alpha / 2.0)
+        math.sqrt(1.0 + leverage) * distance
+        for distance in reach(residuals[:-1], ALONE_ALPHA / family / 2.0)
     )
     out = abs(away) > half and abs(away) >= margin
     if out and not -below <= away <= above:
@@ -266,10 +280,24 @@ def _judged_rest(
     if abs(drift) >= margin and drift:
         return replace(found, state=TrendState.DRIFTING, since=last, shift=drift)
     newest = newest_of(_from_before(values, course, start), own, influence.since(start))
-    if newest.p_value <= NEWEST_ALPHA / family and abs(newest.shift) >= margin:
-        since = count - newest.span
-        return replace(found, state=TrendState.STEPPED, since=since, shift=newest.shift)
+    if newest.p_value <= SUSPECT_ALPHA / family and abs(newest.shift) >= margin:
+        sure = newest.p_value <= _newest_alpha(count - start, own) / family
+        state = TrendState.STEPPED if sure else TrendState.SUSPECTED
+        return replace(found, state=state, since=count - newest.span, shift=newest.shift)
     return replace(found, state=TrendState.ONE_NIGHT_OUT) if out else found
+
+
+def _newest_alpha(count: int, own: float) -> float:
+    """Return the error rate of the newest nights together that an alarm is held to.
+
+    That chance is averaged over how much neighbouring nights may be alike. Where they are alike by
+    0.8, and their scatter has to come from themselves, few nights look like a step more often than
+    on average: of eight nights five times as often as the level says, of thirty hardly more often
+    (`benchmarks.nights`). A level in proportion to the square of the nights keeps the worst of few
+    about where it is of many.
+    """
+    few = count < _MANY and not math.isfinite(own)
+    return NEWEST_ALPHA * (count / _MANY) ** 2 if few else NEWEST_ALPHA
 
 
 def _lost(known: int, gone: int, before: int) -> TrendState:
