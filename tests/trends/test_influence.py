@@ -15,7 +15,7 @@ NIGHTS = 30
 
 def warmth(rng: np.random.Generator, nights: int = NIGHTS) -> np.ndarray:
     """Oil that is warm on the first eight nights and cold later, about its first mean, K."""
-    warm = np.where(np.arange(nights) < 8, 0.0, -5.0) + rng.normal(0.0, 0.8, nights)
+    warm = np.where(np.arange(nights) < 8, 0.0, -5.0) + rng.normal(0.0, 0.5, nights)
     return warm - warm[:8].mean()
 
 
@@ -68,8 +68,9 @@ def test_a_slope_learned_on_warm_nights_raises_no_alarm_on_cold_ones() -> None:
         values, influence = series(rng, warmth(rng))
         for last in (10, 14, 20, NIGHTS):
             known = Influence(influence.columns[:last], influence.centre)
-            false += judge(values[:last], family=1, margin=0.0, influence=known).state.drifted
-            unaware += judge(values[:last], family=1, margin=0.0).state.drifted
+            seen = values[:last]
+            false += judge(seen, family=1, margin=0.0, own=1.0, influence=known).state.drifted
+            unaware += judge(seen, family=1, margin=0.0, own=1.0).state.drifted
     assert false <= 0.01 * 4 * machines
     assert unaware > 0.05 * 4 * machines
 
