@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.signal import lfilter
 
-from eha_bench.trends.newest import newest_of, spread_of
+from eha_bench.trends.newest import SPANS, newest_of, spread_of
 from eha_bench.trends.swing import swing_of
 from eha_bench.trends.trend import TrendState, cut_off, judge
 
@@ -23,8 +23,8 @@ def test_known_independent_scatter_gives_the_normal_test() -> None:
     found = newest_of(nights, 1.0)
     z = 1.6 / math.sqrt(1.0 / 2.0 + 1.0 / 118.0)
     assert found.span == 2
-    # correlated nights are thought of, so that it is somewhat more; the share of two nights is 0.8
-    theirs = 2.0 * float(stats.norm.sf(z)) / 0.8
+    # correlated nights are thought of, so that it is somewhat more
+    theirs = 2.0 * float(stats.norm.sf(z)) / SPANS[2]
     assert theirs < found.p_value < 2.5 * theirs
 
 
@@ -64,6 +64,8 @@ def test_an_outlier_does_not_widen_the_limits() -> None:
     quiet = np.random.default_rng(4).normal(size=30)
     quiet[10] = 60.0
     assert spread_of(quiet, math.nan) < 12.0
+    nearly_equal = np.array([0.0, 0.0, 1.0, 1.0, 1e-172])
+    assert spread_of(nearly_equal, math.nan) == pytest.approx(np.std(nearly_equal))
 
 
 def test_a_step_is_found_by_the_second_night_after_it() -> None:

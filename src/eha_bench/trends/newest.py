@@ -20,7 +20,7 @@ from scipy.special import ndtr
 from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.influence import Influence
 
-SPANS: Final = {2: 0.8, 4: 0.2}
+SPANS: Final = {2: 0.75, 4: 0.15, 7: 0.1}
 """Newest nights that are taken together, and the share of the error rate that each uses."""
 
 _FEWEST_BEFORE: Final = 5
@@ -28,6 +28,7 @@ _MOST: Final = 120  # nights that tell of the scatter
 _FURTHEST: Final = 3.0  # standard deviations to which a night before counts
 _APART: Final = 1.5  # standard deviations by which one of the newest may exceed the least of them
 _TO_SIGMA: Final = 1.4826
+_LAST_DIGIT: Final = 1e-9
 _OWN: Final = 0.8  # of the own interval's standard deviation that the scatter is at least
 _ALONE: Final = 0.5  # belief that nights scatter by their own intervals alone
 _OWN_SPREAD: Final = 0.2  # and how well those are believed, in the logarithm
@@ -58,7 +59,7 @@ def newest_of(residuals: FloatArray, own: float, influence: Influence | None = N
     found = []
     for span, share in SPANS.items():
         nights, left = residuals[-_MOST:], acting
-        if nights.size - span < _FEWEST_BEFORE:
+        if nights.size - span < max(_FEWEST_BEFORE, span + 1):
             continue
         if acting.count:
             strengths = _strengths(nights[:-span], own, acting)
@@ -90,7 +91,8 @@ def spread_of(residuals: FloatArray, own: float) -> float:
     """
     middle = float(np.median(residuals))
     sigma = _TO_SIGMA * float(np.median(np.abs(residuals - middle)))
-    sigma = sigma or float(residuals.std())  # most are exactly equal: counts, rounded values
+    if sigma <= _LAST_DIGIT * float(np.abs(residuals).max()):
+        sigma = float(residuals.std())  # most are equal: counts, rounded values
     return max(sigma, own) if math.isfinite(own) else sigma
 
 
