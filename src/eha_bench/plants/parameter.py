@@ -58,7 +58,7 @@ class Parameter:
             return f"{self.name} cannot be 0"
         if self.low <= value <= self.high:
             return ""
-        return f"{value:g} {unit} is outside {self.low:g} ... {self.high:g}"
+        return f"{f'{value:g} {unit}'.rstrip()} is outside {self.low:g} ... {self.high:g}"
 
     def encode(self, value: float | str) -> float:
         """Return the number that stands for a value in the parameter vector.
