@@ -24,6 +24,7 @@ from typing import Any
 
 from fixtures.rig.__main__ import parser, set_from
 from fixtures.rig.hidden import LEVELS
+from fixtures.rig.plans import recorded_otherwise
 from ruamel.yaml import YAML
 
 from eha_bench.core.workers import workers_from
@@ -333,6 +334,11 @@ def main() -> None:
             plans, record = set_from(args)
         except ValueError as error:
             sys.exit(str(error))
+        if strange := [p.name for p in plans if recorded_otherwise(p, data)]:
+            sys.exit(
+                f"{data} holds '{strange[0]}' of another set: give --out for a new one, "
+                "or --data to diagnose what is there"
+            )
         missing = [p for p in plans if not (data / "truth" / f"{p.name}.yaml").exists()]
         workers.map(partial(record, out=data), missing)
     cases = sorted(path.parent for path in (data / "cases").glob("*/dataset.yaml"))

@@ -1,5 +1,6 @@
 """The league: what entrants see, and what the one scorer makes of their answers."""
 
+import importlib
 import json
 import math
 import sys
@@ -176,7 +177,81 @@ def test_a_league_from_its_command_to_its_page(
     assert "declared: right cause first" in figures
     found = json.loads((tmp_path / "out" / "league.json").read_text())
     failures = found["entrants"]["my_entrant:silent"]["failures"]
-    assert set(failures.values()) == {"RuntimeError: no idea"}
+    assert len(failures) == 2
+    for failure in failures.values():
+        assert failure.startswith("RuntimeError: no idea, at ")
+        assert failure.endswith("in silent")
+        assert "test_league.py:" in failure
+
+
+def test_an_answer_is_kept_until_its_file_budget_or_case_changes(
+    league: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "counting.py"
+    file.write_text(
+        "from benchmarks.league.declared import enter as declared\n"
+        "calls = []\n"
+        "def enter(question):\n"
+        "    calls.append(question.case)\n"
+        "    return declared(question)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    counting = importlib.import_module("counting")
+
+    def play(seed: int, *more: str) -> int:
+        counting.calls.clear()
+        given = league.arguments().parse_args([
+            "--cases", "1", "--none", "0", "--foreign", "0", "--duration", "0.1", "--seed",
+            str(seed), "--entrant", "counting:enter", "--out", str(tmp_path / "out"), *more,
+        ])  # fmt: skip
+        found = league.run(given)
+        assert found["seed"] == seed
+        return len(counting.calls)
+
+    assert play(1) == 1
+    assert play(1) == 0
+    assert play(2) == 1  # another seed: another case, though it has the same name
+    assert play(1) == 0
+    assert play(1, "--budget", "0.5") == 1
+    assert play(1, "--budget", "0.5", "--again") == 1
+    file.write_text(file.read_text() + "# another version\n")
+    assert play(1, "--budget", "0.5") == 1
+
+
+def test_an_answer_of_another_kind_is_a_sentence(
+    league: Any, asked: tuple[Any, Any], tmp_path: Path
+) -> None:
+    assert league._kept({}, asked[0], tmp_path) == "an entrant returns an Answer, this one a dict"
+    wrong = type(answer(asked))(())
+    assert "is to be predicted at 300 ticks" in league._kept(wrong, asked[0], tmp_path)
+
+
+def test_every_case_is_shown_with_what_was_made_of_it() -> None:
+    from benchmarks.league.page import each
+
+    def one(**changes: Any) -> dict[str, Any]:
+        base = {
+            "case": "case_0000",
+            "truth": ("a", "b"),
+            "claimed": (),
+            "error": 2.0,
+            "failure": "",
+        }
+        return base | {"failure": ""} | changes
+
+    text = each({"entrants": {
+        "mine": {"marks": [one(claimed=("a",))]},
+        "yours": {"marks": [one(failure="KeyError: 'x', at y.py:3 in enter")]},
+    }})  # fmt: skip
+    assert text.splitlines()[-1] == (
+        "| case_0000 | a + b | a (2) | no answer: KeyError: 'x', at y.py:3 in enter |"
+    )
+
+
+def test_a_new_seed_is_drawn(league: Any) -> None:
+    drawn = {league.arguments().parse_args(["--seed", "new"]).seed for _ in range(5)}
+    assert len(drawn) > 1
+    assert league.arguments().parse_args(["--seed", "7"]).seed == 7
 
 
 def test_entrants_are_found_or_a_sentence(league: Any) -> None:

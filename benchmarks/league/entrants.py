@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import inspect
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 
 from benchmarks.league.answer import Answer
 from benchmarks.league.question import Question
@@ -37,3 +40,12 @@ def entrant(name: str) -> Entrant:
         raise ValueError(f"entrant '{name}': '{function}' is no function")
     answer: Entrant = found
     return answer
+
+
+def fingerprint(name: str) -> str:
+    """Return a digest of the file that an entrant's function stands in, "" where there is none."""
+    try:
+        file = inspect.getsourcefile(inspect.unwrap(entrant(name)))
+    except TypeError:  # no function of Python
+        return ""
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""

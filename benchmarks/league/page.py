@@ -39,6 +39,25 @@ def tables(results: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def each(results: Mapping[str, Any]) -> str:
+    """Return every case with what was hidden in it and what each entrant made of it."""
+    entrants = results["entrants"]
+    names = list(entrants)
+    lines = [
+        f"| case | hidden | {' | '.join(f'{name} (error, noise floors)' for name in names)} |",
+        f"|---|---|{'---|' * len(names)}",
+    ]
+    for marks in zip(*(entrants[name]["marks"] for name in names), strict=True):
+        hidden = " + ".join(marks[0]["truth"]) or "nothing"
+        cells = (
+            f"no answer: {mark['failure']}" if mark["failure"]
+            else f"{' + '.join(mark['claimed']) or 'nothing'} ({_number(mark['error'])})"
+            for mark in marks
+        )  # fmt: skip
+        lines.append(f"| {marks[0]['case']} | {hidden} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def _rate(item: Mapping[str, float]) -> str:
     if not item["n"]:
         return "–"

@@ -61,6 +61,8 @@ def test_it_is_run_predicted_calibrated_and_diagnosed(cli, flap: Path) -> None:
     found = json.loads((flap / "predicted" / "prediction.json").read_text())
     assert found["runs"][0]["error"]["flap_angle"]["unit"] == "rad"
     done = cli("calibrate", "dataset.yaml", "--out", "calibrated", "--json", check=0)
+    table = next(line for line in done.stderr.splitlines() if "error, held-out runs" in line)
+    assert table.split("runs")[1].split() == ["declared", "calibrated", "noise", "floor"]
     lag = json.loads(done.stdout)["parameters"]["lag"]
     assert lag["low"] < 5e-3 < lag["high"]
     cli("diagnose", "dataset.yaml", "--out", "diagnosed", check=0)

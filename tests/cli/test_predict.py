@@ -44,8 +44,9 @@ def test_json_is_one_document_of_the_files_with_errors_and_notes(cli, tmp_path) 
         # people read the same
         assert all(note in done.stderr for note in item["notes"])
     assert json.loads((tmp_path / "out" / "prediction.json").read_text()) == found
-    # without --json: the folder alone
-    assert cli(*arguments, check=0).stdout == "out\n"
+    # without --json: the folder alone; and without --model it is the dataset's
+    assert cli("predict", "dataset.yaml", "--out", "out", check=0).stdout == "out\n"
+    assert json.loads((tmp_path / "out" / "prediction.json").read_text()) == found
 
 
 def test_inputs_that_drive_nothing_leave_no_folder(cli, tmp_path) -> None:

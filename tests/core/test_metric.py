@@ -2,8 +2,8 @@
 
 import pytest
 
-from eha_bench.core.errors import InputError
-from eha_bench.core.metric import METRICS, metric_spec
+from eha_bench.core.errors import InputError, PluginError
+from eha_bench.core.metric import METRICS, MetricSpec, metric_spec
 
 # result.json's public ids (contract, section 8)
 PUBLIC = [
@@ -51,6 +51,21 @@ def test_public_id_is_known(name: str) -> None:
 )
 def test_unit_follows_metric_or_channel(name: str, channel: str, unit: str) -> None:
     assert METRICS[name].unit_on(channel) == unit
+
+
+@pytest.mark.parametrize(
+    ("channel", "unit"), [("pressure_a", "Pa*s"), ("joint_angle", "rad*s"), ("my_own", "s")]
+)
+def test_a_channels_unit_may_be_a_part_of_a_metrics(channel: str, unit: str) -> None:
+    spec = MetricSpec("iae", "integral of |error|", "{channel}*s")
+    assert spec.unit_on(channel) == unit
+    assert spec.by_channel
+    assert spec.unit_for("m") == "m*s"
+
+
+def test_a_unit_that_depends_on_something_else_is_refused() -> None:
+    with pytest.raises(PluginError, match=r"'\{chanel\}'.*did you mean 'channel'"):
+        MetricSpec("iae", "integral of |error|", "{chanel}*s")
 
 
 def test_default_channel() -> None:

@@ -11,7 +11,15 @@ from pydantic import Field
 from eha_bench.core import yaml_file
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.units import Unit
-from eha_bench.core.yaml_file import NUMBER, Real, StrictModel, parse, validate
+from eha_bench.core.yaml_file import (
+    NUMBER,
+    Real,
+    StrictModel,
+    file_beside,
+    load,
+    parse,
+    validate,
+)
 
 
 class Pump(StrictModel):
@@ -157,6 +165,18 @@ def test_any_content_is_a_model_or_an_input_error(content: object) -> None:
     except InputError as error:
         outcome = error.where.file
     assert outcome == "rig.yaml" or (isinstance(content, dict) and outcome == content["name"])
+
+
+def test_a_file_beside_another_is_found_or_named_with_file_line_and_key(tmp_path):
+    path = tmp_path / "target.yaml"
+    path.write_text("target: replay\nlogs:\n  first: d.csv\n", encoding="utf-8")
+    content = load(path)
+    with pytest.raises(
+        InputError, match=r"target.yaml:3, key 'logs.first': there is no file 'd.csv'; name it"
+    ):
+        file_beside(path, content, "logs", "first")
+    (tmp_path / "d.csv").touch()
+    assert file_beside(path, content, "logs", "first") == tmp_path / "d.csv"
 
 
 class Numbers(StrictModel):

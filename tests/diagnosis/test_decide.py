@@ -295,3 +295,22 @@ def test_a_search_is_asked_for_by_its_shares_not_its_sizes() -> None:
     told = verdict(state)
     assert told.verdict is Verdict.EFFECT
     assert told.notes[1] == "the error that remains is 0.0 % above the noise (50.0 % before)"
+
+
+@pytest.mark.parametrize(
+    ("after", "before", "said"),
+    [
+        (
+            0.1,
+            622.0,
+            "the error that remains is 10.0 % above the noise (623 times the noise before)",
+        ),
+        (9.0, 20.5, "the error that remains is 10 times the noise (21.5 times the noise before)"),
+        (8.99, 8.99, "the error is 899.0 % above the noise"),
+        (3.61e6, 3.61e6, "the error is 3.61e+06 times the noise"),
+    ],
+)
+def test_what_remains_is_counted_so_that_it_can_be_read(
+    after: float, before: float, said: str
+) -> None:
+    assert module._remaining(after, before) == said

@@ -120,21 +120,27 @@ def test_only_a_little_that_nothing_explains_may_be_the_sensors_own(
     )
 
 
-@pytest.mark.parametrize(("relative", "significance"), [(4.5, 40.0), (0.05, 5.0)])
+@pytest.mark.parametrize(
+    ("relative", "significance", "effects"),
+    [(4.5, 40.0, ["air"]), (0.05, 5.0, []), (0.001, 5.0, ["air"])],
+)
 def test_noise_is_told_from_a_fit_only_where_a_little_with_structure_is_left(
-    monkeypatch: pytest.MonkeyPatch, relative: float, significance: float
+    monkeypatch: pytest.MonkeyPatch, relative: float, significance: float, effects: list[str]
 ) -> None:
     monkeypatch.setattr(own_noise, "with_noise_of_residual", lambda *_: pytest.fail("asked"))
     search = SimpleNamespace(
-        excess_left=SimpleNamespace(relative=relative, significance=significance)
+        excess_left=SimpleNamespace(relative=relative, significance=significance), effects=effects
     )
     found = own_noise.with_own_noise(cast("Baseline", None), cast("Search", search))
     assert found is None
 
 
-@pytest.mark.parametrize(("relative", "significance"), [(3.5, 40.0), (-0.1, 0.0)])
-def test_noise_is_asked_of_a_fit_that_leaves_structure_or_less_than_the_noise(
-    monkeypatch: pytest.MonkeyPatch, relative: float, significance: float
+@pytest.mark.parametrize(
+    ("relative", "significance", "effects"),
+    [(3.5, 40.0, []), (-0.1, 0.0, []), (1.3, -2.0, ["air"])],
+)
+def test_noise_is_asked_of_a_fit_that_leaves_structure_or_another_level(
+    monkeypatch: pytest.MonkeyPatch, relative: float, significance: float, effects: list[str]
 ) -> None:
     class AskedError(Exception):
         pass
@@ -145,6 +151,7 @@ def test_noise_is_asked_of_a_fit_that_leaves_structure_or_less_than_the_noise(
     monkeypatch.setattr(own_noise, "with_noise_of_residual", asked)
     search = SimpleNamespace(
         excess_left=SimpleNamespace(relative=relative, significance=significance),
+        effects=effects,
         problem=SimpleNamespace(prepare=lambda _: None),
         fit=SimpleNamespace(vector=None),
     )

@@ -13,7 +13,7 @@ from fixtures.rig.hidden import LEVELS
 from fixtures.rig.levels import read_levels
 from fixtures.rig.listed import LISTED
 from fixtures.rig.mcap_log import write_log
-from fixtures.rig.plans import by_id, make_plans
+from fixtures.rig.plans import by_id, make_plans, recorded_otherwise
 from fixtures.rig.plant import Plant
 from fixtures.rig.sensors import COLUMNS, FLOOR, SIGMA, Bench, measured, wandering
 from fixtures.rig.transport import IMPERFECTIONS, MESSY, Transport, arrivals
@@ -290,6 +290,32 @@ def test_sets_are_even_and_names_tell_nothing() -> None:
     assert [p.kind for p in plans] != sorted(p.kind for p in plans)
     with pytest.raises(ValueError, match="there are"):
         by_id("perpetual_motion")
+
+
+def test_a_small_set_is_drawn_from_all_effects_and_strengths() -> None:
+    first, second = (
+        [(p.hidden[0].key, p.levels[0]) for p in make_plans(seed, 12, drawn=True)]
+        for seed in (11, 12)
+    )
+    assert len(set(first)) == 12
+    assert set(first) != set(second)
+    assert len({level for _, level in first}) == 3
+    whole = [(p.hidden[0].key, p.levels[0]) for p in make_plans(11, 72, drawn=True)]
+    assert len(set(whole)) == 72
+    # the other cases of a seed stay what they are
+    kinds = [p.kind for p in make_plans(11, 5, two=2, none=1, foreign=1)]
+    assert [p.kind for p in make_plans(11, 5, two=2, none=1, foreign=1, drawn=True)] == kinds
+
+
+def test_a_case_of_another_set_is_known_by_its_truth(tmp_path: Path) -> None:
+    (plan,) = make_plans(3, 1, effects=["external_leakage"])
+    assert not recorded_otherwise(plan, tmp_path)
+    record_case(plan, tmp_path, Conditions(duration=0.05))
+    assert not recorded_otherwise(plan, tmp_path)
+    (other,) = make_plans(4, 1, effects=["external_leakage"])
+    assert recorded_otherwise(other, tmp_path)
+    (other,) = make_plans(3, 1, effects=["entrained_air"])
+    assert recorded_otherwise(other, tmp_path)
 
 
 def test_columns_are_named_as_in_the_contract() -> None:

@@ -27,7 +27,9 @@ def built_in():
 
 
 def test_every_metric_has_its_section_and_no_other(sections):
-    assert set(sections) == set(built_in())
+    lacking, left = set(built_in()) - set(sections), set(sections) - set(built_in())
+    assert not lacking, f"docs/metrics.md has no section '### {min(lacking)}'"
+    assert not left, f"docs/metrics.md has a section '### {min(left)}', and there is no such metric"
 
 
 @pytest.mark.parametrize("name", sorted(built_in()))
@@ -42,7 +44,7 @@ def test_a_section_says_what_the_registry_says(sections, name):
     assert f"**default**: {'yes' if metric.by_default else 'no'}" in section
     for field in FIELDS:
         said = re.search(rf"^- \*\*{field}\*\*: (.+)", section, re.MULTILINE)
-        assert said, field
+        assert said, f"docs/metrics.md, section '{name}', has no line '- **{field}**: ...'"
         other = re.fullmatch(r"as (\w+)", said[1])
         assert not other or other[1] in sections, said[0]
 

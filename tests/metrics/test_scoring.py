@@ -173,6 +173,13 @@ def test_a_metric_of_another_package_is_scored_like_our_own(kit, installed):
     assert found["answer"].value == 42.0
 
 
+def test_a_unit_with_the_channels_in_it_is_that_of_the_recording(kit, monkeypatch):
+    recording, trial = step(kit)
+    monkeypatch.setattr(Answer, "spec", MetricSpec("answer", "forty-two", "{channel}*s"))
+    assert scoring._unit(Answer(), recording, trial, kit.channel) == "Pa*s"
+    assert scoring._unit(Answer(), recording, trial, "joint_angle") == "rad*s"
+
+
 def test_a_broken_plug_in_costs_its_own_score_only(kit, installed):
     found = {item.metric: item for item in score(*step(kit))}
     assert found["broken"].status is ScoreStatus.NOT_SCORED

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from eha_bench.plants.dead_zone import dead_zone
 from eha_bench.plants.effects import command_delay, current_deadband, torque_saturation
 
 
@@ -120,17 +121,45 @@ def test_delay_is_continuous(knee, effect) -> None:
     assert 0.3 < left / right < 3.0
 
 
-@given(current=st.floats(-40, 40), deadband=st.floats(0.01, 5), place=st.sampled_from([0.0, 1.0]))
-def test_dead_zone_is_odd_and_takes_its_width(current, deadband, place) -> None:
-    expected = np.sign(current) * max(0.0, abs(current) - deadband)
-    drive = current_deadband.drive(current, deadband, place)
-    torque = current_deadband.motor(0.13 * current, current, deadband, place)
+@given(
+    current=st.floats(-40, 40),
+    deadband=st.floats(0.01, 5),
+    asymmetry=st.floats(-0.9, 0.9),
+    edges=st.sampled_from([0.0, 1.0]),
+    place=st.sampled_from([0.0, 1.0]),
+)
+def test_dead_zone_takes_its_width_on_either_side(
+    current, deadband, asymmetry, edges, place
+) -> None:
+    own = current_deadband.DeadZone(deadband, asymmetry, 0.0, edges, place)
+    edge = deadband * (1.0 + np.sign(current) * asymmetry * edges)
+    expected = np.sign(current) * max(0.0, abs(current) - edge)
+    drive = current_deadband.drive(current, own)
+    torque = current_deadband.motor(0.13 * current, current, own)
     if place == 0.0:
         assert drive == pytest.approx(expected, abs=1e-12)
         assert torque == 0.13 * current
     else:
         assert drive == current
         assert torque == pytest.approx(0.13 * expected, abs=1e-12)
+
+
+@given(
+    u=st.floats(-20, 20),
+    size=st.floats(0.01, 5),
+    asymmetry=st.floats(-0.9, 0.9),
+    step=st.floats(0.0, 1.0),
+)
+def test_rounded_dead_zone_rises_and_is_the_sharp_one_away_from_its_corners(
+    u, size, asymmetry, step
+) -> None:
+    sharp, smooth = (dead_zone(u, size, asymmetry, form) for form in (0.0, 1.0))
+    assert dead_zone(u + step, size, asymmetry, 1.0) >= smooth - 1e-12
+    up, down = size * (1 + asymmetry), -size * (1 - asymmetry)
+    # ln(1 + e^-x) < e^-x, of each corner
+    width = size / 3.0
+    most = width * (np.exp(-abs(u - up) / width) + np.exp(-abs(u - down) / width))
+    assert smooth == pytest.approx(sharp, abs=most + 1e-12)
 
 
 def test_dead_zone_in_the_drive_is_seen_by_the_current_sensor(knee, effect) -> None:

@@ -142,7 +142,12 @@ def test_effect_at_its_starting_size_is_seen_and_finite(name, start) -> None:
     got = _simulate(_base(*(() if name == "anti_cavitation" else (declared,))).vector())
     assert np.all(np.isfinite(got))
     span = np.ptp(without, axis=0)
-    assert np.max(np.abs(got - without) / span) > 1e-4
+    seen = float(np.max(np.abs(got - without) / span))
+    assert seen > 1e-4, (
+        f"'{name}' at {start} changes no channel by more than {seen:.1e} of its span: its default "
+        "is no typical size; where the unit depends on the place, write it so "
+        "('{effort}/{speed}^2'), and the default becomes a share of what is usual there"
+    )
 
 
 @pytest.mark.parametrize(("name", "start"), CASES)

@@ -35,6 +35,18 @@ from eha_bench.report.engineering import (
         (0.5, "K", "steady_state_error", "", "0.5000 K"),
         (-21.4e3, "Pa", "steady_state_error", "", "−21.40 kPa"),
         (3.0, "widget", "", "", "3.000 widget"),
+        (525e3, "Pa*s", "iae", "<= 0.1 MPa*s", "0.5250 MPa·s"),
+        (
+            525e3,
+            "Pa*s",
+            "iae",
+            "<= 3 bar*s with 95 % confidence",
+            "5.250 bar·s",
+        ),
+        (0.1, "rad*s", "iae", "0.2 deg*s .. 3 deg*s", "5.730 deg·s"),
+        (1e-6, "m^2", "", "<= 4 mm^2", "1.000 mm²"),
+        (2.0, "W", "peak_power", "<= 4", "2.000 W"),
+        (2.0, "W", "peak_power", "<= 4 nonsense", "2.000 W"),
         (math.nan, "s", "rise_time", "<= 4 ms", "–"),
     ],
 )

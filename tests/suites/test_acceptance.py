@@ -10,6 +10,7 @@ from writing import STEP, only, refusal
 
 from eha_bench.core.errors import UnitError
 from eha_bench.core.limit import AcceptanceLimit, Bounds
+from eha_bench.core.metric import METRICS, MetricSpec
 from eha_bench.suites.acceptance.grammar import parse_bounds
 
 DEG = math.pi / 180
@@ -238,3 +239,39 @@ def test_a_limit_is_read_as_a_result_states_it(stated, bounds, confident, relati
 
     words = split_stated(stated)
     assert (words.bounds, words.confident, words.relative) == (bounds, confident, relative)
+
+
+@pytest.fixture
+def integral(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A metric whose unit is that of its channel, times seconds."""
+    spec = MetricSpec("iae", "integral of |error|", "{channel}*s")
+    monkeypatch.setitem(METRICS, "iae", spec)
+
+
+@pytest.mark.usefixtures("integral")
+@pytest.mark.parametrize(
+    ("mode", "final", "limit", "unit", "high"),
+    [
+        ("pressure", "15 MPa", "<= 0.3 MPa*s", "Pa*s", 3e5),
+        ("joint_angle", "15 deg", "<= 3 deg*s", "rad*s", 3 * DEG),
+        ("my_own", "15 mm", "<= 3 mm*s", "m*s", 3e-3),
+        ("pressure", "15 MPa", "{max: 2 A*s, channel: current}", "A*s", 2.0),
+        ("pressure", "15 MPa", "{max: 2 K*s, channel: core_heat, unit: K}", "K*s", 2.0),
+    ],
+)
+def test_a_limit_on_a_metric_that_has_its_channels_unit_in_it(
+    tmp_path: Path, mode: str, final: str, limit: str, unit: str, high: float
+) -> None:
+    text = STEP.replace("mode: pressure", f"mode: {mode}").replace("15 MPa", final)
+    trial = only(tmp_path, f"{text}    accept: {{iae: {limit}}}\n")
+    (found,) = trial.limits
+    assert found.unit == unit
+    assert found.bounds.high == pytest.approx(high)
+
+
+@pytest.mark.usefixtures("integral")
+def test_what_such_a_limit_cannot_be(tmp_path: Path) -> None:
+    wrong = refusal(tmp_path, f"{STEP}    accept: {{iae: <= 3 deg*s}}\n")
+    assert "expected a unit of the dimension of Pa*s" in str(wrong)
+    unknown = refusal(tmp_path, f"{STEP}    accept: {{iae: {{max: 2 K*s, channel: core_heat}}}}\n")
+    assert "give its 'unit'" in str(unknown)

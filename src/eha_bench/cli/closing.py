@@ -27,15 +27,15 @@ _HUNDRED = 100
 
 def predict(
     dataset: Dataset,
+    out: Annotated[Path, typer.Option("--out", help="Folder for one Parquet file a run.")],
     model: Annotated[
         str,
         typer.Option(
             "--model",
-            help="model.yaml to simulate, or the name of a shipped one.",
+            help="model.yaml to simulate, or the name of a shipped one (default: the dataset's).",
             autocompletion=complete_models,
         ),
-    ],
-    out: Annotated[Path, typer.Option("--out", help="Folder for one Parquet file a run.")],
+    ] = "",
     json: Json = False,
 ) -> None:
     """Simulate every run freely, from its inputs and first sample."""
@@ -43,7 +43,7 @@ def predict(
     from eha_bench.diagnosis.replay.prediction import predict as simulate
 
     with TerminalProgress() as bar:
-        found = simulate(dataset, model, out, progress=_stages(bar))
+        found = simulate(dataset, model or None, out, progress=_stages(bar))
     for note in (note for item in found for note in item.notes):
         say(note)
     say(f"{len(found)} runs simulated")
@@ -63,6 +63,7 @@ def calibrate(
     Those under `calibrate` in the dataset; what its recordings do not determine is named.
     """
     from eha_bench.diagnosis.run import calibrate as estimate
+    from eha_bench.report.diagnosis_text import no_interval
 
     with TerminalProgress() as bar:
         found = estimate(dataset, out, _stages(bar))
@@ -71,14 +72,16 @@ def calibrate(
     estimates = dict(found.parameters)
     for run, own in found.per_run.items():
         estimates |= {f"{name} in {run}": item for name, item in own.items()}
+    why = no_interval(found.convergence)
     for cells in columns(
-        [(name, *_estimate(item)) for name, item in estimates.items()], right=(1,)
+        [(name, *_estimate(item, why)) for name, item in estimates.items()], right=(1,)
     ):
         say("  ".join(cells).rstrip())
     for direction in found.undetermined:
         say(f"not identifiable: {direction}")
-    _say_errors(found.holdout, "held-out")
-    _say_errors(found.unseen, "unseen")
+    models = ("declared", "calibrated")
+    _say_errors(found.holdout, "held-out", models)
+    _say_errors(found.unseen, "unseen", models)
     if json:
         typer.echo((out / "calibration.json").read_text(encoding="utf-8"), nl=False)
     else:
@@ -159,13 +162,17 @@ def _unended(found: Diagnosis) -> str:
     return "" if found.complete else " (interrupted)"
 
 
-def _say_errors(errors: Mapping[str, ChannelError], kind: str) -> None:
+def _say_errors(
+    errors: Mapping[str, ChannelError],
+    kind: str,
+    models: tuple[str, str] = ("recalibrated", "revised"),
+) -> None:
     """Print each channel's error by both models, and its noise floor, in the page's units."""
     from eha_bench.report.diagnosis_text import error_rows
 
     if not errors:
         return
-    heading = (f"  error, {kind} runs", "recalibrated", "revised", "noise floor")
+    heading = (f"  error, {kind} runs", *models, "noise floor")
     rows = [
         (f"    {row.channel}", row.before, row.after, row.floor) for row in error_rows(dict(errors))
     ]
@@ -173,11 +180,11 @@ def _say_errors(errors: Mapping[str, ChannelError], kind: str) -> None:
         say("  ".join(cells).replace("\N{NO-BREAK SPACE}", " "))
 
 
-def _estimate(item: Estimate) -> tuple[str, str]:
-    """Return a value with its unit, and its interval, as the page shows them."""
+def _estimate(item: Estimate, why: str = "") -> tuple[str, str]:
+    """Return a value with its unit, and its interval, or why there is none, as the page has it."""
     from eha_bench.report.diagnosis_text import parameter_row
 
-    row = parameter_row("", item)
+    row = parameter_row("", item, why=why)
     return row.value.replace("\N{NO-BREAK SPACE}", " "), f"({row.interval})"
 
 

@@ -80,7 +80,8 @@ def _targets() -> Iterator[Row]:
         "simulator": "a model.yaml under a controller.yaml",
     }
     for name in plugins.names("targets"):
-        what = kinds.get(name, "from a plug-in")
+        made_by = None if name in kinds else plugins.load("targets", name)
+        what = kinds.get(name) or _sentence(getattr(made_by, "__doc__", "") or "from a plug-in")
         yield f"target: {name}", "in a target.yaml", what
 
 

@@ -14,6 +14,7 @@ from eha_bench.core import plugins
 from eha_bench.core.channels import unit_of
 from eha_bench.core.errors import InputError, Place, PluginError
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.place_unit import unit_at_place
 from eha_bench.core.signal import FromRecording, Signal
 
 STATISTICS: Final = ("mean", "min", "max", "rms", "std")
@@ -56,7 +57,8 @@ class MetricSpec:
         id: public name, e.g. `response_time`.
         description: what it is and by which convention, one sentence.
         unit: SI unit of its value ("" for a fraction or a count); None for the unit of the channel
-            that it is scored on (a peak in Pa, a tracking error in rad).
+            that it is scored on (a peak in Pa, a tracking error in rad); with `{channel}` where
+            that is a part of it (`{channel}*s`: an integral over time).
         channel: the channel it is scored on unless the suite says otherwise: None for the channel
             that should follow the reference, "" for the recording as a whole.
         better: which of two values is the better one; UNKNOWN where that depends on the purpose.
@@ -73,9 +75,26 @@ class MetricSpec:
     needs: Needs | None = None
     matters: str = ""
 
+    def __post_init__(self) -> None:
+        """Refuse a unit that is none.
+
+        Raises:
+            PluginError: its braces hold another word than `channel`, or it is no product of units.
+        """
+        self.unit_for("")
+
+    @property
+    def by_channel(self) -> bool:
+        """Whether its unit depends on the channel that it is scored on."""
+        return self.unit is None or "{" in self.unit
+
+    def unit_for(self, unit: str) -> str:
+        """Return the SI unit of the metric's value on a channel of that unit."""
+        return unit if self.unit is None else unit_at_place(self.unit, {"channel": unit})
+
     def unit_on(self, channel: str) -> str:
         """Return the SI unit of the metric's value when scored on `channel`."""
-        return unit_of(channel) if self.unit is None else self.unit
+        return self.unit_for(unit_of(channel))
 
     def channel_for(self, controlled: str) -> str:
         """Return the channel it is scored on by default in a trial that controls `controlled`."""

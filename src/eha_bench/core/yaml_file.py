@@ -300,6 +300,22 @@ def named_file(folder: Path, name: str, where: Place) -> Path:
     return path
 
 
+def file_beside(path: Path, content: Mapping[str, Any], *keys: str) -> Path:
+    """Return the path of the file that a key of a YAML file names, relative to that file.
+
+    Args:
+        path: the YAML file. content: what it holds. keys: the way to the key that names a file.
+
+    Raises:
+        InputError: it is not there; with file, line and key.
+    """
+    name: Any = content
+    for key in keys:
+        name = name[key]
+    where = Place(str(path), line_of(content, keys), ".".join(keys))
+    return named_file(path.resolve().parent, str(name), where)
+
+
 _PLAIN = frozenset({bool, int, float, type(None)})
 
 

@@ -21,7 +21,7 @@ class NotScored(EhaBenchError):
 
 
 class Metric(ABC):
-    """One metric; registered by an entry point of group `eha_bench.metrics` that names an instance.
+    """One metric; registered by an entry point of group `eha_bench.metrics` that names the class.
 
     Attributes:
         spec: id, description, unit and default channel.

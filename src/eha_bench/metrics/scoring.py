@@ -218,8 +218,9 @@ def measure_safely(found: Metric, recording: Recording, trial: Trial, channel: s
 
 
 def _unit(found: Metric, recording: Recording, trial: Trial, channel: str) -> str:
-    if found.spec.unit is not None:
-        return found.spec.unit
+    if not found.spec.by_channel:
+        return found.spec.unit_for("")
     if channel == "reference":
-        return recording.unit(channel) or trial.mode.unit
-    return recording.unit(channel) if channel in recording else unit_of(channel)
+        return found.spec.unit_for(recording.unit(channel) or trial.mode.unit)
+    on_channel = recording.unit(channel) if channel in recording else unit_of(channel)
+    return found.spec.unit_for(on_channel)

@@ -27,8 +27,9 @@ What a plant's declared equations may lack. Each is declared in `model.yaml` und
 is a candidate of `eha-bench diagnose` wherever a plant has the role that it acts on; `at` says
 where, as a node, an element or a channel of the plant. The first parameter is its strength: at the
 neutral value the effect is off. Defaults are typical sizes, from which a search starts; where the
-unit depends on the place (`{effort}`: N or N*m), they are shares of what is usual there. The
-formulas and their sources are in each effect's file in `src/eha_bench/plants/effects`.
+unit depends on the place (`{effort}`: N or N*m; [Roles](roles.md) has all such words), they are
+shares of what is usual there. The formulas and their sources are in each effect's file in
+`src/eha_bench/plants/effects`.
 
 Written by `python -m eha_bench.plants.catalogue effects`; a test compares this page with the code.
 """
@@ -39,8 +40,10 @@ _ELEMENTS = """\
 What a `plant.yaml` is made of ([how to write one](how-to/plant.md)). A node holds state; an element
 joins nodes, and adds torque, force or flow to their balances. Units are SI; a file may use any of
 the same dimension. Where a unit depends on rotation and translation, `{effort}` is N*m or N,
-`{speed}` rad/s or m/s, `{damping}` N*m*s/rad or N*s/m, and so on. The equations stand in each
-element's file in `src/eha_bench/plants/elements`.
+`{position}` rad or m, `{speed}` rad/s or m/s, `{damping}` N*m*s/rad or N*s/m, `{inertia}` kg*m^2 or
+kg, `{ratio}` the quotient of both ends' positions, and `{command}` the unit of the command of the
+motor that the element drives. The equations stand in each element's file in
+`src/eha_bench/plants/elements`.
 
 Written by `python -m eha_bench.plants.catalogue elements`; a test compares this page with the code.
 """

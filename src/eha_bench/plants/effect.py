@@ -18,6 +18,7 @@ from functools import cache, cached_property
 from eha_bench.core import plugins
 from eha_bench.core.errors import PluginError
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.place_unit import unit_at_place, usual_size
 from eha_bench.plants.parameter import Parameter, choice
 
 AT = "at"
@@ -96,7 +97,7 @@ class Effect:
         summary: one sentence.
         parameters: the first one is the *strength*: at its `neutral` value the effect is off. A
             `default` is a typical size, from which a search may start. Where the unit depends on
-            the place (`{effort}`), defaults are shares of what is usual there.
+            the place (`{effort}/{speed}^2`), defaults are shares of what is usual there.
         neutral: value of the strength at which the effect is off.
         actions: role -> action.
         states: names of the effect's own states at each place.
@@ -314,11 +315,10 @@ class BoundEffect:
         """Return a parameter with its unit and usual size at a spot."""
         if "{" not in parameter.unit:
             return parameter
-        what = parameter.unit.strip("{}")
-        size = spot.usual.get(what, 1.0)
+        size = usual_size(parameter.unit, spot.usual)
         return replace(
             parameter,
-            unit=spot.units.get(what, ""),
+            unit=unit_at_place(parameter.unit, spot.units),
             default=min(max(parameter.default * size, parameter.low), parameter.high),
         )
 
@@ -363,7 +363,7 @@ class BoundEffect:
                 for item in self._own:
                     own = self._at(item, spot)
                     share = point.get(item.name, item.default)
-                    size = spot.usual.get(item.unit.strip("{}"), 1.0) if "{" in item.unit else 1.0
+                    size = usual_size(item.unit, spot.usual)
                     given = share * size if item.name in point else own.default
                     if item.name in point or "{" in item.unit:
                         values[item.name] = min(max(given, item.low), item.high)
@@ -415,13 +415,14 @@ def bound(effects: Sequence[Effect], spots: Spots) -> tuple[BoundEffect, ...]:
     """Return the effects that a plant has places for, in the order of their ids.
 
     Raises:
-        PluginError: an effect acts at a hook that its role does not have.
+        PluginError: an effect acts at a hook, or has a unit, that its role does not have.
     """
     found = []
     for effect in sorted(effects, key=lambda item: item.id):
         role = next((role for role in effect.actions if spots.get(role)), None)
         if role is not None:
             _refuse_unknown_hooks(effect, role, spots[role])
+            _refuse_unknown_units(effect, role, spots[role])
             found.append(BoundEffect(effect, role, tuple(spots[role])))
     return tuple(found)
 
@@ -435,6 +436,19 @@ def _refuse_unknown_hooks(effect: Effect, role: str, spots: Sequence[Spot]) -> N
                     "does not have",
                     hint=suggest(hook, spot.hooks),
                 )
+
+
+def _refuse_unknown_units(effect: Effect, role: str, spots: Sequence[Spot]) -> None:
+    for spot in spots:
+        for item in effect.parameters:
+            if item.role and item.role != role:
+                continue
+            try:
+                unit_at_place(item.unit, spot.units)
+            except PluginError as error:
+                raise PluginError(
+                    f"effect '{effect.id}', parameter '{item.name}': {error.what}", hint=error.hint
+                ) from error
 
 
 def group_of(function: Callable[..., object], name: str) -> type | None:

@@ -18,7 +18,9 @@ What an [effect](how-to/effect.md) may act on. A *hook* is a value that a functi
 gets as its first argument and returns, changed; whatever the role *offers* its other arguments may
 name, beside the effect's own parameters and states. Gathered from the plants that ship, so another
 plant may offer fewer: one without a valve has no `valve`. All values are SI; an effort is N*m of
-a rotation and N of a translation.
+a rotation and N of a translation. Where the unit of an effect's parameter depends on the place, it
+is written with the role's words: `{effort}/{speed}^2` is N*m*s^2/rad^2 or N*s^2/m^2, and its
+default is a share of what is usual there.
 
 `diagnose` also uses the role `anything`: each place where something unknown may act, for `learned`.
 """
@@ -94,6 +96,15 @@ def _section(role: str, spots: list[Spot]) -> Iterator[str]:
     offered = list(dict.fromkeys(name for spot in spots for name in spot.names))
     if offered:
         yield f"* offers {', '.join(f'`{name}`' for name in offered)}"
+    units: dict[str, list[str]] = {}
+    for spot in spots:
+        for word, unit in spot.units.items():
+            known = units.setdefault(word, [])
+            if unit and unit not in known:
+                known.append(unit)
+    if units:
+        listed = (f"`{{{word}}}` ({' or '.join(known)})" for word, known in units.items())
+        yield f"* units that depend on the place: {', '.join(listed)}"
     adjusted = list(dict.fromkeys(name for spot in spots for name in spot.parameters))
     if adjusted:
         yield f"* has the parameters {', '.join(f'`{name}`' for name in adjusted)}"

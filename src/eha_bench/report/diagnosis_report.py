@@ -22,6 +22,7 @@ from eha_bench.report.diagnosis_text import (
     effect_rows,
     error_rows,
     headline,
+    no_interval,
     parameter_row,
     probability,
     share,
@@ -122,6 +123,7 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
     tables = _error_tables(found)
     models = (found.recalibrated, found.revised)[: 1 + _is_revised(found)]
     ranking, rejected = _ranking(found)
+    why = no_interval(found.convergence)
     content = {
         "name": name,
         "plant": found.revised.plant_id,
@@ -149,11 +151,11 @@ def write_diagnosis_report(folder: Path, found: Diagnosis, name: str, declared: 
         "rejected": rejected,
         "left": max(0, len(ranking) - _LOSERS),
         "parameters": tuple(
-            parameter_row(key, item, declared.value(key))
+            parameter_row(key, item, declared.value(key), why)
             for key, item in found.calibrated.items()
             if "[" not in key
         ) + tuple(
-            parameter_row(f"{key} in {run}", item)
+            parameter_row(f"{key} in {run}", item, why=why)
             for run, own in found.per_run.items() for key, item in own.items()
         ),
         "undetermined": found.undetermined,

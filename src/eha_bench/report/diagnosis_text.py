@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, Unknown, Verdict
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -171,11 +172,22 @@ def amount(value: float, si: str) -> str:
     return quantity(value, si) if math.isfinite(value) else _NOTHING
 
 
-def parameter_row(name: str, item: Estimate, declared: float = math.nan) -> ParameterRow:
-    """Return a parameter as text."""
+def no_interval(convergence: Convergence | None) -> str:
+    """Return why a whole fit gives no interval, "" where it gives those that the data determine."""
+    if convergence is None or convergence.has_intervals:
+        return ""
+    return "no interval: " + (
+        "the residual is far above its floor" if convergence.converged else "not converged"
+    )
+
+
+def parameter_row(
+    name: str, item: Estimate, declared: float = math.nan, why: str = ""
+) -> ParameterRow:
+    """Return a parameter as text; `why` no interval of its fit is given, "" where they are."""
     spread = (item.high - item.low) / 2.0
     known = math.isfinite(item.low) and math.isfinite(item.high)
-    interval = "not determined by these data"
+    interval = why or "not determined by these data"
     if known and spread > 0.0:
         unit = display_unit(item.unit, (item.value,))
         digits = decimals_for(unit.shown(item.value), unit.difference(spread))

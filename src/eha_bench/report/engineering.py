@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from eha_bench.core.channels import CHANNELS
+from eha_bench.core.errors import UnitError
+from eha_bench.core.units import factor_and_offset
 
 SIGNIFICANT_DIGITS: Final = 4
+_AFTER_NUMBER: Final = re.compile(r"\d(?:[eE][-+]?\d+)?\s*([^\W\d_][^\s,;<>=±+]*)")
 _MINUS: Final = "\N{MINUS SIGN}"
 _NOTHING: Final = "\N{EN DASH}"
 
@@ -174,10 +177,23 @@ def _written_unit(si: str, written: str) -> DisplayUnit | None:
     # The last word that is not a number; `<= 41 ms`, `11 A +- 6 %` and `38 .. 41 MPa` are all met.
     if si == "":
         return PERCENT if written.rstrip().endswith("%") else None
+    if si not in _SCALES:
+        return _composed(si, written)
     known = {unit.symbol: unit for _, unit in _SCALES.get(si, ())} | _WRITTEN.get(si, {})
     for word in reversed(re.findall(r"[^\s\d.,;()<>=±]+", written)):
         if word in known:
             return known[word]
+    return None
+
+
+def _composed(si: str, written: str) -> DisplayUnit | None:
+    """Return the unit of a limit whose SI unit is none of ours: `<= 0.3 MPa*s` of Pa*s."""
+    for unit in reversed(_AFTER_NUMBER.findall(written)):
+        try:
+            factor, offset = factor_and_offset(unit, si)
+        except UnitError:
+            continue
+        return DisplayUnit(printed_unit(unit), 1.0 / factor, -offset / factor)
     return None
 
 
@@ -186,6 +202,7 @@ def limit_text(text: str) -> str:
     for typed, printed in (("<=", "≤"), (">=", "≥"), ("+/-", "±"), ("+-", "±"), ("..", "…")):
         text = text.replace(typed, printed)
     text = re.sub(r"(?<![\w.])-(?=[\d.])", _MINUS, text)
+    text = re.sub(r"(?<=[^\W\d_])\*(?=[^\W\d_])", "·", text)
     # A number stays with its unit, and a sign with its number.
     text = re.sub(r"(?<=[\d.]) (?=[^\d\s±…≤≥])", "\N{NO-BREAK SPACE}", text)
     return re.sub(r"(?<=[±≤≥]) (?=\d)", "\N{NO-BREAK SPACE}", text)

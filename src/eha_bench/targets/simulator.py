@@ -240,13 +240,7 @@ def simulator_from_file(path: Path) -> Simulator:
     """
     content = yaml_file.load(path)
     file = yaml_file.validate(SimulatorFile, content, str(path), kind="target")
-    folder = path.resolve().parent
-
-    def beside(key: str, name: str) -> Path:
-        where = Place(file=str(path), line=yaml_file.line_of(content, [key]), key=key)
-        return yaml_file.named_file(folder, name, where)
-
-    model = model_from(beside("model", file.model))
+    model = model_from(yaml_file.file_beside(path, content, "model"))
     for channel, sensor in (file.sensors or {}).items():
         line = yaml_file.line_of(content, ["sensors", channel])
         try:
@@ -254,7 +248,7 @@ def simulator_from_file(path: Path) -> Simulator:
         except UnitError as error:
             where = Place(file=str(path), line=line, key=f"sensors.{channel}")
             raise InputError(error.what, where=where, hint=error.hint) from error
-    own = beside("controller", file.controller) if file.controller else None
+    own = yaml_file.file_beside(path, content, "controller") if file.controller else None
     return Simulator(
         model,
         load_controllers(own or shipped_file("controllers/paper.yaml")),

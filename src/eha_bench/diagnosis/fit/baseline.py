@@ -297,7 +297,7 @@ def _calibrated(
         fit,
         (*keys, *nuisance),
         nuisance,
-        (*notes_of(outliers), *(_colour_notes(measured) if seen.colours else ())),
+        (*notes_of(outliers), *(colour_notes(measured) if seen.colours else ())),
         arrival.tried,
         arrival.agreed,
     )
@@ -365,10 +365,10 @@ def _noise_notes(measured: Sequence[Measured]) -> Iterator[str]:
             f"input '{name}' was measured, with a noise of {level:.2g} {unit_of(name)}: its "
             "effect on the simulation counts as noise"
         )
-    yield from _colour_notes(measured)
+    yield from colour_notes(measured)
 
 
-def _colour_notes(measured: Sequence[Measured]) -> Iterator[str]:
+def colour_notes(measured: Sequence[Measured]) -> Iterator[str]:
     """Say which channels' noise is not white."""
     for name in sorted({name for item in measured for name in item.colours}):
         colours = dict.fromkeys(item.colours[name] for item in measured if name in item.colours)

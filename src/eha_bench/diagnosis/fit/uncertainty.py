@@ -87,15 +87,27 @@ class Spread:
     Attributes:
         deviation: standard deviation, SI (inf: not determined).
         degrees: of freedom with which that is known.
+        inflation: its variance over what white noise of the sensors' size alone would make.
     """
 
     deviation: float
     degrees: float = float("inf")
+    inflation: float = 1.0
 
     @property
     def half_width(self) -> float:
         """Half of the 95 % interval, SI (inf: not determined)."""
         return self.deviation * float(stdtrit(self.degrees, 0.975))
+
+    @property
+    def least_fall(self) -> float:
+        """Fall of the cost from which a value lies outside of the 95 % interval.
+
+        For a cost that is a parabola this is the interval itself: its half width h has
+        h^2 = t^2 inflation / curvature. Where it is none, the fall is the better measure (Hauck,
+        Donner, J. Am. Stat. Assoc. 72 (1977) 851, doi:10.1080/01621459.1977.10479969).
+        """
+        return self.inflation * float(stdtrit(self.degrees, 0.975)) ** 2
 
 
 def spreads(fit: Fit, groups: Groups) -> dict[str, Spread]:
@@ -124,6 +136,7 @@ def spreads(fit: Fit, groups: Groups) -> dict[str, Spread]:
         item.key: Spread(
             float("inf") if dead[k] else float(np.sqrt(variance[k]) / scale[k] * item.scale),
             float(degrees[k]),
+            float(variance[k] / max(inverse[k, k], 1e-300)),
         )
         for k, item in enumerate(fit.free)
     }

@@ -49,8 +49,14 @@ def with_noise_of_residual(problem: Problem, vector: FloatArray) -> Problem:
         problem: prepared at the vector. vector: of the fitted model.
     """
     seen = steady_noise_of_residual(problem, vector)
+    # a channel whose level is seen, and no colour, is white
     coloured = _with_measured(
-        problem, lambda item: with_colours(item, {**item.colours, **seen.colours})
+        problem,
+        lambda item: with_colours(
+            item,
+            {name: own for name, own in item.colours.items() if name not in seen.levels}
+            | dict(seen.colours),
+        ),
     )
     return coloured.with_noise({**problem.noise, **seen.levels})
 

@@ -27,6 +27,9 @@ _NOTHING = 0.005
 _TOLD = 0.1
 """Share of the excess from which a curve's variable is what it depends on."""
 
+_TIMES = 9.0
+"""Share above the noise from which a note counts in times the noise, not in per cent."""
+
 
 @dataclass(frozen=True)
 class Decision:
@@ -84,10 +87,16 @@ def decide(
 
 def _remaining(after: float, before: float) -> str:
     """Say by how much the error is above the noise, with the causes found and without them."""
-    left, was = (per_cent(max(share, 0.0), 1) for share in (after, before))
+    left, was = _above(after), _above(before)
     if left == was:
-        return f"the error is {left} above the noise"
-    return f"the error that remains is {left} above the noise ({was} before)"
+        return f"the error is {left}"
+    return f"the error that remains is {left} ({was.removesuffix(' above the noise')} before)"
+
+
+def _above(share: float) -> str:
+    if share >= _TIMES:
+        return f"{1.0 + share:.3g} times the noise"
+    return f"{per_cent(max(share, 0.0), 1)} above the noise"
 
 
 def _beside_a_remainder(

@@ -15,11 +15,11 @@ from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess
-from eha_bench.diagnosis.fit.least_squares import levenberg_marquardt
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
-from eha_bench.diagnosis.search.backward import drop, without
+from eha_bench.diagnosis.search.backward import drop, is_loose, least_fall, without
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
 _AT = 1e-3
@@ -41,9 +41,15 @@ def pruned(search: Search, limits: Thresholds | None = None) -> list[str]:
     _deepened(search, limits)
     notes = []
     for item in reversed(search.effects):
-        if reason := _against(search, item, limits):
+        refit: Fit | None = None
+        reason = _against(search, item, limits)
+        if not reason and is_loose(search, item):
+            refit = without(search, item)
+            if refit.cost - search.fit.cost < least_fall(search, item, limits):
+                reason = "without it the others explain as much, within what runs disagree by"
+        if reason:
             notes.append(f"{item.start.candidate} is not accepted: {reason}")
-            drop(search, item, without(search, item))
+            drop(search, item, refit or without(search, item))
     return notes
 
 

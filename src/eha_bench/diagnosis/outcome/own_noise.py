@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from eha_bench.diagnosis.data.wander import Wander
-from eha_bench.diagnosis.fit.baseline import Baseline
+from eha_bench.diagnosis.fit.baseline import Baseline, colour_notes
 from eha_bench.diagnosis.fit.evidence import (
     REST_RELATIVE,
     REST_SIGNIFICANCE,
@@ -54,8 +54,12 @@ def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | 
     """
     rest = search.excess_left
     structured = rest.significance > REST_SIGNIFICANCE
-    # a fit that leaves less than the noise says that the noise was taken too large
-    if rest.relative > _MUCH or not (structured or rest.relative < -REST_RELATIVE):
+    # a fit that leaves less than the noise says that the noise was taken too large; one that leaves
+    # more, without structure, that it was taken from what the model without the effects left
+    another = rest.relative < -REST_RELATIVE or (
+        bool(search.effects) and rest.relative > REST_RELATIVE
+    )
+    if rest.relative > _MUCH or not (structured or another):
         return None
     search.problem.prepare(search.fit.vector)
     problem = with_noise_of_residual(search.problem, search.fit.vector)
@@ -101,7 +105,9 @@ def with_slow_noise(base: Baseline, search: Search, decision: Decision) -> Basel
 
 def _with_noise(base: Baseline, problem: Problem, wander: Mapping[str, Wander]) -> Baseline:
     runs = {window.measured.run.name: window.measured for window in problem.windows}
-    notes = base.notes
+    measured = tuple(runs.get(item.run.name, item) for item in base.measured)
+    before, now = (tuple(colour_notes(items)) for items in (base.measured, measured))
+    notes = (*(note for note in base.notes if note not in before), *now)
     if wander:
         sizes = ", ".join(f"{name} {item.size:.2f}" for name, item in sorted(wander.items()))
         note = (
@@ -110,7 +116,7 @@ def _with_noise(base: Baseline, problem: Problem, wander: Mapping[str, Wander]) 
         notes = (*notes, note)
     return replace(
         base,
-        measured=tuple(runs.get(item.run.name, item) for item in base.measured),
+        measured=measured,
         problem=problem,
         notes=notes,
     )

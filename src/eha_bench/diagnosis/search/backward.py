@@ -10,7 +10,7 @@ from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.profile import cost_with
-from eha_bench.diagnosis.fit.uncertainty import spreads
+from eha_bench.diagnosis.fit.uncertainty import Spread, spreads
 from eha_bench.diagnosis.search.refit import BENT, polish_afresh, sticks
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
@@ -24,7 +24,8 @@ def without_idle(search: Search, limits: Thresholds) -> Fit | None:
     Its refit only led the others to a better place.
 
     What little of it is left may only balance the others, so these follow: as their slopes tell,
-    and in a fit without it where it explains no more than a calibration that was caught leaves.
+    and in a fit without it where it explains no more than a calibration that was caught leaves, or
+    where its size is not sure.
     """
     fit, item = search.fit, search.accepted[-1]
     start = item.start
@@ -36,10 +37,32 @@ def without_idle(search: Search, limits: Thresholds) -> Fit | None:
             least = min(least, cost_with(search.problem, fit, free.key, start.neutral))
     idle = least - fit.cost < limits.gain
     little = item.comparison.gain < BENT * SOFT_MEAN * search.problem.size
-    if not (idle or little):
+    if not (idle or little or is_loose(search, item)):
         return None
     trial = without(search, item)
-    return trial if idle or trial.cost - fit.cost < limits.gain else None
+    return trial if idle or trial.cost - fit.cost < least_fall(search, item, limits) else None
+
+
+def is_loose(search: Search, item: Accepted) -> bool:
+    """Whether an effect is so few standard deviations large that one without it may fit as well."""
+    spread = _spread(search, item)
+    size = abs(float(search.fit.vector[item.start.strength_at]) - item.start.neutral)
+    return spread is not None and size <= _SURE * spread.deviation
+
+
+def least_fall(search: Search, item: Accepted, limits: Thresholds) -> float:
+    """Return the least fall of the cost by an effect that is more than nothing.
+
+    Where runs disagree, or errors are slow, nothing falls by more than where there is only noise.
+    """
+    spread = _spread(search, item)
+    return max(limits.gain, spread.least_fall if spread is not None else 0.0)
+
+
+def _spread(search: Search, item: Accepted) -> Spread | None:
+    keys = {free.at: free.key for free in search.fit.free}
+    key = keys.get(item.start.strength_at)
+    return spreads(search.fit, search.groups)[key] if key is not None else None
 
 
 def drop(search: Search, item: Accepted, fit: Fit) -> None:
@@ -67,12 +90,7 @@ def release(search: Search, limits: Thresholds) -> None:
     One that led the others out of a poor place is left over where they could not get there alone.
     """
     for item in reversed(search.effects):
-        places = {free.at: free.key for free in search.fit.free}
-        key = places.get(item.start.strength_at)
-        if key is None:
-            continue
-        size = abs(search.fit.vector[item.start.strength_at] - item.start.neutral)
-        if size > _SURE * spreads(search.fit, search.groups)[key].deviation:
+        if not is_loose(search, item):
             continue
         trial = without(search, item)
         if trial.cost - search.fit.cost < limits.gain:

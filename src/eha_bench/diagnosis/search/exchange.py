@@ -43,7 +43,9 @@ def exchange(search: Search, limits: Thresholds) -> bool:
         least = limits.gain * max(1.0, 1.0 + search.excess_left.relative)
         if best is None or best.fit.cost > search.fit.cost - least:
             continue
-        found = compare(_before(search, item), best.fit, search.groups, search.excess_base.total)
+        found = compare(
+            switched_off(search, item), best.fit, search.groups, search.excess_base.total
+        )
         equal = tuple(name for name in item.equivalent if name != best.candidate)
         old = item.start.candidate
         if old != best.candidate and is_as_good(search.fit, best.fit, found.gain, search.groups):
@@ -88,7 +90,7 @@ def _best(
     """Return the best of some starts in an item's place, refitted to the end."""
     kept = search.snapshot()
     search.accepted = others
-    search.fit = _before(search, item)
+    search.fit = switched_off(search, item)
     search.excess_left = excess(search.problem, search.fit)
     try:
         coarse = search.problem.at_step(COARSE)
@@ -101,7 +103,7 @@ def _best(
         search.restore(kept)
 
 
-def _before(search: Search, item: Accepted) -> Fit:
+def switched_off(search: Search, item: Accepted) -> Fit:
     """Return the present fit with one item switched off."""
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral

@@ -14,30 +14,14 @@ Trans. Automatic Control 39 (1994) 59, doi:10.1109/9.273339.
 
 from __future__ import annotations
 
-import math
-
-from eha_bench.plants.compiled import njit
+from eha_bench.plants.dead_zone import FORMS, dead_zone
 from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.parameter import Parameter, choice
-
-_SHARP = 0.0
-
-
-@njit()
-def _soft(u: float) -> float:
-    """Return ln(1 + e^u), also for large |u|."""
-    return max(u, 0.0) + math.log1p(math.exp(-abs(u)))
 
 
 def overlapped(opening: float, deadband: float, asymmetry: float, form: float) -> float:
     """Return how far the lands are open, as a share of the travel."""
-    up, down = deadband * (1.0 + asymmetry), deadband * (1.0 - asymmetry)
-    if form == _SHARP:
-        if opening > up:
-            return opening - up
-        return min(0.0, opening + down)
-    width = deadband / 3.0
-    return width * (_soft((opening - up) / width) - _soft(-(opening + down) / width))
+    return dead_zone(opening, deadband, asymmetry, form)
 
 
 EFFECT = Effect(
@@ -49,7 +33,7 @@ EFFECT = Effect(
             "asymmetry", "", 0.0, -1.0, 1.0, "a",
             "of the two edges; a bias of the null says the same", searched=False,
         ),
-        choice("form", ("sharp", "smooth"), "whether the edges are rounded"),
+        choice("form", FORMS, "whether the edges are rounded"),
     ),
     actions={"valve": Action({"opening": overlapped}, Equation.ACTUATION)},
     source="Merritt, Hydraulic Control Systems, Wiley 1967",

@@ -29,9 +29,9 @@ from eha_bench.plants.parameter import Parameter
 
 _INF = math.inf
 _KP = Parameter("position_gain", "1/s", 100.0, 0.0, _INF, "k_p")
-_KV = Parameter("velocity_gain", "{command}/({speed})", 100.0, 0.0, _INF, "k_v")
-_P = Parameter("proportional", "{command}/({position})", 1.0, 0.0, _INF, "P")
-_D = Parameter("derivative", "{command}/({speed})", 0.0, 0.0, _INF, "D")
+_KV = Parameter("velocity_gain", "{command}/{speed}", 100.0, 0.0, _INF, "k_v")
+_P = Parameter("proportional", "{command}/{position}", 1.0, 0.0, _INF, "P")
+_D = Parameter("derivative", "{command}/{speed}", 0.0, 0.0, _INF, "D")
 _PERIOD = Parameter("period", "s", 1e-3, 1e-6, 1.0, "T")
 
 

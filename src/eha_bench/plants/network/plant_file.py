@@ -9,6 +9,7 @@ from typing import Any
 from eha_bench.core import units
 from eha_bench.core.errors import InputError, Place, UnitError
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.place_unit import unit_at_place
 from eha_bench.plants.network.element import ElementKind, NodeKind, Port
 from eha_bench.plants.network.network import (
     NODE_PARAMETERS,
@@ -379,17 +380,7 @@ def _unit(parameter: Parameter, tokens: Mapping[str, str]) -> str | None:
     """Return a parameter's unit, None where it depends on what another element does."""
     if "{command}" in parameter.unit:
         return None
-    return unit_of(parameter.unit, tokens)
-
-
-def unit_of(unit: str, tokens: Mapping[str, str]) -> str:
-    """Return a unit with the places that depend on the node filled in."""
-    if "{" not in unit:
-        return unit
-    if unit == "{effort}/{position}":
-        # (N*m)/rad is written with the angle in it
-        return f"{tokens['effort']}/{tokens['position']}"
-    return unit.format(**tokens)
+    return unit_at_place(parameter.unit, tokens)
 
 
 def _quantity(parameter: Parameter, unit: str, raw: Any, where: Place) -> float:

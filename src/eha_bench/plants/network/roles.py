@@ -176,13 +176,25 @@ def _usual_position(system: System, item: Coordinate) -> float:
     return 0.01
 
 
+def _usual_speed(system: System, item: Coordinate, effort: float) -> float:
+    """Return a speed that matters, m/s or rad/s: there viscous friction is as large as the rest."""
+    declared = [_default(system, part, "viscous") for part, _, _ in system.terms(item, Friction)]
+    if sum(declared) > 0.0:
+        return effort / sum(declared)
+    return 0.1 if item.node.kind is NodeKind.TRANSLATION else 10.0
+
+
 def _usual(system: System, item: Coordinate) -> dict[str, float]:
+    effort, position = usual_effort(system, item), _usual_position(system, item)
+    speed = _usual_speed(system, item, effort)
     stribeck = 5e-3 if item.node.kind is NodeKind.TRANSLATION else 0.3
     declared = [_default(system, part, "stribeck_speed")
                 for part, _, _ in system.terms(item, Friction)]  # fmt: skip
     return {
-        "effort": usual_effort(system, item),
-        "position": _usual_position(system, item),
+        "effort": effort,
+        "position": position,
+        "speed": speed,
+        "damping": effort / speed,
         "stribeck": max([stribeck if not any(declared) else 0.0, *declared]),
     }
 

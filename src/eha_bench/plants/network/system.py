@@ -20,6 +20,7 @@ from eha_bench.core.channels import unit_of as unit_of_channel
 from eha_bench.core.error_text import error_text
 from eha_bench.core.errors import InputError, Place, PluginError, UnitError
 from eha_bench.core.near_miss import suggest
+from eha_bench.core.place_unit import unit_at_place
 from eha_bench.plants.network.element import (
     HYDRAULIC,
     MECHANICAL,
@@ -45,7 +46,7 @@ from eha_bench.plants.network.network import (
     Network,
     Node,
 )
-from eha_bench.plants.network.plant_file import Locate, unit_of
+from eha_bench.plants.network.plant_file import Locate
 from eha_bench.plants.parameter import Parameter
 
 BYPASS = "bypass"
@@ -326,11 +327,10 @@ class System:
 
     def _unit(self, unit: str, part: BoundElement) -> str:
         if "{command}" not in unit:
-            return unit_of(unit, part.tokens)
+            return unit_at_place(unit, part.tokens)
         command = self._driven(part)
         asked = command[0].unit if command else ""
-        text = unit_of(unit.replace("{command}", "{asked}"), {**part.tokens, "asked": asked or "1"})
-        return {"1": "", "1/(m/s)": "s/m", "V/(m/s)": "V*s/m", "V/(m)": "V/m"}.get(text, text)
+        return unit_at_place(unit, {**part.tokens, "command": asked})
 
     def _driven(self, part: BoundElement) -> tuple[Command, ...]:
         """Return the commands of the motor that an element drives, () where it drives none."""

@@ -153,13 +153,16 @@ def _acceptance(
 ) -> tuple[tuple[str, str], AcceptanceLimit | None]:
     """Return the (metric, channel) of an entry, and its limit if it has one."""
     spec = spec_named(metric, own, entry.place())
-    shown = mode.unit if spec.unit is None else spec.unit
+    shown = spec.unit_for(mode.unit)
     form = LimitFile() if entry.value is None else _form(LimitFile, entry, shown)
     channel = spec.channel_for(mode.channel) if form.channel is None else form.channel
     if channel and metric in own:
         raise entry.error(f"'{metric}' is one number of the recording", hint="leave out 'channel'")
-    on_channel = _unit_of(channel, form, mode, entry.place(("channel",))) if channel else ""
-    unit = on_channel if spec.unit is None else spec.unit
+    # a limit's own unit is that of the channel only where the metric's is
+    whole = spec.unit is None or not spec.by_channel
+    given = form if whole else ScoreFile(metric=metric, channel=channel, unit=form.unit)
+    on_channel = _unit_of(channel, given, mode, entry.place(("channel",))) if channel else ""
+    unit = spec.unit_for(on_channel)
     if form.limit is None and form.min is None and form.max is None:
         judged = form.confidence is not None or form.repeats is not Repeats.ALL
         if form.warn is not None or judged:

@@ -21,7 +21,8 @@ def margins(matters: Located, mode: ControlMode, own: Specs = NONE) -> dict[str,
     for metric, entry in matters.mapping("differences by metric").items():
         spec = spec_named(metric, own, entry.place())
         channel = spec.channel_for(mode.channel)
-        unit = mode.unit if spec.unit is None and channel == mode.channel else spec.unit_on(channel)
+        controlled = channel == mode.channel
+        unit = spec.unit_for(mode.unit) if controlled else spec.unit_on(channel)
         try:
             found[metric] = parse_margin(entry.value, unit)
         except UnitError as error:

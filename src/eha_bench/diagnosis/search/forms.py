@@ -1,0 +1,91 @@
+"""The other forms of what was added: what it leaves is more likely its form than another cause.
+
+An effect is a family (a dead zone with sharp or round corners, its edges equal or not), and a
+search adds the form that promised most before it was there. What another form explains is no
+evidence of a second cause, so forms come first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from eha_bench.diagnosis.fit.baseline import COARSE
+from eha_bench.diagnosis.fit.candidates import Start, effect_starts
+from eha_bench.diagnosis.fit.evidence import compare, excess
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.problem import cost_of
+from eha_bench.diagnosis.fit.side_by_side import side_by_side
+from eha_bench.diagnosis.search.exchange import switched_off
+from eha_bench.diagnosis.search.refit import free_of, polish_at_rest
+from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
+from eha_bench.plants.effect import AT
+from eha_bench.plants.layout import Layout
+
+_FINISHED = 2
+
+
+def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
+    """Return the starts of an effect's other forms, at the place where it acts.
+
+    Args:
+        layout: of the plant. item: what was added. fit: with it.
+    """
+    effect = layout.effect(item.start.candidate)
+    choices = [
+        layout.index[f"{effect.id}.{parameter.name}"]
+        for parameter in effect.parameters
+        if parameter.choices and parameter.name != AT
+    ]
+    place = layout.index.get(f"{effect.id}.{AT}")
+    found = []
+    for start in effect_starts(layout, effect):
+        settings = dict(start.settings)
+        elsewhere = place is not None and settings[place] != fit.vector[place]
+        if not elsewhere and any(settings[at] != fit.vector[at] for at in choices):
+            found.append(start)
+    return found
+
+
+def reform(search: Search, limits: Thresholds) -> bool:
+    """Give what was added last its form that fits best; return whether that is another one."""
+    item = search.accepted[-1]
+    if item.start.mundane:
+        return False
+    starts = forms_of(search.problem.plant.layout, item, search.fit)
+    kept = search.accepted
+    search.accepted = kept[:-1]
+    try:
+        tried = side_by_side(lambda start: (start, _rough(search, item, start)), starts)
+        tried.sort(key=lambda trial: trial[1].cost)
+        done = [(start, polish_at_rest(search, fit, [start])) for start, fit in tried[:_FINISHED]]
+    finally:
+        search.accepted = kept
+    if not done:
+        return False
+    start, fit = min(done, key=lambda trial: trial[1].cost)
+    # what no candidate explains makes chance gain as much more than noise would
+    least = limits.gain * max(1.0, 1.0 + search.excess_left.relative)
+    if fit.cost > search.fit.cost - least:
+        return False
+    found = compare(switched_off(search, item), fit, search.groups, search.excess_base.total)
+    search.fit = fit
+    # what had fitted as well as the other form does not fit as well as this one
+    search.accepted = [*kept[:-1], replace(item, start=start, comparison=found, equivalent=())]
+    search.excess_left = excess(search.problem, fit)
+    return True
+
+
+def _rough(search: Search, item: Accepted, start: Start) -> Fit:
+    """Return a rough fit of a form, from the size that the other one has or from its own."""
+    index = search.problem.plant.layout.index
+    own = start.apply(search.fit.vector)
+    as_found = own.copy()
+    for key in item.start.keys:
+        if key in start.keys and key in index:
+            as_found[index[key]] = search.fit.vector[index[key]]
+    coarse = search.problem.at_step(COARSE)
+    vector = min((own, as_found), key=lambda one: cost_of(coarse, one))
+    dropped = {*item.start.keys} - {*start.keys}
+    free = tuple(one for one in free_of(search, vector, [start]) if one.key not in dropped)
+    known = {key: column for key, column in search.fit.columns.items() if key not in start.keys}
+    return levenberg_marquardt(coarse, vector, free, iterations=4, known=known, refresh=0)

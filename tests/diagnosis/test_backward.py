@@ -1,0 +1,92 @@
+"""What was added and does no more than runs disagree by is taken out again."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from known_search import RUNS, TICKS, LinearProblem, add, search_of, shape, start_of, strength
+
+from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.uncertainty import Spread, spreads
+from eha_bench.diagnosis.outcome.honest import pruned
+from eha_bench.diagnosis.search import backward
+from eha_bench.diagnosis.search.backward import is_loose, least_fall, without, without_idle
+from eha_bench.diagnosis.search.state import Search, Thresholds
+
+FIRST, SECOND = "coulomb_friction", "current_lag"
+KEYS = {FIRST: "coulomb_friction.friction_force", SECOND: "current_lag.time_constant"}
+UNIT = 0.002
+AGREED, DISAGREED = (1.0,) * 6, (1.7, -1.1, 1.5, -0.9, 1.3, -0.7)
+
+
+@pytest.fixture(autouse=True)
+def refits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Refit where a fit stands: linear residuals have no other end over short windows."""
+
+    def refit(search: Search, rough: Fit, extra: object) -> Fit:
+        return levenberg_marquardt(search.problem, rough.vector, rough.free)
+
+    monkeypatch.setattr(backward, "polish_afresh", refit)
+
+
+def found(parts: Sequence[float]) -> Search:
+    """Friction is missing, and parts of the runs ask for another lag each, in `UNIT`."""
+    problem = LinearProblem(
+        {"viscous_friction": 0.1 * shape(0.0), KEYS[FIRST]: 20.0 * shape(1.0) / 7.0,
+         KEYS[SECOND]: 5.0 * shape(3.0) / UNIT},
+        {KEYS[FIRST]: 7.0},
+    )  # fmt: skip
+    wanted = np.repeat(parts, TICKS * len(RUNS) // len(parts))
+    problem.readings -= 5.0 * shape(3.0) * wanted
+    search = search_of(problem, "viscous_friction")
+    add(search, FIRST)
+    add(search, SECOND)
+    return search
+
+
+def test_what_runs_agree_on_stays() -> None:
+    search = found(AGREED)
+    assert not is_loose(search, search.accepted[-1])
+    assert without_idle(search, Thresholds()) is None
+    assert pruned(search) == []
+    assert [item.start.candidate for item in search.effects] == [FIRST, SECOND]
+    assert strength(search, search.fit, SECOND) == pytest.approx(UNIT, rel=0.1)
+
+
+def test_what_runs_disagree_on_is_idle_and_not_accepted() -> None:
+    search, limits = found(DISAGREED), Thresholds()
+    item = search.accepted[-1]
+    # far more than the noise, and less than what runs disagree by
+    gain = without(search, item).cost - search.fit.cost
+    assert limits.gain < gain < least_fall(search, item, limits)
+    assert is_loose(search, item)
+    fit = without_idle(search, limits)
+    assert fit is not None
+    assert strength(search, fit, SECOND) == start_of(SECOND).neutral
+    # the look that it was added in had credited it with what the first did only afterwards
+    search.accepted[-1] = replace(item, comparison=search.accepted[0].comparison)
+    (note,) = pruned(search)
+    assert note.startswith("current_lag is not accepted: without it the others explain as much")
+    assert [item.start.candidate for item in search.effects] == [FIRST]
+
+
+def test_of_a_parabola_the_least_fall_is_the_interval() -> None:
+    """h^2 = t^2 inflation / curvature: moved by half a width, the cost rises by the least fall."""
+    search = found(AGREED)
+    key = KEYS[SECOND]
+    spread = spreads(search.fit, search.groups)[key]
+    item = next(free for free in search.fit.free if free.key == key)
+    normal = search.fit.jacobian.T @ search.fit.jacobian
+    at = search.fit.free.index(item)
+    curvature = 1.0 / np.linalg.inv(normal)[at, at]
+    rise = curvature * (spread.half_width / item.scale) ** 2
+    assert rise == pytest.approx(spread.least_fall, rel=0.02)
+    assert Spread(1.0).least_fall == pytest.approx(1.96**2, rel=1e-3)
