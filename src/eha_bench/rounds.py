@@ -65,6 +65,7 @@ class Round:
             "effects": [item["id"] for item in self.diagnosis.get("effects", [])],
             "equivalent": self.diagnosis.get("equivalent", []),
             "experiment": experiment.get("sentence", ""),
+            "trials": [trial["what"] for trial in experiment.get("trials", [])],
             "ending": experiment.get("ending"),
             "probability_right": experiment.get("probability_right"),
             "bench_seconds": experiment.get("bench_seconds"),

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from eha_bench.cli.run_summary import summary_lines
+from eha_bench.core.note import Note
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
 
@@ -104,7 +105,10 @@ def test_the_reason_of_a_score_is_why_it_has_none(cli: Cli, tmp_path: Path) -> N
 
 def test_one_reason_stands_once_whatever_its_numbers() -> None:
     def unscored(metric: str, drift: float) -> Score:
-        found = Measure.none(f"not settled: it drifts by {drift} % of the step, of 2nd order")
+        reason = Note(
+            "not settled: it drifts by {drift:g} % of the step, of 2nd order", drift=drift
+        )
+        found = Measure.none(reason)
         return Score(metric, "current", found, "s", ScoreStatus.NOT_SCORED, limit="<= 1 s")
 
     scores = (unscored("rise_time", 13.6), unscored("settling_time", 9.5))
@@ -114,6 +118,26 @@ def test_one_reason_stands_once_whatever_its_numbers() -> None:
         "step  rise_time, settling_time not scored: not settled: it drifts by 9.5 to 13.6 % of "
         "the step, of 2nd order",
         "tiny: failed, 0 of 2 limits kept",
+    ]
+
+
+def test_reasons_that_are_mere_text_are_one_where_they_are_the_same() -> None:
+    def unscored(metric: str, reason: str) -> Score:
+        found = Measure.none(reason)
+        return Score(metric, "current", found, "s", ScoreStatus.NOT_SCORED, limit="<= 1 s")
+
+    scores = (
+        unscored("rise_time", "no current"),
+        unscored("settling_time", "no current"),
+        unscored("overshoot", "it took 3 steps"),
+        unscored("undershoot", "it took 4 steps"),
+    )
+    run = TrialResult("step", 0, Status.FAILED, "", "", scores)
+    lines = summary_lines(Result("tiny", "simulator", Status.FAILED, (run,), {}))
+    assert lines[:3] == [
+        "step  rise_time, settling_time not scored: no current",
+        "step  overshoot not scored: it took 3 steps (≤ 1 s)",
+        "step  undershoot not scored: it took 4 steps (≤ 1 s)",
     ]
 
 

@@ -9,7 +9,7 @@ from eha_bench.plants.effect import Action, Effect, bound
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.network.roles import roles_of, usual_effort
 from eha_bench.plants.parameter import Parameter
-from eha_bench.plants.plant import get_plant
+from eha_bench.plants.registry import get_plant
 
 TURNS = {"effort": "N*m", "speed": "rad/s", "damping": "N*m*s/rad", "position": "rad", "none": ""}
 SLIDES = {"effort": "N", "speed": "m/s", "damping": "N*s/m", "position": "m", "none": ""}

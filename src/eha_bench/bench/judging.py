@@ -17,7 +17,7 @@ from eha_bench.core.repeats_summary import RepeatsSummary
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
 from eha_bench.core.trial import Trial
-from eha_bench.metrics import judge_repeats, score
+from eha_bench.metrics import accepted, judge_repeats, score
 from eha_bench.metrics.repeats_summary import summaries
 from eha_bench.recordings import read
 from eha_bench.suites import Suite, trial_from_source
@@ -61,8 +61,7 @@ def _withheld(item: Score, reason: str) -> Score:
 
 def _status(scores: tuple[Score, ...]) -> Status:
     """A trial fails if a score that has a limit is rejected; scores without one never fail it."""
-    rejected = any(item.limit and item.status.rejects for item in scores)
-    return Status.FAILED if rejected else Status.PASSED
+    return Status.PASSED if accepted(scores) else Status.FAILED
 
 
 def judge_together(

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 from eha_bench.cli.terminal import Paint, columns, more, paint
+from eha_bench.core.note import Note, in_one
 from eha_bench.core.result import Result, Status
 from eha_bench.core.score import ScoreStatus
 from eha_bench.core.trial import Trial
@@ -16,7 +16,6 @@ SHOWN: Final = 5
 """Lines of a kind before the rest is only counted."""
 
 _TRIALS: Final = 20
-_NUMBER: Final = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 _COLOURS: Final = {
     Status.PASSED: Paint.GOOD,
     Status.FAILED: Paint.BAD,
@@ -96,24 +95,19 @@ def _unscored(rows: Sequence[ScoreRow], *, colour: bool) -> list[str]:
 
     Reasons that differ in their numbers alone are one; each number is then a range.
     """
-    together: dict[tuple[str, str], list[ScoreRow]] = {}
+    together: dict[tuple[str, object], list[ScoreRow]] = {}
     for row in rows:
-        together.setdefault((row.trial, _NUMBER.sub("#", row.reason)), []).append(row)
+        kind = row.reason.kind if isinstance(row.reason, Note) else row.reason
+        together.setdefault((row.trial, kind), []).append(row)
     lines = []
     for (trial, _), alike in together.items():
         names = ", ".join(dict.fromkeys(row.metric_id for row in alike))
         words = paint(f"{names} not scored", _SCORE_COLOURS[ScoreStatus.NOT_SCORED], on=colour)
         alone = f" ({alike[0].limit})" if len(alike) == 1 else ""
-        lines.append(f"{trial}  {words}: {_one_reason([row.reason for row in alike])}{alone}")
+        notes = [row.reason for row in alike if isinstance(row.reason, Note)]
+        reason = in_one(notes) if notes else alike[0].reason
+        lines.append(f"{trial}  {words}: {reason}{alone}")
     return lines
-
-
-def _one_reason(reasons: Sequence[str]) -> str:
-    """Return reasons that differ in their numbers alone as one, with a range for each number."""
-    found = zip(*(_NUMBER.findall(reason) for reason in reasons), strict=True)
-    ends = [(min(numbers, key=float), max(numbers, key=float)) for numbers in found]
-    spans = iter(low if float(low) == float(high) else f"{low} to {high}" for low, high in ends)
-    return _NUMBER.sub(lambda _: next(spans), reasons[0])
 
 
 def _limit_cells(row: ScoreRow) -> tuple[str, str, str, str]:

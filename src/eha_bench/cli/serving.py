@@ -35,13 +35,14 @@ def serve(
     Two runs are compared by click; the folder is only read.
     """
     from eha_bench.core.errors import InputError
+    from eha_bench.core.extras import way_to_install
 
     try:
         from eha_bench.server.serving import serve as go_on
     except ImportError as error:
         raise InputError(
             f"pages are served with Starlette and uvicorn ({error})",
-            hint="install them with: pip install 'eha-bench[serve]'",
+            hint=way_to_install("serve"),
         ) from error
 
     def tell(address: str) -> None:

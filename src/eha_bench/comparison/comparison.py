@@ -82,6 +82,11 @@ class Compared:
     reason: str = ""
 
     @property
+    def of_one_run(self) -> bool:
+        """Whether each side has one value, so that the scatter of runs is not known."""
+        return len(self.baseline.values) == len(self.candidate.values) == 1
+
+    @property
     def cut_off(self) -> bool:
         """Whether values were cut off by a sensor's end, so that the interval is open."""
         return math.isinf(self.low) or math.isinf(self.high)

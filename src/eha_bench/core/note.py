@@ -6,7 +6,7 @@ by their text.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from string import Formatter
 from typing import Any, Self
 
@@ -40,11 +40,15 @@ class Note(str):
         return self.template, *sorted(words.items())
 
 
+def prefixed(prefix: str, text: str, **values: Value) -> Note:
+    """Return a text with a template in front of it; one that is a `Note` keeps its values."""
+    own = text if isinstance(text, Note) else Note("{text}", text=text)
+    return Note(prefix + own.template, **{**own.values, **values})
+
+
 def of_run(run: str, text: str) -> Note:
     """Return a note with the name of its run in front; one that is a `Note` keeps its values."""
-    if isinstance(text, Note):
-        return Note("{run}: " + text.template, **{**text.values, "run": run})
-    return Note("{run}: {text}", run=run, text=text)
+    return prefixed("{run}: ", text, run=run)
 
 
 def merged_notes(notes: Iterable[Note]) -> tuple[str, ...]:
@@ -57,11 +61,11 @@ def merged_notes(notes: Iterable[Note]) -> tuple[str, ...]:
     for note in notes:
         key = tuple(item for item in note.kind if item != ("run", note.values["run"]))
         alike.setdefault(key, []).append(note)
-    return tuple(_joined(group) for group in alike.values())
+    return tuple(in_one(group) for group in alike.values())
 
 
-def _joined(group: list[Note]) -> str:
-    """Return one sentence of notes of one kind."""
+def in_one(group: Sequence[Note]) -> str:
+    """Return one sentence of notes of one kind: a range for each number, words one by one."""
     pieces = []
     for literal, field, form, _ in Formatter().parse(group[0].template):
         pieces.append(literal)

@@ -169,15 +169,20 @@ class Recording:
         """Return a copy with channels added or replaced."""
         return replace(self, values={**self.values, **values})
 
-    def __repr__(self) -> str:
-        """What it is in one line: samples, duration, rate, channels."""
+    @property
+    def summary(self) -> str:
+        """What it is in one line, without its channels: samples, duration, rate."""
         span = self.time[-1] - self.time[0] if len(self) > 1 else 0.0
         rate = f" at {1.0 / self.sample_period:.6g} Hz" if len(self) > 1 else ""
         name = f" of {self.source}" if self.source else ""
+        return f"Recording{name}: {len(self)} samples over {span:.4g} s{rate}"
+
+    def __repr__(self) -> str:
+        """What it is in one line: samples, duration, rate, channels."""
         names = list(self)
         left = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
         listed = ", ".join(names[:_NAMED]) + left
-        return f"<Recording{name}: {len(self)} samples over {span:.4g} s{rate}, {listed}>"
+        return f"<{self.summary}, {listed}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a line a channel."""

@@ -126,8 +126,11 @@ class Score:
     @property
     def reason(self) -> str:
         """Why there is no value, or the convention used, and what the limit is applied to."""
-        judged = f"judged by {self.judged_by}" if self.judged_by else ""
-        return "; ".join(part for part in (self.measure.reason, judged) if part)
+        own = self.measure.reason
+        if not self.judged_by:
+            return own
+        judged = f"judged by {self.judged_by}"
+        return f"{own}; {judged}" if own else judged
 
     @property
     def value(self) -> float:

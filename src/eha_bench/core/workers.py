@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 
 from eha_bench.core.errors import BUG, EhaBenchError, InputError
+from eha_bench.core.extras import way_to_install
 from eha_bench.core.packed import Packed, pack
 
 Item = TypeVar("Item")
@@ -302,7 +303,7 @@ class DaskCluster(_Joblib):
             import distributed
         except ImportError as error:
             raise InputError(
-                "--workers dask://... needs Dask", hint="pip install 'eha-bench[dask]'"
+                "--workers dask://... needs Dask", hint=way_to_install("dask")
             ) from error
         client = _CLIENTS.get(self.address)
         if client is not None and client.status == "running":

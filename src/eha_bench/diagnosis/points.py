@@ -30,7 +30,14 @@ from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
 from eha_bench.diagnosis.fit.candidates import Start, all_starts
 from eha_bench.diagnosis.fit.uncertainty import Estimate
-from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Unknown, Verdict
+from eha_bench.diagnosis.outcome.diagnosis import (
+    ADDED,
+    Diagnosis,
+    FoundEffect,
+    RankLine,
+    Unknown,
+    Verdict,
+)
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.replay.errors_by_channel import replay_errors
 from eha_bench.diagnosis.replay.replay import Replay
@@ -383,7 +390,7 @@ def _line(
     score = 1.0 - item.left / max(base.left, 1e-300)
     error = float(np.sqrt(item.left))
     if item is best and not item.start.mundane:
-        reason = "added"
+        reason = ADDED
     elif item is best:
         reason = "a parameter's value explains the points; no effect is needed"
     elif item.chance > _BELIEVED:

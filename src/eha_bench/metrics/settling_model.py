@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.core.note import Note
 from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.noise import Noise
 from eha_bench.metrics.step_response import StepResponse
@@ -66,7 +67,9 @@ def settled_by_model(
     grid = np.linspace(0.0, end - tail.start, _GRID)
     value = tail.start + _settled(tail.parameters[None, :], grid, band)[0]
     if not value < latest:
-        raise NotScored(f"not settled: by a decaying pair of modes {value:.4g} s after the edge")
+        raise NotScored(
+            Note("not settled: by a decaying pair of modes {time:.4g} s after the edge", time=value)
+        )
 
     def interval() -> tuple[float, float]:
         rng = np.random.default_rng(0)  # the same recording has the same interval

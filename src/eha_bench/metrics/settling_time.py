@@ -9,6 +9,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.budget import Budget, Evaluation
+from eha_bench.core.note import Note
 from eha_bench.core.score import Measure
 from eha_bench.metrics.coverage import NORMAL, reach, type_a
 from eha_bench.metrics.crossing import Crossing, between_samples, refined, straight
@@ -59,8 +60,12 @@ class SettlingTime(StepMetric):
         hold = float(step.time[-1])
         if last + 1 >= step.time.size or step.time[last] > (1.0 - HOLD_SHARE) * hold:
             raise NotScored(
-                f"not settled: outside of 2 % of the step {step.time[last]:.4g} s after the edge, "
-                f"with the hold ending at {hold:.4g} s"
+                Note(
+                    "not settled: outside of 2 % of the step {last:.4g} s after the edge, with the "
+                    "hold ending at {hold:.4g} s",
+                    last=float(step.time[last]),
+                    hold=hold,
+                )
             )
         edge = 1.0 + math.copysign(BAND, float(distance[last]))
         if step.exact or not step.noise.known:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from eha_bench.core.budget import Budget
+from eha_bench.core.note import prefixed
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
@@ -66,7 +67,9 @@ class StepMetric(Metric):
         except NotScored as error:
             if edges == 1:
                 raise
-            raise NotScored(f"edge at {step.edge.time:.6g} s: {error.reason}") from error
+            raise NotScored(
+                prefixed("edge at {edge:.6g} s: ", error.reason, edge=step.edge.time)
+            ) from error
 
     @abstractmethod
     def find(self, step: StepResponse) -> Finding:

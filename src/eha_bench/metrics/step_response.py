@@ -11,6 +11,7 @@ import numpy as np
 
 from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.core.budget import Budget
+from eha_bench.core.note import Note
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge
 from eha_bench.core.trial import Trial
@@ -435,13 +436,21 @@ def _respond(
     floor = max(4.0 * math.sqrt(low.variance + high.variance), 2.0 * noise.sd, 1e-12)
     if not abs(step) > floor:
         raise NotScored(
-            f"no step: the level changes by {step * scale:.3g}, "
-            f"noise has a standard deviation of {noise.sd * scale:.3g}"
+            Note(
+                "no step: the level changes by {step:.3g}, noise has a standard deviation of "
+                "{noise:.3g}",
+                step=step * scale,
+                noise=noise.sd * scale,
+            )
         )
     if abs(high.drift) > DRIFT * abs(step) + 3.0 * math.sqrt(high.drift_variance):
         raise NotSettled(
-            f"not settled: the response still drifts by {100 * abs(high.drift / step):.1f} % "
-            f"of the step in the last {100 * FINAL_SHARE:.0f} % of the hold"
+            Note(
+                "not settled: the response still drifts by {drift:.1f} % of the step in the last "
+                "{share:.0f} % of the hold",
+                drift=100 * abs(high.drift / step),
+                share=100 * FINAL_SHARE,
+            )
         )
     rise = (data - low.value) / step
     _require_measured(line, channel, whole, rise, origin)

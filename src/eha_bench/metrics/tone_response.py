@@ -10,6 +10,7 @@ from scipy.special import stdtrit
 
 from eha_bench.core.arrays import ComplexArray, FloatArray
 from eha_bench.core.budget import Budget
+from eha_bench.core.note import Note
 from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Tone
 from eha_bench.core.trial import Trial
@@ -249,8 +250,12 @@ def _require_stationary(phasors: ComplexArray, variance: float, label: str) -> N
     share = 100.0 * change / max(size, 1e-300)
     if change > _DRIFT * size + 4.0 * noise:
         raise NotScored(
-            f"not settled: the {label} response changes by {share:.0f} % "
-            "from the older to the newer half of its periods"
+            Note(
+                "not settled: the {label} response changes by {share:.0f} % from the older to the "
+                "newer half of its periods",
+                label=label,
+                share=share,
+            )
         )
 
 

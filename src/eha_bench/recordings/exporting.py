@@ -10,6 +10,7 @@ from typing import Any
 from eha_bench.core.atomic_file import replacing, writing_to
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, RecordingError
+from eha_bench.core.extras import require
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.recording import Recording
 from eha_bench.recordings.tables.library import writing_with
@@ -31,7 +32,7 @@ def export(path: str | Path, recording: Recording) -> Path:
 
     Raises:
         InputError: the suffix is none of these.
-        RecordingError: the file cannot be written, or the library for MDF is not installed.
+        RecordingError: the file cannot be written, or the library for its format is not installed.
     """
     target = Path(path)
     suffix = target.suffix.lower()
@@ -80,6 +81,7 @@ def _description(recording: Recording) -> Mapping[str, Any]:
 
 
 def _parquet(path: Path, recording: Recording) -> None:
+    require("pyarrow", "parquet", "a Parquet file", error=RecordingError)
     import pyarrow as pa
     import pyarrow.parquet as pq
 

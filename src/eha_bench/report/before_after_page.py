@@ -266,7 +266,8 @@ def _limit_rows(content: BeforeAfter) -> list[LimitChange]:
             (
                 item
                 for (key, text), item in stated.items()
-                if text == limit and key.startswith(f"{trial}.{metric}")
+                if text == limit
+                and key in (f"{trial}.{metric}", f"{trial}.{metric}.{scores[0].channel}")
             ),
             None,
         )

@@ -151,7 +151,7 @@ def repeats_needed(comparison: Comparison) -> str:
         return "Cut off by a sensor's end: more repeats would be cut off as well."
     counts = sorted(item.more_repeats for item in undecided if item.more_repeats is not None)
     if not counts:
-        alone = all(ONE_RUN in item.reason for item in undecided)
+        alone = all(item.of_one_run for item in undecided)
         why = f"{ONE_RUN.capitalize()}. " if alone else ""
         return f"{why}Six repeats or more on each side decide most differences that matter."
     half, most = counts[len(counts) // 2], counts[-1]
@@ -182,11 +182,12 @@ def headline(comparison: Comparison) -> str:
         if count and verdict is not ComparisonVerdict.NOT_COMPARED:
             word = "the same" if verdict is ComparisonVerdict.SAME else verdict.value
             verb = "" if verdict is ComparisonVerdict.CHANGED else ("is " if count == 1 else "are ")
-            parts.append(f"{count} {verb}{word}")
+            parts.append((count, f"{verb}{word}"))
     total = comparison.compared
-    text = f"Of {total} metric{'' if total == 1 else 's'} {', '.join(parts)}" if parts else ""
+    listed = ", ".join(f"{count} {predicate}" for count, predicate in parts)
+    text = f"Of {total} metric{'' if total == 1 else 's'} {listed}" if parts else ""
     if total > 1 and len(parts) == 1:
-        text = f"All {total} metrics {parts[0].partition(' ')[2]}"
+        text = f"All {total} metrics {parts[0][1]}"
     left = found[ComparisonVerdict.NOT_COMPARED]
     if left:
         also = f"{left} could not be compared"

@@ -212,14 +212,10 @@ def _ranking(found: Diagnosis) -> tuple[tuple[CandidateView, ...], tuple[Rejecte
     together: dict[str, list[str]] = {}
     for line in found.ranking:
         name, score = words_of(line.id), share(line.score)
-        if often[line.reason] >= _TOGETHER and line.reason != "added":
+        if often[line.reason] >= _TOGETHER and not line.added:
             together.setdefault(line.reason, []).append(f"{name} ({score})")
             continue
-        lines.append(
-            CandidateView(
-                name, score, probability(line.p_value), line.reason, line.reason == "added"
-            )
-        )
+        lines.append(CandidateView(name, score, probability(line.p_value), line.reason, line.added))
     rejected = (RejectedView(reason, tuple(names)) for reason, names in together.items())
     return tuple(lines), tuple(rejected)
 

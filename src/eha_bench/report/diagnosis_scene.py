@@ -16,6 +16,7 @@ from eha_bench.report.panels import Panel, Trace
 from eha_bench.report.scene import Scene
 
 BEFORE, AFTER = "recalibrated", "revised"
+_MEASURED = "measured"
 
 
 def gap(replay: Replay, name: str, floors: dict[str, float]) -> float:
@@ -56,19 +57,22 @@ def diagnosis_scene(
     ]
     for name in worst_first(replay, floors):
         curves = {
-            f"{name}: measured": replay.measured[name],
-            f"{name}: {BEFORE}": _drawable(replay.simulated[1][name], replay.measured[name]),
+            _MEASURED: replay.measured[name],
+            BEFORE: _drawable(replay.simulated[1][name], replay.measured[name]),
         }
-        residuals = {f"{name}: residual, {BEFORE}": _finite(replay.errors(name)[1])}
+        residuals = {BEFORE: _finite(replay.errors(name)[1])}
         if is_revised:
-            revised = replay.simulated[2][name]
-            curves[f"{name}: {AFTER}"] = _drawable(revised, replay.measured[name])
-            residuals[f"{name}: residual, {AFTER}"] = _finite(replay.errors(name)[2])
-        values |= curves | residuals
+            curves[AFTER] = _drawable(replay.simulated[2][name], replay.measured[name])
+            residuals[AFTER] = _finite(replay.errors(name)[2])
         unit = replay.unit(name)
-        units |= dict.fromkeys((*curves, *residuals), unit)
-        panels.append(_panel(channel_name(name), unit, curves))
-        panels.append(_panel(f"{channel_name(name)}, residual", unit, residuals))
+        for heading, prefix, drawn in (
+            (channel_name(name), f"{name}: ", curves),
+            (f"{channel_name(name)}, residual", f"{name}: residual, ", residuals),
+        ):
+            own = {prefix + word: line for word, line in drawn.items()}
+            values |= own
+            units |= dict.fromkeys(own, unit)
+            panels.append(_panel(heading, unit, prefix, drawn))
         floor = floors.get(name, math.nan)
         if floor > 0.0:
             start, stop = float(replay.time[0]), float(replay.time[-1])
@@ -78,15 +82,12 @@ def diagnosis_scene(
     return Scene(recording, tuple(panels), tuple(marks))
 
 
-def _panel(heading: str, si: str, curves: dict[str, FloatArray]) -> Panel:
+def _panel(heading: str, si: str, prefix: str, curves: dict[str, FloatArray]) -> Panel:
+    """Return a panel of curves by their words; a channel is called `prefix` and the word."""
     finite = [part[np.isfinite(part)] for part in curves.values()]
     unit = display_unit(si, [v for part in finite if part.size for v in (part.min(), part.max())])
-    colours = {"measured": "reference", BEFORE: "vermilion", AFTER: "blue"}
-    traces = []
-    for channel in curves:
-        label = channel.rsplit(": ", 1)[1]
-        word = label.rsplit(", ", 1)[-1]
-        traces.append(Trace(channel, word, colours[word], dashed=False))
+    colours = {_MEASURED: "reference", BEFORE: "vermilion", AFTER: "blue"}
+    traces = [Trace(prefix + word, word, colours[word], dashed=False) for word in curves]
     # no SI unit: a residual of micrometres is to fill its panel
     return Panel(heading, "", unit, tuple(traces))
 

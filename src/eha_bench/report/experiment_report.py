@@ -108,17 +108,21 @@ def write_experiment_report(path: Path, proposal: Proposal, suite: str) -> Path:
 
 
 def _half_width(share: float) -> str:
-    words = _percent(share, 1)
-    return f"below ± {words[2:]}" if words.startswith("< ") else f"± {words}"
+    below, text = _amount(share, 1)
+    return f"below ± {text}" if below else f"± {text}"
 
 
 def _percent(share: float, decimals: int = 0) -> str:
-    if share == 0.0:
-        return "0 %"
+    below, text = _amount(share, decimals)
+    return f"< {text}" if below else text
+
+
+def _amount(share: float, decimals: int) -> tuple[bool, str]:
+    """Return whether a share is below what the decimals show, and the least of them or itself."""
     least = 10.0**-decimals
     if 0.0 < 100.0 * share < 0.5 * least:
-        return f"< {least:g} %"
-    return f"{number(100.0 * share, decimals)} %"
+        return True, f"{least:g} %"
+    return False, f"{number(100.0 * share, decimals if share else 0)} %"
 
 
 def _views(proposal: Proposal) -> Iterator[ProposedTrialView]:

@@ -55,8 +55,7 @@ def recording_html(recording: Recording) -> str:
     names = ["channel", "smallest", "largest", "unit", "samples missing"]
     if not missing:
         names, rows = names[:-1], [row[:-1] for row in rows]
-    about = repr(recording).strip("<>").partition(" Hz, ")
-    return _table("".join(about[:2]).rstrip(", "), names, rows, after="Its arrays are in SI units.")
+    return _table(recording.summary, names, rows, after="Its arrays are in SI units.")
 
 
 def result_html(result: Result) -> str:

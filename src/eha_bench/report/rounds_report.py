@@ -61,8 +61,8 @@ def _experiment(item: Mapping[str, Any]) -> str:
     """Return what is run after a diagnosis; its own page says what it is worth."""
     if item["ending"] == "nothing_open":
         return "none needed"
-    first = str(item["experiment"] or "–").partition(". ")[0]
-    return first[:1].upper() + first[1:]
+    text = "; then ".join(item["trials"]) or "–"
+    return text[:1].upper() + text[1:]
 
 
 def _row(item: Mapping[str, Any]) -> RoundRow:

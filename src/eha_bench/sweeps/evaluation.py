@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -45,11 +46,12 @@ class LimitName:
 def limits_of(suite: Suite) -> tuple[LimitName, ...]:
     """Return all limits of a suite, in its order; keys are unique."""
     found: list[LimitName] = []
+    limits: Counter[str] = Counter()
     for trial in suite.trials:
         for limit in trial.limits:
             key = score_key(trial, limit.metric, limit.channel)
-            number = sum(item.key.partition("#")[0] == key for item in found)
-            named = f"{key}#{number + 1}" if number else key
+            limits[key] += 1
+            named = f"{key}#{limits[key]}" if limits[key] > 1 else key
             found.append(LimitName(trial.id, limit.metric, limit.channel, limit.text, named))
     return tuple(found)
 

@@ -17,6 +17,7 @@ from eha_bench.bench.store import SuiteFolder, folder_lock, set_aside
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.errors import InputError, Place
+from eha_bench.core.extras import require
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption
 from eha_bench.core.output_folder import writable
@@ -150,6 +151,7 @@ def run_sweep(
     Raises:
         InputError: a factor that the case does not have, or `out` holds something else.
     """
+    require("pyarrow", "parquet", f"{TABLE}, the table of all points,")
     space, points = prepared_sweep(case, file)
     limits = limits_of(case.suite)
     if not limits:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError
@@ -79,6 +79,10 @@ class Unknown:
     at: str = ""
 
 
+ADDED: Final = "added"
+"""`reason` of a candidate that was found to be a cause; other reasons are sentences."""
+
+
 @dataclass(frozen=True)
 class RankLine:
     """One candidate: its score (share of the excess explained), and what would remain."""
@@ -88,6 +92,11 @@ class RankLine:
     p_value: float
     error_after: float
     reason: str = ""
+
+    @property
+    def added(self) -> bool:
+        """Whether it is one of the effects that were found."""
+        return self.reason == ADDED
 
 
 @dataclass(frozen=True)

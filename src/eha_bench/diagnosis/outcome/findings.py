@@ -25,7 +25,7 @@ from eha_bench.diagnosis.fit.uncertainty import (
 )
 from eha_bench.diagnosis.outcome.confounded import confounded
 from eha_bench.diagnosis.outcome.decide import Decision
-from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, FoundEffect, RankLine, Verdict
+from eha_bench.diagnosis.outcome.diagnosis import ADDED, Diagnosis, FoundEffect, RankLine, Verdict
 from eha_bench.diagnosis.outcome.revise import revised
 from eha_bench.diagnosis.outcome.rivals import found_rival
 from eha_bench.diagnosis.search.state import RankedCandidate, Search
@@ -225,7 +225,7 @@ def _ranking(search: Search) -> tuple[RankLine, ...]:
             item = replace(tried, score=share, p_value=found.p_value, refitted=True)
         error = float(np.sqrt(max(item.cost, 0.0) / size))
         place = order.get(item.candidate, len(order) + (0 if item.refitted else 1))
-        reason = "added" if item.candidate in order else _why(item, best, others=others)
+        reason = ADDED if item.candidate in order else _why(item, best, others=others)
         if item.candidate in same:
             reason = "fits as well as the effect that was added"
         line = RankLine(item.candidate, item.score, item.p_value, error, reason)

@@ -13,6 +13,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.channels import unit_of
+from eha_bench.core.extras import require
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.output_folder import writable
 from eha_bench.core.recording import Recording
@@ -163,6 +164,8 @@ def predict(
             driven by the inputs.
         MissingChannelError: an input is not in a recording.
     """
+    if out is not None:
+        require("pyarrow", "parquet", "a Parquet file for each run")
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
     if model is None:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 
 from eha_bench.core.errors import EhaBenchError, Place, RecordingError
+from eha_bench.core.extras import way_to_install
 from eha_bench.recordings.budget import budget
 
 
@@ -83,7 +84,7 @@ def _missing(library: str, extra: str, path: str, error: ImportError) -> Recordi
     return RecordingError(
         f"this kind of file needs {library} ({error})",
         where=Place(file=path),
-        hint=f"install it with: pip install 'eha-bench[{extra}]'",
+        hint=way_to_install(extra),
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from eha_bench.core.errors import Place, RecordingError
+from eha_bench.core.extras import require
 from eha_bench.recordings.budget import budget
 from eha_bench.recordings.encodings.field_path import ArrayItem, Attribute, FieldPath, Step
 from eha_bench.recordings.naming import among
@@ -32,6 +33,8 @@ class ParquetSource(TableSource):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._described: dict[str, Any] = {}
+        where = Place(file=self.path)
+        require("pyarrow", "parquet", "a Parquet file", where=where, error=RecordingError)
         import pyarrow as pa
         import pyarrow.parquet as pq
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from eha_bench.core.errors import TargetFault
+from eha_bench.core.extras import way_to_install
 from eha_bench.targets.can.drive import Frame
 from eha_bench.targets.can.target_file import BusFile
 
@@ -51,7 +52,7 @@ class Bus:
         except ImportError as error:
             raise TargetFault(
                 "CAN needs the packages python-can and pyserial",
-                hint="install them with: pip install 'eha-bench[can]'",
+                hint=way_to_install("can"),
             ) from error
         options: dict[str, Any] = {"bitrate": file.bitrate, **file.options}
         if file.interface == "slcan":

@@ -22,6 +22,7 @@ class Link:
         readings: last value by channel, SI.
         stamps: when it was read, s of time.monotonic; that of the tick whose Sync it answers.
         state: the drive's last reported state, "" before the first frame.
+        named_code: the fault code that `alive` gave last.
         emergency_closed: whether the emergency stop is closed; True where the drive has none.
     """
 
@@ -33,6 +34,7 @@ class Link:
         self.stamps: dict[str, float] = {}
         self.state = ""
         self.fault_code = 0
+        self.named_code = 0
         self.emergency_closed = drive.emergency_stop is None
         self.heartbeat_at = -math.inf
         self.heartbeat_value: int | None = None
@@ -182,6 +184,7 @@ class Link:
                 return f"the heartbeat says {self.heartbeat_value} instead of {heartbeat.value}"
             return f"no heartbeat for more than {heartbeat.timeout * 1e3:.0f} ms"
         if self.state == "fault":
+            self.named_code = self.fault_code
             return f"the drive is in fault, code {self.drive.named_fault(self.fault_code)}"
         if not self.emergency_closed:
             return "the emergency stop is open"

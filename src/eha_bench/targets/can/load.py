@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from eha_bench.core import yaml_file
 from eha_bench.core.channels import CHANNELS, unit_of
 from eha_bench.core.errors import InputError, Place, TargetFault, UnitError
+from eha_bench.core.extras import way_to_install
 from eha_bench.core.near_miss import likely, suggest
 from eha_bench.core.trial import ControlMode, mode_named
 from eha_bench.core.units import base_unit
@@ -198,7 +199,7 @@ def _database(path: Path, where: Place) -> Any:
     except ImportError as error:
         raise InputError(
             "CAN needs the packages cantools, python-can and pyserial",
-            hint="install them with: pip install 'eha-bench[can]'",
+            hint=way_to_install("can"),
         ) from error
     try:
         return cantools.database.load_file(path, database_format="dbc")

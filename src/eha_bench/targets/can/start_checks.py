@@ -64,7 +64,7 @@ class StartCheck:
             wrong = self._link.alive(time.monotonic())
             hint = "look at the rig, then `eha-bench clear TARGET --by NAME`"
         else:
-            hint = "close the emergency stop" if "emergency" in wrong else ""
+            hint = "" if self._link.emergency_closed else "close the emergency stop"
         raise TargetFault(f"start-up check: {wrong}", hint=hint)
 
     def setup(self, *, locked: bool, bypass: bool, position: float) -> None:

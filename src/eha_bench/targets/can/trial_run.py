@@ -227,8 +227,9 @@ class TrialRun:
                 self._idle(0.3, lambda: self.link.fault_code != 0)
             except (EhaBenchError, _Stop):
                 return reason
-        text = self.link.drive.named_fault(self.link.fault_code)
-        return reason if text in reason else f"{reason}, code {text}"
+        if self.link.named_code == self.link.fault_code:
+            return reason
+        return f"{reason}, code {self.link.drive.named_fault(self.link.fault_code)}"
 
     def _recording(self, table: FloatArray, clock: FloatArray) -> Recording:
         loop = self.link.drive.file.loop

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eha_bench.core.errors import InputError, Place, UnitError
+from eha_bench.core.extras import way_to_install
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.units import base_unit, parse, unit_in
 from eha_bench.targets.fmu.units import conversion, declared_unit
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 Places = Callable[..., Place]
 
-INSTALL = "install the extra: pip install 'eha-bench[fmu]'"
 _NUMBERS = {
     "Real", "Float32", "Float64", "Integer", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32",
     "Int64", "UInt64", "Boolean", "Enumeration",
@@ -74,7 +74,9 @@ class Description:
             import fmpy
             from fmpy.model_description import read_model_description
         except ImportError as error:
-            raise InputError("an FMU needs FMPy", where=where, hint=INSTALL) from error
+            raise InputError(
+                "an FMU needs FMPy", where=where, hint=way_to_install("fmu")
+            ) from error
         self.path, self._where = path, where
         try:
             with zipfile.ZipFile(path) as archive:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from eha_bench.core.atomic_file import replacing, write_text
 from eha_bench.core.errors import InputError
+from eha_bench.core.extras import way_to_install
 from eha_bench.plants.model import Model, model_from
-from eha_bench.targets.fmu.description import INSTALL
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -72,7 +72,9 @@ def export_fmu(model: Path, out: Path, version: int = 2) -> Path:
     try:
         builder = importlib.import_module(f"{package}.builder")
     except ImportError as error:
-        raise InputError(f"an export as FMI {version} needs {package}", hint=INSTALL) from error
+        raise InputError(
+            f"an export as FMI {version} needs {package}", hint=way_to_install("fmu")
+        ) from error
     if out.suffix != ".fmu":
         raise InputError(f"'{out}' is not a name for an FMU", hint="end it in .fmu")
     out.parent.mkdir(parents=True, exist_ok=True)
