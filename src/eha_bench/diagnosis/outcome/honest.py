@@ -19,7 +19,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
-from eha_bench.diagnosis.search.backward import drop, is_loose, least_fall, without
+from eha_bench.diagnosis.search.backward import drop, is_loose, is_within_disagreement, without
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
 _AT = 1e-3
@@ -45,7 +45,7 @@ def pruned(search: Search, limits: Thresholds | None = None) -> list[str]:
         reason = _against(search, item, limits)
         if not reason and is_loose(search, item):
             refit = without(search, item)
-            if refit.cost - search.fit.cost < least_fall(search, item, limits):
+            if is_within_disagreement(search, item, refit.cost - search.fit.cost):
                 reason = "without it the others explain as much, within what runs disagree by"
         if reason:
             notes.append(f"{item.start.candidate} is not accepted: {reason}")

@@ -16,6 +16,8 @@ from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
 _SURE = 5.0
 """Size, in standard deviations, from which an effect is there beyond doubt."""
+_LITTLE = 0.05
+"""Share of the excess before any effect that is little: a form that is off by a fifth leaves it."""
 
 
 def without_idle(search: Search, limits: Thresholds) -> Fit | None:
@@ -24,8 +26,7 @@ def without_idle(search: Search, limits: Thresholds) -> Fit | None:
     Its refit only led the others to a better place.
 
     What little of it is left may only balance the others, so these follow: as their slopes tell,
-    and in a fit without it where it explains no more than a calibration that was caught leaves, or
-    where its size is not sure.
+    and in a fit without it where it explains no more than a calibration that was caught leaves.
     """
     fit, item = search.fit, search.accepted[-1]
     start = item.start
@@ -37,10 +38,10 @@ def without_idle(search: Search, limits: Thresholds) -> Fit | None:
             least = min(least, cost_with(search.problem, fit, free.key, start.neutral))
     idle = least - fit.cost < limits.gain
     little = item.comparison.gain < BENT * SOFT_MEAN * search.problem.size
-    if not (idle or little or is_loose(search, item)):
+    if not (idle or little):
         return None
     trial = without(search, item)
-    return trial if idle or trial.cost - fit.cost < least_fall(search, item, limits) else None
+    return trial if idle or trial.cost - fit.cost < limits.gain else None
 
 
 def is_loose(search: Search, item: Accepted) -> bool:
@@ -50,13 +51,18 @@ def is_loose(search: Search, item: Accepted) -> bool:
     return spread is not None and size <= _SURE * spread.deviation
 
 
-def least_fall(search: Search, item: Accepted, limits: Thresholds) -> float:
-    """Return the least fall of the cost by an effect that is more than nothing.
+def is_within_disagreement(search: Search, item: Accepted, fall: float) -> bool:
+    """Whether an effect beside others explains little, and no more than runs disagree by.
 
-    Where runs disagree, or errors are slow, nothing falls by more than where there is only noise.
+    Little beside what the others explain is more likely what their forms leave; of an effect that
+    is a large part of what is missing, runs may disagree as long as something else is missing too.
+
+    Args:
+        search: with it. item: of its effects. fall: of the cost by it, the others refitted.
     """
     spread = _spread(search, item)
-    return max(limits.gain, spread.least_fall if spread is not None else 0.0)
+    little = fall < _LITTLE * search.excess_base.total
+    return spread is not None and little and fall < spread.least_fall
 
 
 def _spread(search: Search, item: Accepted) -> Spread | None:
