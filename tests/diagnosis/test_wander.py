@@ -122,7 +122,7 @@ def test_only_a_little_that_nothing_explains_may_be_the_sensors_own(
 
 @pytest.mark.parametrize(
     ("relative", "significance", "effects"),
-    [(4.5, 40.0, ["air"]), (0.05, 5.0, []), (0.001, 5.0, ["air"])],
+    [(4.5, 40.0, ["air"]), (0.05, 5.0, []), (0.15, 5.0, ["air"]), (1.3, -2.0, [])],
 )
 def test_noise_is_told_from_a_fit_only_where_a_little_with_structure_is_left(
     monkeypatch: pytest.MonkeyPatch, relative: float, significance: float, effects: list[str]

@@ -36,6 +36,9 @@ _LITTLE = 0.2
 _MUCH = 4.0
 """Excess in the noise's cost of a filter's noise, whose differences hold a fifth of its power: it
 then remembers for four samples."""
+_WRONG = 0.2
+"""Excess without structure from which the noise is taken again: a model that lacked what has been
+found left it a memory that it does not have, and white noise then counts more than twice."""
 _FOLLOWED = 0.15
 """Share of it from which a curve follows something: noise follows nothing."""
 _LEFT = 0.5
@@ -56,9 +59,7 @@ def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | 
     structured = rest.significance > REST_SIGNIFICANCE
     # a fit that leaves less than the noise says that the noise was taken too large; one that leaves
     # more, without structure, that it was taken from what the model without the effects left
-    another = rest.relative < -REST_RELATIVE or (
-        bool(search.effects) and rest.relative > REST_RELATIVE
-    )
+    another = rest.relative < -REST_RELATIVE or (bool(search.effects) and rest.relative > _WRONG)
     if rest.relative > _MUCH or not (structured or another):
         return None
     search.problem.prepare(search.fit.vector)
