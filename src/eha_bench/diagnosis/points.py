@@ -279,14 +279,14 @@ def _diagnosis(
     added: list[str] = []
     keys = [*own]
     if best is not None and best.start is not None:
-        if best.start.mundane:
+        if best.start.is_parameter:
             verdict = Verdict.NONE
             keys += best.start.keys
             notes.append(f"{best.start.keys[0]} is off: the points ask for another value")
         else:
             added.append(best.start.candidate)
             effects = (_effect(plant, best, base),)
-        others = [item for item in believed[1:] if item.start and not item.start.mundane]
+        others = [item for item in believed[1:] if item.start and not item.start.is_parameter]
         if others and effects:
             equivalent = (
                 (effects[0].id, *(item.start.candidate for item in others if item.start)),
@@ -389,7 +389,7 @@ def _line(
     assert item.start is not None
     score = 1.0 - item.left / max(base.left, 1e-300)
     error = float(np.sqrt(item.left))
-    if item is best and not item.start.mundane:
+    if item is best and not item.start.is_parameter:
         reason = ADDED
     elif item is best:
         reason = "a parameter's value explains the points; no effect is needed"

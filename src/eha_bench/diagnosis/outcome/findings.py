@@ -47,8 +47,8 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     added = [item.start.candidate for item in search.effects]
     if decision.unknown is not None and decision.learned:
         added.append(LEARNED)
-    mundane = [item.start.keys[0] for item in search.accepted if item.start.mundane]
-    keys = [*base.keys, *mundane]
+    assumed = [item.start.keys[0] for item in search.accepted if item.start.is_parameter]
+    keys = [*base.keys, *assumed]
     profiles = _profiles(search, decision, fit)
     values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
     ended = convergence(fit, base.starts, base.agreed)
@@ -93,7 +93,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
             continue
         text = f"friction at rest was estimated: {key} = {fit.vector[layout.index[key]]:.3g}"
         notes.append(f"{text} {layout.by_key[key].unit}")
-    for key in mundane:
+    for key in assumed:
         notes.append(
             f"{key} is only assumed in the model; the data ask for "
             f"{fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}"

@@ -103,7 +103,7 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
         for trial in look
         if trial.candidate != name
         and trial.candidate not in item.equivalent
-        and not trial.start.mundane
+        and not trial.start.is_parameter
         and trial.comparison.gain > _WORTH * own.comparison.gain
         and trial.fit.residual.size == search.fit.residual.size
     ]

@@ -49,7 +49,7 @@ def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
 def reform(search: Search, limits: Thresholds) -> bool:
     """Give what was added last its form that fits best; return whether that is another one."""
     item = search.accepted[-1]
-    if item.start.mundane:
+    if item.start.is_parameter:
         return False
     starts = forms_of(search.problem.plant.layout, item, search.fit)
     kept = search.accepted
