@@ -38,7 +38,7 @@ from eha_bench.diagnosis.outcome.diagnosis import (
     Unknown,
     Verdict,
 )
-from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.replay.errors_by_channel import replay_errors
 from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
@@ -262,7 +262,7 @@ def _diagnosis(
         f"{sum(item.measured.size for item in training)} operating points were fitted; "
         f"chi-square {base.left:.3g} before"
     ]
-    recalibrated = revised(model, base.vector, own)
+    recalibrated = revised_model(model, base.vector, own)
     believed = [item for item in ranked if item.chance > _BELIEVED]
     effects: tuple[FoundEffect, ...] = ()
     equivalent: tuple[tuple[str, ...], ...] = ()
@@ -293,7 +293,7 @@ def _diagnosis(
             )
             notes += [_stretch(plant, item) for item in others]
     separate = {name: plant.layout.effect(name).separate for group in equivalent for name in group}
-    after = revised(model, final.vector, keys, added)
+    after = revised_model(model, final.vector, keys, added)
     held_out = [_points(run, plant) for run in dataset.held_out]
     models = (model, recalibrated, after)
     replays = tuple(_replayed(plant, item, models) for item in (*training, *held_out))
