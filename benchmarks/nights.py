@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.workers import InProcess, Workers
 from eha_bench.trends.specimens import kin_of
-from eha_bench.trends.trend import Trend, judge
+from eha_bench.trends.trend import Trend, TrendState, judge
 
 Draw = Callable[[np.random.Generator, int], FloatArray]
 
@@ -119,9 +119,10 @@ _SIGMA = {"neighbours correlated by 0.3": 1.048, "neighbours correlated by 0.5":
 def newest_nights(histories: int, workers: Workers = _HERE) -> Iterator[Line]:
     """Short histories as they are every morning: is a flat one left alone, is a step found.
 
-    A flat history is false where its newest night drifted. A step of three standard deviations of a
-    night is found where the first or the second night after it drifted. Own intervals are
-    those of the nights' whole scatter, a third of it, or none.
+    A flat history is false where its newest night is an alarm. A step of three standard deviations
+    of a night is found where the first or the second night after it is an alarm, and marked where
+    one of them is at least suspected or out of its limits. Own intervals are those of the nights'
+    whole scatter, a third of it, or none.
 
     Args:
         histories: of each kind. workers: where they are drawn and judged.
@@ -138,29 +139,32 @@ def newest_nights(histories: int, workers: Workers = _HERE) -> Iterator[Line]:
         for own, family in ((np.nan, 1), (0.33, 1), (1.0, 1), (1.0, METRICS))
     ]
     for outcome in workers.ordered(_newest, [*flat, *steps]):
-        yield outcome.get()
+        yield from outcome.get()
 
 
-def _newest(task: tuple[str, int, float, int, float, int]) -> Line:
+_MARKS = (TrendState.SUSPECTED, TrendState.ONE_NIGHT_OUT)
+
+
+def _newest(task: tuple[str, int, float, int, float, int]) -> tuple[Line, ...]:
     noise, count, own, family, size, histories = task
     rng = np.random.default_rng(count)
-    hits = []
+    hits, marks = [], []
     for _ in range(histories):
         values = 100.0 + SHORT[noise](rng, count + (2 if size else 0))
         values[count:] += size * _SIGMA.get(noise, 1.0)
         spread = own * _SIGMA.get(noise, 1.0)
         ends = (count + 1, count + 2) if size else (count,)
-        hits.append(any(
-            judge(values[:end], family=family, margin=0.05, own=spread).state.drifted
-            for end in ends
-        ))  # fmt: skip
+        states = [judge(values[:end], family=family, margin=0.05, own=spread).state for end in ends]
+        hits.append(any(state.drifted for state in states))
+        marks.append(hits[-1] or any(state in _MARKS for state in states))
     told = "no" if np.isnan(own) else "true" if own == 1.0 else f"{own:g} of the"
     about = f"{noise}, {count} nights, {told} own intervals, 1 metric of {family}"
-    if size:
-        least = 0.9 if family == 1 else None
-        return rate(f"step of 3 sigma after {count} nights, {told} own intervals, of {family}",
-                    hits, least=least)  # fmt: skip
-    return rate(f"flat, {about}", hits, most=0.01)
+    if not size:
+        also = f"{np.mean(marks):.1%} at least marked"
+        return (replace(rate(f"flat, {about}", hits, most=0.01), also=also),)
+    least = 0.9 if family == 1 else None
+    what = f"step of 3 sigma after {count} nights, {told} own intervals, of {family}"
+    return rate(what, hits, least=least), rate(f"{what}: marked", marks, least=least)
 
 
 def seasons(histories: int, workers: Workers = _HERE) -> Iterator[Line]:

@@ -347,6 +347,14 @@ MISTAKES = [
     ),
     Mistake(
         "model.yaml",
+        "effect: anti_cavitation, charge_pressure: 0.6 MPa",
+        "effect: valve_lag, charge_pressure: 0.6 MPa",
+        "effects.0.effect",
+        "'valve_lag' acts on a valve_drive, and eha_knee has none",
+        "it has places for: anti_cavitation, ",
+    ),
+    Mistake(
+        "model.yaml",
         "leakage, bulk",
         "leekage, bulk",
         "calibrate.3",
@@ -565,6 +573,23 @@ def test_a_wrong_option_is_named_before_anything_is_run(
         ("name: x: y\n", "mine.yaml:1", "quote text with ': '"),
         ("trials: [{id: a}\n", "mine.yaml:2", "close every [, { and quote"),
         ("name: *x\n", "mine.yaml:1", "put text that begins with * into quotes"),
+        (
+            "trials:\n  - {id: a, signal: {kind: step, final: ${p}, at: 1 ms}}\n",
+            "mine.yaml:2",
+            'put a parameter within braces into quotes: "${p}"',
+        ),
+        (
+            "trials:\n  - {id: a, mode: pressure, duration: 1 s,\n"
+            "     signal: {kind: step, final: 10,5 MPa}}\n",
+            "mine.yaml:3, key 'trials.a.signal.5 MPa'",
+            "a comma parts keys: write a number with a point",
+        ),
+        (
+            "plant: x\nnodes: {s: {kind: rotation, inertia: 1 kg*m^2}}\n"
+            "elements: {m: {kind: motor, on: s}}\n",
+            "mine.yaml:3, key 'elements.m'",
+            "a motor needs 'torque_constant'; add 'torque_constant: ... N*m/A'",
+        ),
         ("", "mine.yaml", "'eha-bench init' writes files to start from"),
         ("name: knee/one\ntrials: []\n", "mine.yaml:1, key 'name'", "use letters, digits"),
         ("safety:\n  p: >= 60 MPa <= 2 MPa\n", "mine.yaml:2", "put the text into quotes"),
@@ -589,6 +614,55 @@ def test_a_slip_of_yaml_comes_with_the_way_out(
     told = cli("validate", "mine.yaml", check=2).stderr
     assert f"eha-bench: {place}: " in told
     assert way_out in told
+
+
+@pytest.mark.parametrize(
+    ("limit", "remark"),
+    [
+        ("response_time: <= 45", "'<= 45' is 45 s, and the trial lasts 0.4 s; write the unit"),
+        ("response_time: {max: 45, repeats: median}", "is 45 s, and the trial lasts 0.4 s"),
+        ("overshoot: <= 40", "'<= 40' is 4000 %; write the unit, as in '40 %'"),
+        ("response_time: <= 0.045", ""),
+        ("response_time: <= 45 s", ""),
+        ("response_time: <= 45 ms with 95 % confidence", ""),
+        ("overshoot: <= 0.4", ""),
+        ("overshoot: <= 400 %", ""),
+        ("steady_state_error: <= 45", ""),
+    ],
+)
+def test_a_limit_without_its_unit_is_remarked_on(
+    cli: Cli, tmp_path: Path, limit: str, remark: str
+) -> None:
+    (tmp_path / "mine.yaml").write_text(
+        "trials:\n  - id: a\n    mode: pressure\n    duration: 0.4 s\n"
+        f"    signal: {{kind: step, final: 10 MPa}}\n    accept: {{{limit}}}\n"
+    )
+    told = cli("validate", "mine.yaml", check=0).stderr
+    assert "mine.yaml: a valid suite" in told
+    if remark:
+        assert f"mine.yaml: trial 'a': {limit.partition(':')[0]}: " in told
+    assert told.count("\n") == 1 + bool(remark)
+    assert remark in told
+
+
+@pytest.mark.parametrize(
+    ("within", "remark"),
+    [
+        ("20", "within 20, 133 times its value of 0.15 (SI); a share is written 'within: 20 %'"),
+        ("20 %", ""),
+        ("0.1 N*m", ""),
+    ],
+)
+def test_a_tolerance_of_many_times_the_value_is_remarked_on(
+    cli: Cli, tmp_path: Path, within: str, remark: str
+) -> None:
+    (tmp_path / "mine.yaml").write_text(
+        "model: eha_knee\nparameters: {coulomb_torque: 0.15}\n"
+        f"calibrate: [{{parameter: coulomb_torque, within: {within}}}]\n"
+    )
+    told = cli("validate", "mine.yaml", check=0).stderr
+    assert remark in told
+    assert told.count("\n") == 1 + bool(remark)
 
 
 def test_a_log_given_as_a_suite_is_not_repeated_in_the_message(cli: Cli, project: Path) -> None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from eha_bench.diagnosis.fit.candidates import all_starts
+from eha_bench.diagnosis.fit.candidates import all_starts, effect_starts
 from eha_bench.plants.network.file import load_plant
 
 CYLINDER = "suites/plants/valve_cylinder.yaml"
@@ -29,3 +29,15 @@ def test_oil_that_warms_is_no_oil_that_cools(repository: Path) -> None:
     own = [start for start in starts if start.candidate == "viscosity_drift"]
     assert own
     assert all(start.low == 0.0 < start.strength for start in own)
+
+
+def test_refinements_are_left_until_the_effect_is_there(repository: Path) -> None:
+    layout = load_plant(repository / "suites/plants/geared_servo.yaml").layout
+    for name, refinement in (("current_deadband", "edges"), ("cogging_torque", "harmonics")):
+        effect = layout.effect(name)
+        at = layout.index[f"{name}.{refinement}"]
+        first, refined = (
+            {dict(start.settings)[at] for start in effect_starts(layout, effect, refined=asked)}
+            for asked in (False, True)
+        )
+        assert (first, refined) == ({0.0}, {0.0, 1.0})

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from eha_bench.core.linkage import Linkage
 from eha_bench.plants.effects import (
+    cogging_torque,
+    coulomb_friction,
     gravity_load,
     joint_backlash,
     presliding_friction,
@@ -112,6 +115,27 @@ def test_warm_oil_is_as_thin_as_the_law_says(knee, effect) -> None:
     assert out["motor_speed"][-1] == pytest.approx(60.0, rel=1e-3)
 
 
+def test_cogging_is_a_series_of_two_harmonics() -> None:
+    """c [sin(N theta + phi) + s sin(2 N theta + psi)], by hand; s counts only if asked for."""
+    own = cogging_torque.Pull(0.4, np.pi / 2, 1.0, 0.5, 0.0)
+    # theta = 15 degrees: N theta = pi/2, so sin(pi) + 0.5 sin(pi) = 0
+    assert cogging_torque.cogging(1.0, np.pi / 12, 3.0, 6.0, own) == pytest.approx(1.0)
+    # theta = 7.5 degrees: sin(3 pi / 4) + 0.5 sin(pi / 2) = 0.7071 + 0.5
+    assert cogging_torque.cogging(1.0, np.pi / 24, 3.0, 6.0, own) == pytest.approx(
+        1 + 1.2 * 1.2071068
+    )
+    one = own._replace(harmonics=0.0)
+    assert cogging_torque.cogging(0.0, np.pi / 24, 1.0, 6.0, one) == pytest.approx(0.4 * 0.7071068)
+
+
+@pytest.mark.parametrize(("form", "fall"), [(0.0, 0.0), (1.0, np.exp(-0.25)), (2.0, np.exp(-0.5))])
+def test_dry_friction_falls_with_the_square_or_the_speed_itself(form, fall) -> None:
+    """At half the Stribeck velocity, r = 1.4: 5 + 1.2 e^(-1/4) or 5 + 1.2 e^(-1/2)."""
+    for speed in (-0.05, 0.05):
+        level = coulomb_friction.rubbed(2.0, speed, 3.0, form, 1.4, 0.1)
+        assert level == pytest.approx(5.0 + 1.2 * fall)
+
+
 def test_cogging_repeats_with_the_angle(knee, effect) -> None:
     """The period of the speed's ripple, times the mean speed, is a full turn over the count."""
     out = knee.run(
@@ -212,33 +236,49 @@ def test_seals_on_a_film_drag_with_speed(knee, effect) -> None:
 @given(
     steps=st.lists(st.tuples(st.floats(-0.5, 0.5), st.floats(1e-5, 1e-2)), min_size=1, max_size=30),
     start=st.floats(-1, 1),
+    softening=st.sampled_from([0.0, 1.0]),
 )
 def test_bristles_stay_within_their_friction_and_take_energy_from_a_closed_path(
-    steps, start
+    steps, start, softening
 ) -> None:
     z = start
     for v, h in steps:
-        z = presliding_friction.bend(z, v, h, 1e-4)
+        z = presliding_friction.bend(z, v, h, 1e-4, softening)
         assert -1.0 <= z <= 1.0
 
 
 def test_bristles_are_a_spring_at_first_and_full_friction_later() -> None:
     s = 1e-4
-    short = presliding_friction.bend(0.0, 1e-3, 1e-4, s)  # 1e-7 m
+    short = presliding_friction.bend(0.0, 1e-3, 1e-4, s, 0.0)  # 1e-7 m
     assert short == pytest.approx(1e-7 / s, rel=1e-3)
-    assert presliding_friction.bend(0.0, 1e-2, 1.0, s) == pytest.approx(1.0, abs=1e-9)
-    assert presliding_friction.bend(1.0, -1e-2, 1.0, s) == pytest.approx(-1.0, abs=1e-9)
+    assert presliding_friction.bend(0.0, 1e-2, 1.0, s, 0.0) == pytest.approx(1.0, abs=1e-9)
+    assert presliding_friction.bend(1.0, -1e-2, 1.0, s, 0.0) == pytest.approx(-1.0, abs=1e-9)
 
 
+@given(z=st.floats(-1, 1), v=st.floats(-1, 1))
+def test_bristles_that_soften_early_follow_dahls_equation(z, v) -> None:
+    """dz/dt = v (1 - sign(v) z)^2 / s, by SciPy's integrator, and as the damping takes it."""
+    s, h = 1e-4, 3e-4
+
+    def slope(_, state):
+        return [v * (1.0 - np.sign(v) * state[0]) ** 2 / s]
+
+    exact = solve_ivp(slope, (0.0, h), [z], method="LSODA", rtol=1e-10, atol=1e-12).y[0, -1]
+    assert presliding_friction.bend(z, v, h, s, 1.0) == pytest.approx(exact, abs=1e-6)
+    force = presliding_friction.pull(0.0, 1.0, v, z, s, 1e-3, 1.0)
+    assert force == pytest.approx(-z - 1e-3 * slope(0.0, [z])[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("softening", [0.0, 1.0])
 @given(amplitude=st.floats(1e-5, 2e-3), distance=st.floats(1e-5, 1e-3))
 @settings(max_examples=30)
-def test_bristles_do_work_on_nothing_over_a_cycle(amplitude, distance) -> None:
+def test_bristles_do_work_on_nothing_over_a_cycle(softening, amplitude, distance) -> None:
     """Once round a closed path the bristles take energy (Dahl's loop turns one way)."""
     phase = np.linspace(0, 4 * np.pi, 4001)
     x = amplitude * np.sin(phase)
     z, work = 0.0, []
     for dx in np.diff(x):
-        after = presliding_friction.bend(z, np.sign(dx), abs(dx), distance)
+        after = presliding_friction.bend(z, np.sign(dx), abs(dx), distance, softening)
         work.append(0.5 * (z + after) * dx)
         z = after
     assert sum(work[2000:]) >= -1e-12
@@ -258,11 +298,12 @@ def test_narrow_bristles_are_stiction(knee, effect, place, distance, channel) ->
     assert worst < 1e-2 * np.ptp(plain[channel])
 
 
+@pytest.mark.parametrize("softening", [0.0, 1.0])
 @given(z=st.floats(-1, 1), v=st.floats(-1, 1), tau=st.floats(0, 0.01))
-def test_bending_bristles_only_take_energy_beyond_their_spring(z, v, tau) -> None:
+def test_bending_bristles_only_take_energy_beyond_their_spring(softening, z, v, tau) -> None:
     """What damping adds to the spring's force opposes the motion: v dz/dt >= 0."""
-    pull = presliding_friction.pull(0.0, 1.0, v, z, 1e-4, tau)
-    spring = presliding_friction.pull(0.0, 1.0, v, z, 1e-4, 0.0)
+    pull = presliding_friction.pull(0.0, 1.0, v, z, 1e-4, tau, softening)
+    spring = presliding_friction.pull(0.0, 1.0, v, z, 1e-4, 0.0, softening)
     assert (pull - spring) * v <= 1e-12
     assert spring == -z
 

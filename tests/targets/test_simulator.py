@@ -121,3 +121,13 @@ def test_a_start_outside_the_stroke_is_refused() -> None:
         InputError, match=r"piston_position of 0.05 m, outside its range.*-0\.04 and 0\.04"
     ):
         simulator().check(trial)
+
+
+def test_an_input_that_no_suite_drives_is_refused_with_what_it_may_drive() -> None:
+    trial = Trial("push", Constant(30.0), ControlMode("force", "N"), Setup(), 0.2)
+    target = Simulator(Model("valve_cylinder"), ControllerSet({}))
+    with pytest.raises(
+        InputError, match=r"controls force, an input of valve_cylinder that stays"
+    ) as refused:
+        target.check(trial)
+    assert "its command, valve_command" in str(refused.value)

@@ -23,8 +23,8 @@ def noise(count: int, seed: int = 0) -> FloatArray:
 def test_gains_are_those_of_least_squares(kind: Kind) -> None:
     values = noise(40)
     terms = [Term(12, Kind.STEP)]
-    found = gains(values, terms, kind)
-    pairs = pair_gains(values, terms, kind, 7)
+    found = gains(values, design(terms, 40), kind, 40)
+    pairs = pair_gains(values, design(terms, 40), kind, 40, 7)
 
     def squares(matrix: FloatArray) -> float:
         return float(
@@ -120,9 +120,12 @@ def test_the_newest_night_is_held_against_those_before() -> None:
     assert (judged.state, judged.drift) == (TrendState.STEADY, 0.0)
     assert judged.limits[0] < values[-1] < judged.limits[1]
     wild = values.copy()
-    wild[-1] = 11.5
-    assert judge(wild, family=10, margin=0.05).state is TrendState.OUT_OF_LIMITS
+    wild[-1] = 11.5  # a blunder may be that far out: the next night tells
+    assert judge(wild, family=10, margin=0.05).state is TrendState.ONE_NIGHT_OUT
+    assert judge(np.append(wild, 11.4), family=10, margin=0.05).state is TrendState.STEPPED
     assert judge(wild, family=10, margin=2.0).state is TrendState.STEADY
+    wild[-1] = 14.0
+    assert judge(wild, family=10, margin=0.05).state is TrendState.OUT_OF_LIMITS
     stepped = values.copy()
     stepped[-5:] += 1.0
     assert judge(stepped, family=10, margin=0.05).state.drifted

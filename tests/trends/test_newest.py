@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.signal import lfilter
 
-from eha_bench.trends.newest import newest_of, spread_of
+from eha_bench.trends.newest import SPANS, newest_of, spread_of
 from eha_bench.trends.swing import swing_of
-from eha_bench.trends.trend import TrendState, judge
+from eha_bench.trends.trend import TrendState, cut_off, judge
 
 
 def test_known_independent_scatter_gives_the_normal_test() -> None:
@@ -22,8 +23,8 @@ def test_known_independent_scatter_gives_the_normal_test() -> None:
     found = newest_of(nights, 1.0)
     z = 1.6 / math.sqrt(1.0 / 2.0 + 1.0 / 118.0)
     assert found.span == 2
-    # correlated nights are thought of, so that it is somewhat more; the share of two nights is 0.8
-    theirs = 2.0 * float(stats.norm.sf(z)) / 0.8
+    # correlated nights are thought of, so that it is somewhat more
+    theirs = 2.0 * float(stats.norm.sf(z)) / SPANS[2]
     assert theirs < found.p_value < 2.5 * theirs
 
 
@@ -63,6 +64,8 @@ def test_an_outlier_does_not_widen_the_limits() -> None:
     quiet = np.random.default_rng(4).normal(size=30)
     quiet[10] = 60.0
     assert spread_of(quiet, math.nan) < 12.0
+    nearly_equal = np.array([0.0, 0.0, 1.0, 1.0, 1e-172])
+    assert spread_of(nearly_equal, math.nan) == pytest.approx(np.std(nearly_equal))
 
 
 def test_a_step_is_found_by_the_second_night_after_it() -> None:
@@ -76,6 +79,45 @@ def test_a_step_is_found_by_the_second_night_after_it() -> None:
         if judged.state is TrendState.STEPPED:
             assert judged.since in (28, 30)
     assert found >= 36
+
+
+def _correlated(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Return nights alike by 0.8: of eight of them two that stray are no news."""
+    return np.asarray(lfilter([1.0], [1.0, -0.8], rng.normal(size=count + 60))[60:])
+
+
+def test_eight_nights_that_are_alike_raise_hardly_an_alarm() -> None:
+    """Of 300 one in a hundred is 3; at the level of thirty nights it would be about 9."""
+    rng = np.random.default_rng(240)
+    alarms = marks = 0
+    for _ in range(300):
+        judged = judge(100.0 + _correlated(rng, 8), family=1, margin=0.05)
+        alarms += judged.state.drifted
+        marks += judged.state is TrendState.SUSPECTED
+    assert alarms <= 6
+    assert marks >= 10  # what is no alarm is not hidden
+
+
+def test_a_step_of_eight_nights_is_suspected_by_its_second() -> None:
+    rng = np.random.default_rng(241)
+    marked, steps = 0, 80
+    for _ in range(steps):
+        values = rng.normal(100.0, 1.0, 10)
+        values[8:] += 3.0
+        judged = judge(values, family=1, margin=0.05)
+        marked += judged.state is TrendState.SUSPECTED or judged.state.drifted
+    assert marked >= 0.7 * steps
+
+
+def test_a_suspected_step_is_no_alarm_and_says_since_when() -> None:
+    values = np.array([0.0, 1.0, -1.0, 0.5, -0.6, 0.3, -0.2, 0.7, 3.0, 2.8])
+    judged = judge(values, family=1, margin=0.05)
+    assert judged.state is TrendState.SUSPECTED
+    assert not judged.state.drifted
+    assert (judged.since, judged.shift) == (8, pytest.approx(2.7, abs=0.4))
+    later = np.append(values, [3.1, 2.9, 3.3, 2.7, 3.2])
+    assert judge(later, family=1, margin=0.05).state is TrendState.STEPPED
+    assert cut_off(judged, "above").state is TrendState.CUT_OFF
 
 
 def test_a_single_night_outside_has_to_be_borne_out() -> None:

@@ -18,6 +18,10 @@ alone, an effect by A_PP^-1 A_Pc in y and by its column of cov z in z. Its chang
 generalised least squares; its gain, the square of that over its variance, is what it explains of a
 night. The gains of a cause over the nights since a change say which it is.
 
+What a kelvin does, b, is the same on all nights, so that its error is as well: in a course of a
+cause it is an influence with a strength of its own (`trends.influence`), and is fitted again with
+the changes of that course, on all nights and from what was believed before any of them.
+
 A night on which a run failed is compared with the same runs of the healthy nights only.
 """
 
@@ -35,6 +39,7 @@ from eha_bench.causes.cause import Cause
 from eha_bench.causes.evidence import NightEvidence
 from eha_bench.causes.thinning import Thinning, exponents_of, thinning_of
 from eha_bench.core.arrays import FloatArray
+from eha_bench.trends.influence import Influence
 
 _OF_OIL: Final = 0.03
 """Standard deviation of what a kelvin does to a parameter beforehand, as a share of it."""
@@ -49,6 +54,10 @@ _OF_MEDIAN: Final = 1.57
 """Variance of a median over that of a mean."""
 _OF_FEW: Final = 3.0
 """Nights' worth of belief that parameters vary independently of each other."""
+_SHOWS: Final = 0.1
+"""Of a night's scatter: an influence that is less than that on all nights together is none."""
+_LEAST_OWN: Final = 0.01
+"""Part of a variance that is a night's own at least."""
 _FEWEST: Final = 3
 """Healthy nights with the same runs that a night can be compared with."""
 
@@ -59,19 +68,32 @@ class Estimates:
 
     Attributes:
         changes: (nights, causes) if it alone changed; NaN where the night is blind to it.
-        deviations: (nights, causes) standard. gains: (nights, causes) chi square that it explains.
+        deviations: (nights, causes) standard. scatters: (nights, causes) the part of it that is
+            the night's own, and no other's. gains: (nights, causes) chi square that it explains.
         totals: (nights,) that all causes together explain. ranks: (nights,) with how many numbers.
         oil: whether oil temperature was taken out. thinning: whether the oil's viscosity was, as
             the machine shows it.
+        kelvins: (nights, causes, q) what the oil's warmth adds to a change, by the slope of each
+            calibrated parameter, in units of the standard deviation of that slope beforehand.
+        slopes: (q,) those that were taken out, in these units.
     """
 
     changes: FloatArray
     deviations: FloatArray
+    scatters: FloatArray
     gains: FloatArray
     totals: FloatArray
     ranks: FloatArray
     oil: bool
     thinning: bool
+    kelvins: FloatArray
+    slopes: FloatArray
+
+    def influence(self, cause: int, nights: NDArray[np.intp]) -> Influence:
+        """Return what an error of the oil's slopes did to a cause on some nights."""
+        columns = self.kelvins[nights, cause]
+        least = _SHOWS * float(np.median(self.scatters[nights, cause])) if nights.size else 0.0
+        return Influence(columns, -self.slopes).summed(least)
 
 
 def estimates(
@@ -95,15 +117,27 @@ def estimates(
             varying[runs] = (
                 _Varying.of(alike, parameters, sizes, exponents) if len(alike) >= _FEWEST else None
             )
-        known = varying[runs]
-        found.append(known.night(item) if known is not None else _blind(len(causes)))
-    changes, deviations, gains = (np.array([item[k] for item in found]) for k in range(3))
+        like = varying[runs]
+        found.append(
+            like.night(item) if like is not None else _Told.blind(len(causes), parameters.size)
+        )
+    gains = np.array([item.gains for item in found])
     for item, gain in zip(evidence, gains, strict=True):
         _as_fitted(item, gain)
-    totals, ranks = (np.array([item[k] for item in found]) for k in (3, 4))
-    oil = any(item is not None and item.oil for item in varying.values())
-    thinning = not oil and bool(exponents.any())
-    return Estimates(changes, deviations, gains, totals, ranks, oil, thinning)
+    known = [item for item in varying.values() if item is not None and item.oil]
+    fullest = max(known, key=lambda item: item.healthy, default=None)
+    return Estimates(
+        np.array([item.changes for item in found]),
+        np.array([item.deviations for item in found]),
+        np.array([item.scatters for item in found]),
+        gains,
+        np.array([item.total for item in found]),
+        np.array([item.rank for item in found]),
+        bool(known),
+        not known and bool(exponents.any()),
+        np.array([item.kelvins for item in found]),
+        np.zeros(parameters.size) if fullest is None else fullest.slopes,
+    )
 
 
 def _as_fitted(item: NightEvidence, gains: FloatArray) -> None:
@@ -119,12 +153,23 @@ def _as_fitted(item: NightEvidence, gains: FloatArray) -> None:
         gains[item.names.index(name)] = max(0.0, most - (cost - item.fitted[best]))
 
 
-_Told = tuple[FloatArray, FloatArray, FloatArray, float, float]
+@dataclass(frozen=True)
+class _Told:
+    """What a night says of every cause; see `Estimates`."""
 
+    changes: FloatArray
+    deviations: FloatArray
+    scatters: FloatArray
+    gains: FloatArray
+    total: float
+    rank: float
+    kelvins: FloatArray
 
-def _blind(count: int) -> _Told:
-    nothing = np.full(count, np.nan)
-    return nothing, nothing, np.zeros(count), 0.0, 0.0
+    @staticmethod
+    def blind(count: int, width: int) -> _Told:
+        """Return what a night says that says nothing."""
+        nothing = np.full(count, np.nan)
+        return _Told(nothing, nothing, nothing, np.zeros(count), 0.0, 0.0, np.zeros((count, width)))
 
 
 @dataclass(frozen=True)
@@ -134,7 +179,8 @@ class _Varying:
     Attributes:
         parameters: (q,) places of the calibrated causes. others: (p - q,) of the rest.
         usual: (q,) of the calibrated ones on healthy nights. left: (p - q,) z of a healthy night.
-        line: (q,) change a kelvin. line_covariance: (q, q). middle: K.
+        line: (q,) change a kelvin. line_covariance: (q, q). before: (q,) standard deviation of the
+            line before any night. middle: K. healthy: how many nights say so.
         scatter: (q, q) covariance of the rest. doubt: variance of a night's noise less the
             healthy nights', over its own. oil: whether temperatures are known.
     """
@@ -145,7 +191,9 @@ class _Varying:
     left: FloatArray
     line: FloatArray
     line_covariance: FloatArray
+    before: FloatArray
     middle: float
+    healthy: int
     scatter: FloatArray
     doubt: float
     oil: bool
@@ -203,37 +251,53 @@ class _Varying:
         usual = np.median(own - np.outer(away, line), axis=0)
         doubt = 1.0 + _OF_MEDIAN / len(nights)
         return _Varying(
-            parameters, others, usual, np.median(left, axis=0), line, line_covariance, middle,
-            covariance, doubt, oil,
+            parameters, others, usual, np.median(left, axis=0), line, line_covariance,
+            np.sqrt(prior), middle, len(nights), covariance, doubt, oil,
         )  # fmt: skip
 
+    @property
+    def slopes(self) -> FloatArray:
+        """The line in standard deviations of what was believed of it before any night."""
+        known = self.before > 0.0
+        return np.where(known, self.line / np.where(known, self.before, 1.0), 0.0)
+
     def night(self, item: NightEvidence) -> _Told:
-        """Return changes, deviations and gains of the causes, what all explain, and the rank."""
-        parts = self._seen(item)
-        information, score = np.zeros(len(item.names)), np.zeros(len(item.names))
+        """Return what a night says of the causes."""
+        away = item.oil_temperature - self.middle if self.oil else 0.0
+        away = away if math.isfinite(away) else 0.0
+        parts = self._seen(item, away)
+        count, q = len(item.names), self.parameters.size
+        information, score = np.zeros(count), np.zeros(count)
+        kelvins, shared = np.zeros((count, q)), np.zeros(count)
         total = rank = 0.0
         for part in parts:
             solved = np.linalg.solve(
                 part.covariance, np.column_stack([part.values, part.signs, part.noise])
             )
-            width = part.signs.shape[1]
-            information += np.einsum("ik,ik->k", solved[:, 1 : 1 + width], part.signs)
+            weights = solved[:, 1 : 1 + count]
+            information += np.einsum("ik,ik->k", weights, part.signs)
             score += part.signs.T @ solved[:, 0]
             total += float(part.values @ solved[:, 0])
-            rank += float(np.trace(solved[:, 1 + width :]))
+            rank += float(np.trace(solved[:, 1 + count :]))
+            pull = away * weights.T @ part.warmed
+            kelvins += pull * self.before
+            shared += np.einsum("kq,qr,kr->k", pull, self.line_covariance, pull)
         blind = ~(np.diag(item.curvature) > 0.0) | ~(information > 0.0)
         information = np.where(blind, 1.0, information)
         change, gain = score / information, score**2 / information
-        change, deviation = (
+        own = np.maximum(information - shared, _LEAST_OWN * information) / information**2
+        return _Told(
             np.where(blind, np.nan, change),
             np.where(blind, np.nan, information**-0.5),
+            np.where(blind, np.nan, np.sqrt(own)),
+            np.where(blind, 0.0, gain),
+            total,
+            rank,
+            np.where(blind[:, None], 0.0, kelvins / information[:, None]),
         )
-        return change, deviation, np.where(blind, 0.0, gain), total, rank
 
-    def _seen(self, item: NightEvidence) -> tuple[_Seen, _Seen]:
+    def _seen(self, item: NightEvidence, away: float) -> tuple[_Seen, _Seen]:
         """Return the calibrated parameters, whitened, and the slopes that they leave."""
-        away = item.oil_temperature - self.middle if self.oil else 0.0
-        away = away if math.isfinite(away) else 0.0
         size = np.sqrt(np.diag(item.curvature))
         scale = np.where(size > 0.0, size, 1.0)
         scaled = item.curvature / np.outer(scale, scale)
@@ -246,7 +310,7 @@ class _Varying:
         varied = calibrated @ (self.scatter + away**2 * self.line_covariance) @ calibrated.T
         noise = self.doubt * np.eye(root.size)
         usual = calibrated @ (self.usual + self.line * away)
-        parameters = _Seen(own - usual, signs, noise + varied, noise + varied)
+        parameters = _Seen(own - usual, signs, noise + varied, noise + varied, calibrated)
         rest = item.curvature[self.others] - signs[:, self.others].T @ signs
         deviation = np.sqrt(np.maximum(np.diag(rest[:, self.others]), 0.0))
         apart = deviation > _APART * size[self.others]
@@ -255,7 +319,8 @@ class _Varying:
         rest = rest / deviation[:, None] * apart[:, None]
         noise = self.doubt * rest[:, self.others] / deviation
         covariance = noise + _OWN**2 * np.eye(deviation.size)
-        return parameters, _Seen(slopes / deviation * apart, rest, covariance, noise)
+        cold = np.zeros((deviation.size, self.parameters.size))
+        return parameters, _Seen(slopes / deviation * apart, rest, covariance, noise, cold)
 
 
 @dataclass(frozen=True)
@@ -265,12 +330,14 @@ class _Seen:
     Attributes:
         values: (m,). signs: (m, p) what a step of each cause does to them. covariance: (m, m).
         noise: (m, m) the part of it that healthy nights have.
+        warmed: (m, q) what a change of each calibrated parameter does to them, so that of oil is.
     """
 
     values: FloatArray
     signs: FloatArray
     covariance: FloatArray
     noise: FloatArray
+    warmed: FloatArray
 
 
 def _joint(

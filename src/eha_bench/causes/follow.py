@@ -199,8 +199,7 @@ class _Followed:
         found = estimates(self._evidence, self._causes, sizes, healthy)
         family = max(1, int(np.isfinite(found.changes).any(axis=0).sum()))
         courses = [
-            course_of(found.changes[:, k], found.deviations[:, k], family, self._settings.healthy)
-            for k in range(len(self._causes))
+            course_of(found, k, family, self._settings.healthy) for k in range(len(self._causes))
         ]
         return found, courses
 

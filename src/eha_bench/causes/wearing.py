@@ -60,26 +60,29 @@ class CauseCourse:
         return self.since >= 0
 
 
-def course_of(values: FloatArray, deviations: FloatArray, family: int, healthy: int) -> CauseCourse:
+def course_of(found: Estimates, cause: int, family: int, healthy: int) -> CauseCourse:
     """Return what a cause did.
 
     Args:
-        values, deviations: (nights,) in steps; NaN where a night is blind to it.
+        found: causes on every night. cause: its place.
         family: how many causes are judged. healthy: how many nights are taken as healthy.
     """
-    at = np.flatnonzero(np.isfinite(values) & np.isfinite(deviations))
-    known = values[at]
-    own = float(np.median(deviations[at])) if at.size else math.nan
-    judged = judge(known, family=_SHARED * family, margin=0.0, own=own)
-    found = CauseCourse(at, known, judged)
+    values, scatters = found.changes[:, cause], found.scatters[:, cause]
+    at = np.flatnonzero(np.isfinite(values) & np.isfinite(scatters))
+    own = float(np.median(scatters[at])) if at.size else math.nan
+    influence = found.influence(cause, at)
+    judged = judge(values[at], family=_SHARED * family, margin=0.0, own=own, influence=influence)
+    known = values[at] - judged.beside
+    course = CauseCourse(at, known, judged)
     if at.size < FEWEST or judged.state not in (
         TrendState.STEPPED,
         TrendState.DRIFTING,
         TrendState.OUT_OF_LIMITS,
         TrendState.STEADY,
+        TrendState.SUSPECTED,
         TrendState.ONE_NIGHT_OUT,
     ):
-        return found
+        return course
     level = float(np.median(known[: max(1, int(np.sum(at < healthy)))]))
     line = judged.course.line
     changes = judged.course.changes
@@ -90,10 +93,10 @@ def course_of(values: FloatArray, deviations: FloatArray, family: int, healthy: 
         news = int(at[since]), int(at[first]), int(at[since])
         return CauseCourse(at, known, judged, *news, end - level)
     if not changes:
-        return found
+        return course
     moved = float(line[-1]) - level
     if abs(moved) < 3.0 * judged.course.sigma / math.sqrt(min(3, known.size)):
-        return found
+        return course
     left = [
         change
         for change in changes

@@ -185,6 +185,10 @@ _SYNTAX = {
 """What is usually behind a message of the parser -> the way out."""
 
 
+_BARE_PARAMETER = re.compile(r"""\{[^"']*[:,\s](\$\{\w+\})""")
+"""A parameter of a matrix without quotes within { }, where YAML takes its brace for another."""
+
+
 def _parse_any(text: str, name: str) -> Any:
     """Return what any YAML 1.2 text holds.
 
@@ -199,10 +203,13 @@ def _parse_any(text: str, name: str) -> Any:
     except MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 0
         problem = " ".join(str(error.problem or error.context or "syntax error").split())
+        lines = text.splitlines()
+        written = lines[line - 1] if 0 < line <= len(lines) else ""
+        way = next((way for sign, way in _SYNTAX.items() if sign in problem), "")
+        if bare := _BARE_PARAMETER.search(written):
+            way = f'put a parameter within braces into quotes: "{bare[1]}"'
         raise InputError(
-            f"not valid YAML: {problem}",
-            where=Place(file=name, line=line),
-            hint=next((way for sign, way in _SYNTAX.items() if sign in problem), ""),
+            f"not valid YAML: {problem}", where=Place(file=name, line=line), hint=way
         ) from error
     except Exception as error:  # its parser trips over some texts instead of refusing them
         first = str(error).strip().splitlines()[0] if str(error).strip() else "syntax error"
@@ -410,6 +417,8 @@ def _mistake(model: type[BaseModel], detail: Any, place: Places) -> InputError:
     """Return what pydantic found as a sentence of ours, with its place and the way out."""
     what = _sentence(detail["type"], detail["msg"], detail["loc"], detail.get("input"))
     hint = _way_out(model, detail["type"], detail["loc"], detail["msg"])
+    if detail["type"] == "model_type" and isinstance(detail.get("input"), str):
+        hint = _as_keys(model, detail["loc"], detail["input"]) or hint
     # a wrong unit comes with its own way out
     cause = getattr(detail.get("ctx", {}).get("error"), "__cause__", None)
     if not hint and isinstance(cause, EhaBenchError) and what.endswith(f"; {cause.hint}"):
@@ -545,6 +554,8 @@ def _way_out(model: type[BaseModel], kind: str, location: Sequence[int | str], m
         return _nearest_choice(message)
     if kind != "extra_forbidden":
         return ""
+    if re.match(r"\d", str(location[-1])):
+        return "a comma parts keys: write a number with a point, or quote the text"
     known: type[BaseModel] | None = model
     named = False
     for key in location[:-1]:
@@ -556,6 +567,16 @@ def _way_out(model: type[BaseModel], kind: str, location: Sequence[int | str], m
     if known is None:
         return ""
     return suggest(str(location[-1]), [f.alias or name for name, f in known.model_fields.items()])
+
+
+def _as_keys(model: type[BaseModel], location: Sequence[int | str], text: str) -> str:
+    """Return how a text is written where keys are expected: under the first that is needed."""
+    known: type[BaseModel] | None = model
+    for key in location:
+        known = None if known is None else _model_within(known, key)
+    fields = {} if known is None else known.model_fields
+    first = next((field.alias or name for name, field in fields.items() if field.is_required()), "")
+    return f"write {{{first}: {text}}}" if first and len(text) <= _QUOTED else ""
 
 
 def _nearest_choice(message: str) -> str:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from eha_bench.core.file_kind import FileKind
 
+if TYPE_CHECKING:
+    from eha_bench.plants.model import Model
 
-def _model(path: Path) -> object:
+
+def _model(path: Path) -> Model:
     from eha_bench.plants.model import load_model
 
     return load_model(path)
 
 
-def _check(path: Path) -> object:
+def _check(path: Path) -> Model:
     from eha_bench.plants.model import load_model
     from eha_bench.plants.network.plant import NetworkPlant
 
@@ -22,6 +25,12 @@ def _check(path: Path) -> object:
     if isinstance(model.plant, NetworkPlant):
         model.plant.check()
     return model
+
+
+def _remarks(model: Model) -> list[str]:
+    from eha_bench.plants.remarks import remarks
+
+    return remarks(model)
 
 
 def _schema() -> dict[str, Any]:
@@ -38,13 +47,14 @@ def _plant_schema() -> dict[str, Any]:
 
 _USE = "eha-bench run SUITE --target FILE, or a line 'model: FILE'"
 
-KIND = FileKind("model", frozenset({"model"}), 1, _check, _schema, model=_model, use=_USE)
+KIND = FileKind("model", frozenset({"model"}), 1, _check, _schema, _remarks, model=_model, use=_USE)
 PLANT = FileKind(
     "plant",
     frozenset({"nodes", "elements"}),
     9,
     _check,
     _plant_schema,
+    _remarks,
     model=_model,
     use=_USE,
 )

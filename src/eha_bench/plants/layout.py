@@ -8,8 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from eha_bench.core import plugins
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import PluginError
+from eha_bench.core.near_miss import suggest
 from eha_bench.plants.effect import BoundEffect, Equation
 from eha_bench.plants.parameter import Parameter
 
@@ -135,5 +137,11 @@ class Layout:
         for effect in self.effects:
             if effect.id == name:
                 return effect
-        known = ", ".join(effect.id for effect in self.effects)
-        raise PluginError(f"unknown effect '{name}' for {self.plant}", hint=f"known: {known}")
+        known = [effect.id for effect in self.effects]
+        if name in plugins.names("effects"):
+            roles = " or ".join(plugins.load("effects", name).actions)
+            raise PluginError(
+                f"effect '{name}' acts on a {roles}, and {self.plant} has none",
+                hint=f"it has places for: {', '.join(known)}",
+            )
+        raise PluginError(f"unknown effect '{name}' for {self.plant}", hint=suggest(name, known))

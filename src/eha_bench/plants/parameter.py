@@ -25,6 +25,8 @@ class Parameter:
         when: the choice and the words of it with which the parameter matters; nothing: always.
         role: of an effect's parameter, the only role in which it is there; "": in all.
         nonzero: whether 0 is not a value of it though it lies within the bounds (a gear's ratio).
+        refines: of a choice, whether its words but the first only refine what is there: a search
+            tries them once the effect is found.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Parameter:
     when: tuple[str, tuple[str, ...]] = ("", ())
     role: str = ""
     nonzero: bool = False
+    refines: bool = False
 
     def __post_init__(self) -> None:
         """Refuse a default outside its bounds: a typing error in a plug-in."""
@@ -55,7 +58,7 @@ class Parameter:
             return f"{self.name} cannot be 0"
         if self.low <= value <= self.high:
             return ""
-        return f"{value:g} {unit} is outside {self.low:g} ... {self.high:g}"
+        return f"{f'{value:g} {unit}'.rstrip()} is outside {self.low:g} ... {self.high:g}"
 
     def encode(self, value: float | str) -> float:
         """Return the number that stands for a value in the parameter vector.
@@ -81,6 +84,7 @@ def choice(
     *,
     default: str | None = None,
     of_role: str = "",
+    refines: bool = False,
 ) -> Parameter:
     """Return a parameter that is one of several words; the first is the default."""
     place = 0 if default is None else words.index(default)
@@ -93,4 +97,5 @@ def choice(
         source=source,
         choices=words,
         role=of_role,
+        refines=refines,
     )

@@ -41,12 +41,18 @@ _DATE: Final = 10
 _MOST_EVENTS: Final = 30
 _SHARE_THAT_SAYS_SOMETHING = 10.0
 _KELVIN: Final = 273.15
-_NOTABLE: Final = (TrendState.NOT_SCORED, TrendState.ONE_NIGHT_OUT, TrendState.CUT_OFF)
+_NOTABLE: Final = (
+    TrendState.NOT_SCORED,
+    TrendState.SUSPECTED,
+    TrendState.ONE_NIGHT_OUT,
+    TrendState.CUT_OFF,
+)
 _LOOKS: Final = {
     TrendState.LOST: ("failed", "✕"),
     TrendState.OUT_OF_LIMITS: ("failed", "✕"),
     TrendState.STEPPED: ("failed", "⤒"),
     TrendState.DRIFTING: ("warned", "↗"),
+    TrendState.SUSPECTED: ("undecided", "⤒"),
     TrendState.ONE_NIGHT_OUT: ("undecided", "•"),
     TrendState.NOT_SCORED: ("not_scored", "–"),
     TrendState.CUT_OFF: ("undecided", "?"),
@@ -176,9 +182,11 @@ def headline(history: History) -> str:
     found = _drift(drifted) if total > too_few + missed + hidden else ""
     needed = f"({FEWEST} are needed)"
     alone = len(history.of(TrendState.ONE_NIGHT_OUT))
+    suspected = len(history.of(TrendState.SUSPECTED))
     parts = [
         found,
         f"the sensor's end cut off the newest value of {_share(hidden, total)}" if hidden else "",
+        f"a step suspected in {_share(suspected, total)}, to be confirmed" if suspected else "",
         f"one night outside its limits in {_share(alone, total)}, to be confirmed" if alone else "",
         f"too few runs to judge {_share(too_few, total)} {needed}" if too_few else "",
         f"the newest run has no value of {_share(missed, total)}" if missed else "",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from eha_bench.core.channels import CHANNELS
 from eha_bench.core.errors import InputError, Place
@@ -10,7 +10,13 @@ from eha_bench.core.near_miss import suggest
 from eha_bench.core.trial import Trial, passes_on
 
 
-def check_channels(trial: Trial, units: Mapping[str, str], target: str, command: str = "") -> None:
+def check_channels(
+    trial: Trial,
+    units: Mapping[str, str],
+    target: str,
+    command: str = "",
+    held: Collection[str] = (),
+) -> None:
     """Refuse a trial on channels that the target does not have, or has in another unit.
 
     Args:
@@ -18,11 +24,20 @@ def check_channels(trial: Trial, units: Mapping[str, str], target: str, command:
         units: SI unit of every channel that the target measures, derives or is commanded by.
         target: what it is, for messages.
         command: what it is commanded by; a trial that only commands needs no measurement of it.
+        held: inputs that no trial drives.
 
     Raises:
         InputError: with file, line and key of the trial's mode, or the file alone.
     """
     where = trial.mode.where
+    if trial.channel in held and trial.channel not in units:
+        raise InputError(
+            f"trial '{trial.id}' controls {trial.channel}, an input of {target} that stays at what "
+            "the model declares",
+            where=where,
+            hint=f"a suite drives its command{f', {command}' if command else ''}, or what a "
+            "controller follows",
+        )
     if trial.channel not in units and not passes_on(trial.mode, command):
         raise InputError(
             f"trial '{trial.id}' controls {trial.channel}, which {target} does not have",

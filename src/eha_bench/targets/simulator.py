@@ -125,7 +125,9 @@ class Simulator(Target):
 
     def check(self, trial: Trial) -> None:
         """Raise an InputError if there is no controller for the mode, or no such start."""
-        check_channels(trial, self._units, self._plant.id, self._command(trial))
+        command = self._command(trial)
+        held = {*self._plant.inputs} - {command}
+        check_channels(trial, self._units, self._plant.id, command, held)
         self._controllers.make(trial.mode, self._context(trial))
         self._plant.check_session(
             locked=trial.setup.piston is Piston.LOCKED,

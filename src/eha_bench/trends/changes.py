@@ -14,7 +14,7 @@ its penalties are not error rates.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -22,6 +22,7 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.trends.influence import Influence
 from eha_bench.trends.noise import noise_of, without_outliers
 from eha_bench.trends.tails import FURTHEST, chance_of_sum
 from eha_bench.trends.terms import Kind, Term, design, gains, pair_gains
@@ -66,6 +67,7 @@ class PiecewiseLine:
         slope: of the last stretch, per night.
         sigma: standard deviation of a night about the line.
         widening: by how much correlation between nights widens that of a mean.
+        strengths: (m,) of the influences, fitted with the changes; the line is without them.
     """
 
     changes: tuple[Change, ...]
@@ -73,6 +75,7 @@ class PiecewiseLine:
     slope: float
     sigma: float
     widening: float
+    strengths: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def kink_word(self, change: Change) -> str:
         """Return what happens to the drift at a change of slope."""
@@ -83,32 +86,37 @@ class PiecewiseLine:
         return "drift ends" if abs(after) <= 0.1 * abs(before) else "drift changes"
 
 
-def course_of(values: FloatArray, *, alpha: float) -> PiecewiseLine:
+def course_of(
+    values: FloatArray, *, alpha: float, influence: Influence | None = None
+) -> PiecewiseLine:
     """Return the changes of a series of finite values, shape (n,).
 
     Args:
         values: one a night, in order.
         alpha: probability of a false change in a series that has none.
+        influence: what else acts on the nights; nothing if None.
     """
+    known = influence if influence is not None else Influence.none(values.size)
     if values.size < FEWEST:
         middle = float(np.median(values)) if values.size else float("nan")
         sigma = float(values.std(ddof=1)) if values.size > 1 else float("nan")
-        return PiecewiseLine((), np.full(values.size, middle), 0.0, sigma, 1.0)
+        line = np.full(values.size, middle)
+        return PiecewiseLine((), line, 0.0, sigma, 1.0, np.zeros(known.count))
     found = noise_of(values)
     # in units of its noise, about 0: no rounding, and no underflow
     middle = float(np.median(values))
     scaled = (values - middle) / found.sigma
     clipped = without_outliers(scaled, 1.0)
-    search = _ChangeSearch(clipped, scaled, alpha, found.widening)
+    search = _ChangeSearch(clipped, scaled, alpha, found.widening, known.scaled(found.sigma))
     terms = search.run()
-    matrix = design(terms, values.size)
-    sizes = np.linalg.lstsq(matrix, clipped, rcond=None)[0]
-    line = matrix @ sizes
+    sizes = search.sizes(terms)
+    line = design(terms, values.size) @ sizes[: 1 + len(terms)]
     p_values = search.p_values(terms)
     changes = tuple(
         Change(term.start, term.kind, float(size) * found.sigma, p, *search.places(term, terms))
         for term, size, p in sorted(
-            zip(terms, sizes[1:], p_values, strict=True), key=lambda entry: entry[0]
+            zip(terms, sizes[1 : 1 + len(terms)], p_values, strict=True),
+            key=lambda entry: entry[0],
         )
     )
     slope = float(line[-1] - line[-2]) if terms and _slopes(terms) else 0.0
@@ -118,6 +126,7 @@ def course_of(values: FloatArray, *, alpha: float) -> PiecewiseLine:
         slope * found.sigma,
         search.sigma(terms) * found.sigma,
         found.widening,
+        sizes[1 + len(terms) :],
     )
 
 
@@ -132,12 +141,31 @@ def _slopes(terms: list[Term]) -> bool:
 class _ChangeSearch:
     """The search for the terms of one series (in units of its noise)."""
 
-    def __init__(self, values: FloatArray, raw: FloatArray, alpha: float, widening: float) -> None:
-        self._values = values
-        self._raw = raw
+    def __init__(
+        self,
+        values: FloatArray,
+        raw: FloatArray,
+        alpha: float,
+        widening: float,
+        influence: Influence,
+    ) -> None:
+        self._count = values.size
+        # what is slow is known no better than correlated nights tell: beliefs count as much more
+        self._values = influence.with_beliefs(values, widening)
+        self._raw = influence.with_beliefs(raw, widening)
+        self._influence = influence
         self._alpha = alpha
         self._widening = widening
         self._looks = 2 * values.size
+
+    def design(self, terms: list[Term]) -> FloatArray:
+        """Return the columns of the model: a constant, the terms, the influences."""
+        return self._influence.beside(design(terms, self._count), self._widening)
+
+    def sizes(self, terms: list[Term]) -> FloatArray:
+        """Return the level, the sizes of the terms and the strengths of the influences."""
+        found = np.linalg.lstsq(self.design(terms), self._values, rcond=None)[0]
+        return np.asarray(found, dtype=np.float64)
 
     def run(self) -> list[Term]:
         """Return the significant terms."""
@@ -150,13 +178,11 @@ class _ChangeSearch:
         return self._pruned(terms)
 
     def _squares(self, terms: list[Term]) -> float:
-        matrix = design(terms, self._values.size)
-        sizes = np.linalg.lstsq(matrix, self._values, rcond=None)[0]
-        return float(np.sum((self._values - matrix @ sizes) ** 2))
+        return float(np.sum((self._values - self.design(terms) @ self.sizes(terms)) ** 2))
 
     def sigma(self, terms: list[Term]) -> float:
         """Return the standard deviation about the model."""
-        degrees = max(1, self._values.size - 1 - len(terms))
+        degrees = max(1, self._count - 1 - len(terms))
         return float(np.sqrt(self._squares(terms) / degrees))
 
     def _p_value(self, squares: float, gain: float, degrees: int, inflation: float) -> float:
@@ -185,15 +211,15 @@ class _ChangeSearch:
 
     def _options(self, terms: list[Term]) -> Iterator[tuple[float, list[Term]]]:
         """Yield what may be added, with what it gains beyond the price of its parameters."""
-        count, price = self._values.size, self._price
+        count, price, model = self._count, self._price, self.design(terms)
         for kind in Kind:
-            found = gains(self._values, terms, kind)
+            found = gains(self._values, model, kind, count)
             start = int(np.argmax(found))
             if found[start] > 0.0:
                 yield float(found[start]) - price, [Term(start, kind)]
             best, pair = 0.0, None
             for length in (length for length in _LENGTHS if length <= count - 6):
-                found = pair_gains(self._values, terms, kind, length)
+                found = pair_gains(self._values, model, kind, count, length)
                 start = int(np.argmax(found))
                 if found[start] > best:
                     best, pair = float(found[start]), (start, length)
@@ -203,11 +229,11 @@ class _ChangeSearch:
     @property
     def _price(self) -> float:
         """What a parameter has to gain, so that one and two of them compare."""
-        return 2.0 * self._widening**2 * float(np.log(self._values.size))
+        return 2.0 * self._widening**2 * float(np.log(self._count))
 
     def _p_of_growth(self, squares: float, gain: float, before: int, further: list[Term]) -> float:
         """Return the corrected p-value of all that was added at once."""
-        degrees = self._values.size - 1 - before - len(further)
+        degrees = self._count - 1 - before - len(further)
         if len(further) == 1:
             return self._p_value(squares, gain, degrees, self._widening**2)
         if degrees < 1:
@@ -222,7 +248,8 @@ class _ChangeSearch:
             before = list(terms)
             for place in range(len(terms)):
                 others = [term for i, term in enumerate(terms) if i != place]
-                options = [(gains(self._values, others, kind), kind) for kind in Kind]
+                model = self.design(others)
+                options = [(gains(self._values, model, kind, self._count), kind) for kind in Kind]
                 found, kind = max(options, key=lambda option: float(option[0].max()))
                 if found.max() > 0.0:
                     terms[place] = Term(int(np.argmax(found)), kind)
@@ -232,28 +259,28 @@ class _ChangeSearch:
 
     def p_values(self, terms: list[Term]) -> list[float]:
         """Return the corrected p-value of each term given the others."""
-        matrix = design(terms, self._values.size)
-        sizes = np.linalg.lstsq(matrix, self._values, rcond=None)[0]
-        whole = float(np.sum((self._values - matrix @ sizes) ** 2))
-        degrees = self._values.size - 1 - len(terms)
+        line = self.design(terms) @ self.sizes(terms)
+        whole = float(np.sum((self._values - line) ** 2))
+        count, degrees = self._count, self._count - 1 - len(terms)
         found = []
         # two terms may have come as one pair, which was looked for at all these lengths
         lengths = len(_LENGTHS) if len(terms) > 1 else 1
-        noise = _bounded(self._raw - matrix @ sizes) * np.sqrt(self._values.size / max(1, degrees))
+        noise = _bounded((self._raw - line)[:count]) * np.sqrt(count / max(1, degrees))
         for term in terms:
             others = [other for other in terms if other is not term]
             without = self._squares(others)
             column = self._own_column(term, others)
-            inflation = self._inflation(column)
+            inflation = self._inflation(column[:count])
             p = self._p_value(without, without - whole, degrees, inflation)
             p = max(p, self._by_tails(column, others, noise, inflation))
             found.append(min(1.0, lengths * p))
         return found
 
     def _own_column(self, term: Term, others: list[Term]) -> FloatArray:
-        """Return what a term adds that no combination of the others does, shape (n,)."""
-        basis, _ = np.linalg.qr(design(others, self._values.size))
-        column = term.column(self._values.size)
+        """Return what a term adds that no combination of the others does, shape (n + m,)."""
+        basis, _ = np.linalg.qr(self.design(others))
+        column = np.zeros(self._values.size)
+        column[: self._count] = term.column(self._count)
         own: FloatArray = column - basis @ (basis.T @ column)
         return own
 
@@ -267,7 +294,7 @@ class _ChangeSearch:
     def places(self, term: Term, terms: list[Term]) -> tuple[int, int]:
         """Return between which nights a term starts, the others held (profile likelihood)."""
         others = [other for other in terms if other is not term]
-        found = gains(self._values, others, term.kind)
+        found = gains(self._values, self.design(others), term.kind, self._count)
         first = max((other.start + 1 for other in others if other.start < term.start), default=0)
         after = min((other.start for other in others if other.start > term.start), default=None)
         likely = found[first:after] / (2.0 * (self._widening * self.sigma(terms)) ** 2)
@@ -281,8 +308,7 @@ class _ChangeSearch:
         self, column: FloatArray, others: list[Term], noise: FloatArray, inflation: float
     ) -> float:
         """Return the corrected p-value of a term by the series' own scatter."""
-        matrix = design(others, self._values.size)
-        line = matrix @ np.linalg.lstsq(matrix, self._values, rcond=None)[0]
+        line = self.design(others) @ self.sizes(others)
         total = float(column @ _bounded(self._raw - line))
         chance = chance_of_sum(column, total, _bounded(noise), inflation=inflation)
         return min(1.0, self._looks * chance)

@@ -83,8 +83,8 @@ class History:
         """`drifted`, `steady`, or `undecided` where no metric can be judged."""
         if self.drifted or (self.causes is not None and self.causes.alarms):
             return "drifted"
-        known = self.of(TrendState.STEADY) or self.of(TrendState.ONE_NIGHT_OUT)
-        return "steady" if known else "undecided"
+        quiet = (TrendState.STEADY, TrendState.SUSPECTED, TrendState.ONE_NIGHT_OUT)
+        return "steady" if any(self.of(state) for state in quiet) else "undecided"
 
     def exit_status(self, *, only_worse: bool = False) -> int:
         """1 where the newest run drifted (`only_worse`: not for the better), else 0.

@@ -18,8 +18,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.trends.influence import Influence
 
-SPANS: Final = {2: 0.8, 4: 0.2}
+SPANS: Final = {2: 0.75, 4: 0.15, 7: 0.1}
 """Newest nights that are taken together, and the share of the error rate that each uses."""
 
 _FEWEST_BEFORE: Final = 5
@@ -27,6 +28,7 @@ _MOST: Final = 120  # nights that tell of the scatter
 _FURTHEST: Final = 3.0  # standard deviations to which a night before counts
 _APART: Final = 1.5  # standard deviations by which one of the newest may exceed the least of them
 _TO_SIGMA: Final = 1.4826
+_LAST_DIGIT: Final = 1e-9
 _OWN: Final = 0.8  # of the own interval's standard deviation that the scatter is at least
 _ALONE: Final = 0.5  # belief that nights scatter by their own intervals alone
 _OWN_SPREAD: Final = 0.2  # and how well those are believed, in the logarithm
@@ -44,20 +46,40 @@ class Newest:
     shift: float
 
 
-def newest_of(residuals: FloatArray, own: float) -> Newest:
+def newest_of(residuals: FloatArray, own: float, influence: Influence | None = None) -> Newest:
     """Return the newest nights that left the level most surely, whether they did or not.
 
     Args:
         residuals: (n,) from the level of the nights before, in order.
         own: standard deviation of a night by its own interval; NaN where unknown.
+        influence: what else acts on the nights; nothing if None.
     """
-    nights = residuals[-_MOST:]
-    found = [
-        Newest(span, min(1.0, _chance(nights, span, own) / share), float(nights[-span:].mean()))
-        for span, share in SPANS.items()
-        if nights.size - span >= _FEWEST_BEFORE
-    ]
+    acting = influence if influence is not None else Influence.none(residuals.size)
+    acting = acting.since(max(0, residuals.size - _MOST))
+    found = []
+    for span, share in SPANS.items():
+        nights, left = residuals[-_MOST:], acting
+        if nights.size - span < max(_FEWEST_BEFORE, span + 1):
+            continue
+        if acting.count:
+            strengths = _strengths(nights[:-span], own, acting)
+            nights, left = nights - acting.columns @ strengths, acting.without(strengths)
+        chance = min(1.0, _chance(nights, span, own, left) / share)
+        found.append(Newest(span, chance, float(nights[-span:].mean())))
     return min(found, key=lambda one: one.p_value, default=Newest(1, 1.0, 0.0))
+
+
+def _strengths(before: FloatArray, own: float, influence: Influence) -> FloatArray:
+    """Return the influences' strengths as the nights before the newest say."""
+    sigma = spread_of(before, own)
+    if sigma <= 0.0:
+        return np.zeros(influence.count)
+    acting = Influence(influence.columns[: before.size] / sigma, influence.centre)
+    matrix = acting.beside(np.ones((before.size, 1)), 1.0)
+    middle = float(np.median(before))
+    clipped = np.clip((before - middle) / sigma, -_FURTHEST, _FURTHEST)
+    sizes = np.linalg.lstsq(matrix, acting.with_beliefs(clipped, 1.0), rcond=None)[0]
+    return np.asarray(sizes[1:], dtype=np.float64)
 
 
 def spread_of(residuals: FloatArray, own: float) -> float:
@@ -69,11 +91,12 @@ def spread_of(residuals: FloatArray, own: float) -> float:
     """
     middle = float(np.median(residuals))
     sigma = _TO_SIGMA * float(np.median(np.abs(residuals - middle)))
-    sigma = sigma or float(residuals.std())  # most are exactly equal: counts, rounded values
+    if sigma <= _LAST_DIGIT * float(np.abs(residuals).max()):
+        sigma = float(residuals.std())  # most are equal: counts, rounded values
     return max(sigma, own) if math.isfinite(own) else sigma
 
 
-def _chance(nights: FloatArray, span: int, own: float) -> float:
+def _chance(nights: FloatArray, span: int, own: float, influence: Influence) -> float:
     before, newest = nights[:-span], nights[-span:]
     middle, sigma = float(np.median(before)), spread_of(before, own)
     side = newest - middle
@@ -84,13 +107,18 @@ def _chance(nights: FloatArray, span: int, own: float) -> float:
     least = float(np.abs(side).min())
     moved = np.sign(side) * np.minimum(np.abs(side), least + _APART * sigma)
     known = np.clip(before - middle, -_FURTHEST * sigma, _FURTHEST * sigma)
-    return _step(np.concatenate((known, moved)) / sigma, span, own / sigma)
+    values = np.concatenate((known, moved)) / sigma
+    return _step(values, span, own / sigma, influence.scaled(sigma))
 
 
-def _step(values: FloatArray, span: int, own: float) -> float:
+def _step(values: FloatArray, span: int, own: float, influence: Influence) -> float:
     """Return the two-sided p-value of a step of the last nights, scatter and likeness unknown."""
     design = np.ones((2, values.size))
     design[1, :-span] = 0.0
+    design = np.concatenate((design, influence.columns.T))
+    # a belief counts as a row of its own; it is as good in units of any scatter
+    beliefs = np.zeros((design.shape[0], influence.count))
+    beliefs[2:] = np.eye(influence.count)
     scales = np.geomspace(0.3, 4.0, _SCALES)
     flat = np.full(_SCALES, 1.0 / _SCALES)
     if not math.isfinite(own):
@@ -108,7 +136,8 @@ def _step(values: FloatArray, span: int, own: float) -> float:
     degrees = values.size - 2
     chance, weight = 0.0, 0.0
     for alike, belief in parts:
-        columns, white = _whitened(design, alike), _whitened(values[None], alike)[0]
+        columns = np.concatenate((_whitened(design, alike), beliefs), axis=1)
+        white = np.concatenate((_whitened(values[None], alike)[0], influence.centre))
         inverse = np.linalg.inv(columns @ columns.T)
         sizes = inverse @ (columns @ white)
         squares = float(np.sum((white - sizes @ columns) ** 2))

@@ -29,7 +29,7 @@ _LAGS: Final = (4, 5, 6, 7)
 _SHORT_LAGS: Final = (2, 3)
 _MOST_CORRELATED: Final = 0.9
 _TRIED: Final = np.linspace(0.0, 0.99, 100)
-_UNSEEN: Final = 0.6  # correlation that few nights are supposed to have
+_UNSEEN: Final = 0.7  # correlation that few nights are supposed to have
 _DOUBT: Final = 1.0  # standard errors by which the correlation may be larger than it seems
 _DOUBT_OF_FEW: Final = 1.5
 
@@ -60,6 +60,8 @@ def noise_of(values: FloatArray) -> NightlyNoise:
     ]))  # fmt: skip
     doubt = _DOUBT if values.size >= _VERY_LONG else _DOUBT_OF_FEW
     alike = min(alike + doubt / math.sqrt(values.size), _MOST_CORRELATED)
+    # thirty nights hardly tell: what is supposed of fewer is given up as nights come in
+    alike = max(alike, _UNSEEN * (_LONG / values.size) ** 4)
     sigma = max(sigma, float(np.median(spreads)))
     return NightlyNoise(sigma, math.sqrt((1.0 + alike) / (1.0 - alike)))
 

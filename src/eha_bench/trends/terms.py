@@ -48,21 +48,21 @@ def _from_here(values: FloatArray) -> FloatArray:
     return reverse
 
 
-def gains(values: FloatArray, terms: list[Term], kind: Kind) -> FloatArray:
+def gains(values: FloatArray, model: FloatArray, kind: Kind, count: int) -> FloatArray:
     """Return by how much a further term would reduce the sum of squares, for every start.
 
     Args:
-        values: (n,).
-        terms: what is in the model.
+        values: (n + m,), the nights first; what follows no term changes.
+        model: (n + m, k) columns of what is in the model.
         kind: of the further term.
+        count: n.
 
     Returns:
         (n,), 0 where it would add nothing or lies at the very ends.
     """
-    count = values.size
-    basis, _ = np.linalg.qr(design(terms, count))
+    basis, _ = np.linalg.qr(model)
     residual = values - basis @ (basis.T @ values)
-    onto, within = _from_here(residual), _from_here(basis)
+    onto, within = _from_here(residual[:count]), _from_here(basis[:count])
     if kind is Kind.STEP:
         squares = np.arange(count, 0, -1, dtype=np.float64)
         edge = 3
@@ -78,16 +78,17 @@ def gains(values: FloatArray, terms: list[Term], kind: Kind) -> FloatArray:
     return found
 
 
-def pair_gains(values: FloatArray, terms: list[Term], kind: Kind, length: int) -> FloatArray:
+def pair_gains(
+    values: FloatArray, model: FloatArray, kind: Kind, count: int, length: int
+) -> FloatArray:
     """Return by how much a further term and its undoing `length` nights later would do so.
 
     Two steps make a passing change of level, two kinks a drift that ends. Arguments and result as
     for `gains`; shape (n - length,).
     """
-    count = values.size
-    basis, _ = np.linalg.qr(design(terms, count))
+    basis, _ = np.linalg.qr(model)
     residual = values - basis @ (basis.T @ values)
-    onto, within = _from_here(residual), _from_here(basis)
+    onto, within = _from_here(residual[:count]), _from_here(basis[:count])
     if kind is Kind.STEP:
         squares = np.full(count - length, float(length))
     else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Final
 
@@ -13,6 +13,7 @@ from scipy import stats
 from eha_bench.core.arrays import FloatArray
 from eha_bench.trends.changes import FEWEST, Change, PiecewiseLine, course_of
 from eha_bench.trends.index import Night
+from eha_bench.trends.influence import Influence
 from eha_bench.trends.newest import newest_of, spread_of
 from eha_bench.trends.swing import Swing, swing_of
 from eha_bench.trends.tails import reach
@@ -21,8 +22,15 @@ from eha_bench.trends.terms import Kind, Term, design
 ALPHA: Final = 0.005
 """Of a false change in any metric of a history, and of a false alarm in any metric of a night."""
 
-NEWEST_ALPHA: Final = 0.006
-"""Of a false alarm by the newest nights together, in any metric."""
+ALONE_ALPHA: Final = 2e-4
+"""Of a false alarm by the newest night alone, in any metric: blunders happen, of any size, and no
+scatter of nights before tells of them, so that all but the wildest wait for a second night."""
+
+NEWEST_ALPHA: Final = 0.0045
+"""Of a false alarm by the newest nights together, in any metric; see `_newest_alpha`."""
+
+SUSPECT_ALPHA: Final = 0.05
+"""Of a step that is suspected and is none, in any metric: a mark, and no alarm."""
 
 LIMITS_ALPHA: Final = 0.005
 """Of a night outside the control limits of one metric, by chance."""
@@ -30,19 +38,25 @@ LIMITS_ALPHA: Final = 0.005
 RECENT: Final = 7
 """Nights for which a step is news."""
 
+_MANY: Final = 30
+"""Nights that tell how much neighbouring ones are alike."""
+
 
 class TrendState(StrEnum):
     """What the newest run is in a metric.
 
     `one night out` is a newest night outside its control limits that the next night has to bear
-    out; `out of limits` one so far out that it needs no second; `cut off by the sensor` a newest
-    value that is only known to be at least (at most) what it says, and that shows no change.
+    out; `step suspected` newest nights away from the level more than chance explains easily, and
+    too few for an alarm; `out of limits` one so far out that it needs no second; `cut off by the
+    sensor` a newest value that is only known to be at least (at most) what it says, and that shows
+    no change.
     """
 
     LOST = "not scored any more"
     OUT_OF_LIMITS = "out of limits"
     STEPPED = "stepped"
     DRIFTING = "drifting"
+    SUSPECTED = "step suspected"
     ONE_NIGHT_OUT = "one night out"
     NOT_SCORED = "not scored"
     CUT_OFF = "cut off by the sensor"
@@ -152,6 +166,7 @@ class Judged:
         shift: by how much the newest run is away from what was; NaN if unknown.
         drift: by how much the level moved since the last change (0 where it does not).
         swing: a slow swing that was taken out before anything was looked for; None for none.
+        beside: (n,) what influences did, fitted with the changes and taken out; empty for none.
     """
 
     course: PiecewiseLine
@@ -161,6 +176,7 @@ class Judged:
     shift: float
     drift: float
     swing: Swing | None = None
+    beside: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 def cut_off(judged: Judged, side: str) -> Judged:
@@ -170,7 +186,7 @@ def cut_off(judged: Judged, side: str) -> Judged:
         judged: by the values as they are. side: `above` where the newest is at least what it says,
             `below` where at most; "" where it is whole.
     """
-    steady = judged.state in (TrendState.STEADY, TrendState.ONE_NIGHT_OUT)
+    steady = judged.state in (TrendState.STEADY, TrendState.SUSPECTED, TrendState.ONE_NIGHT_OUT)
     wrong_way = judged.shift < 0.0 if side == "above" else judged.shift > 0.0
     if not side or not (steady or (judged.state.drifted and (wrong_way or side == "both"))):
         return judged
@@ -184,6 +200,7 @@ def judge(
     margin: float,
     own: float = math.nan,
     missing: tuple[int, int] = (0, 0),
+    influence: Influence | None = None,
 ) -> Judged:
     """Return what a series did, and what its newest run is.
 
@@ -193,14 +210,18 @@ def judge(
         margin: smallest change that matters, SI.
         own: standard deviation of a night by its own interval, SI; NaN where unknown.
         missing: newest nights in a row without a value, and nights without one before them.
+        influence: what else acts on the nights, fitted with the changes; nothing if None.
     """
-    course, swing = course_of(values, alpha=ALPHA / family), None
+    known = influence if influence is not None else Influence.none(values.size)
+    course, swing = course_of(values, alpha=ALPHA / family, influence=known), None
     if course.changes:
-        swing = _swing(values, course)
+        swing = _swing(values - known.columns @ course.strengths, course)
     if swing is not None:
-        course = course_of(values - swing.course, alpha=ALPHA / family)
-    rest = values if swing is None else values - swing.course
-    judged = _judged_rest(rest, course, family, margin, own, missing)
+        course = course_of(values - swing.course, alpha=ALPHA / family, influence=known)
+    beside = known.columns @ course.strengths
+    rest = values - beside if swing is None else values - beside - swing.course
+    left = known.without(course.strengths)
+    judged = replace(_judged_rest(rest, course, family, margin, own, missing, left), beside=beside)
     if swing is None:
         return judged
     newest = float(swing.course[-1])
@@ -229,8 +250,9 @@ def _judged_rest(
     margin: float,
     own: float,
     missing: tuple[int, int],
+    influence: Influence,
 ) -> Judged:
-    count, alpha = values.size, ALPHA / family
+    count = values.size
     last = course.changes[-1].start if course.changes else 0
     drift = float(course.line[-1] - course.line[last]) if course.slope else 0.0
     nothing = math.nan
@@ -239,14 +261,15 @@ def _judged_rest(
         return replace(found, state=_lost(count, *missing))
     if count < FEWEST:
         return replace(found, state=TrendState.TOO_FEW)
-    expected, leverage, residuals = _expected(values, course)
+    expected, leverage, residuals = _expected(values, course, influence)
     start = _stretch(course, count)
     known = residuals[start:-1]
     half = _half_width(known, own, leverage)
     away = float(values[-1]) - expected
     found = replace(found, limits=(expected - half, expected + half), shift=away)
     below, above = (
-        math.sqrt(1.0 + leverage) * distance for distance in reach(residuals[:-1], alpha / 2.0)
+        math.sqrt(1.0 + leverage) * distance
+        for distance in reach(residuals[:-1], ALONE_ALPHA / family / 2.0)
     )
     out = abs(away) > half and abs(away) >= margin
     if out and not -below <= away <= above:
@@ -256,11 +279,25 @@ def _judged_rest(
         return replace(found, state=TrendState.STEPPED, since=change.start, shift=change.size)
     if abs(drift) >= margin and drift:
         return replace(found, state=TrendState.DRIFTING, since=last, shift=drift)
-    newest = newest_of(_from_before(values, course, start), own)
-    if newest.p_value <= NEWEST_ALPHA / family and abs(newest.shift) >= margin:
-        since = count - newest.span
-        return replace(found, state=TrendState.STEPPED, since=since, shift=newest.shift)
+    newest = newest_of(_from_before(values, course, start), own, influence.since(start))
+    if newest.p_value <= SUSPECT_ALPHA / family and abs(newest.shift) >= margin:
+        sure = newest.p_value <= _newest_alpha(count - start, own) / family
+        state = TrendState.STEPPED if sure else TrendState.SUSPECTED
+        return replace(found, state=state, since=count - newest.span, shift=newest.shift)
     return replace(found, state=TrendState.ONE_NIGHT_OUT) if out else found
+
+
+def _newest_alpha(count: int, own: float) -> float:
+    """Return the error rate of the newest nights together that an alarm is held to.
+
+    That chance is averaged over how much neighbouring nights may be alike. Where they are alike by
+    0.8, and their scatter has to come from themselves, few nights look like a step more often than
+    on average: of eight nights five times as often as the level says, of thirty hardly more often
+    (`benchmarks.nights`). A level in proportion to the square of the nights keeps the worst of few
+    about where it is of many.
+    """
+    few = count < _MANY and not math.isfinite(own)
+    return NEWEST_ALPHA * (count / _MANY) ** 2 if few else NEWEST_ALPHA
 
 
 def _lost(known: int, gone: int, before: int) -> TrendState:
@@ -275,18 +312,24 @@ def _stretch(course: PiecewiseLine, count: int) -> int:
     return starts[-1] if starts else 0
 
 
-def _expected(values: FloatArray, course: PiecewiseLine) -> tuple[float, float, FloatArray]:
+def _expected(
+    values: FloatArray, course: PiecewiseLine, influence: Influence
+) -> tuple[float, float, FloatArray]:
     """Return the newest night as expected by those before, its leverage, and all residuals."""
     count = values.size
     terms = _terms(course.changes, count - 2)
-    matrix = design(terms, count)
-    before, newest = matrix[:-1], matrix[-1]
+    sigma = course.sigma or 1.0
+    own = influence.scaled(sigma)
+    matrix = own.beside(design(terms, count), course.widening)
+    newest = matrix[count - 1]
+    before = np.delete(matrix, count - 1, axis=0)
     # what is drawn is the line through clipped values: one wild night does not move the limits
     far = 3.0 * course.sigma
-    known = np.clip(values, course.line - far, course.line + far)[:-1]
-    sizes = np.linalg.lstsq(before, known, rcond=None)[0]
+    clipped = np.clip(values, course.line - far, course.line + far)
+    known = own.with_beliefs(clipped[:-1] / sigma, course.widening)
+    sizes = sigma * np.linalg.lstsq(before, known, rcond=None)[0]
     leverage = float(newest @ np.linalg.pinv(before.T @ before) @ newest)
-    return float(newest @ sizes), leverage, values - matrix @ sizes
+    return float(newest @ sizes), leverage, values - matrix[:count] @ sizes
 
 
 def _half_width(residuals: FloatArray, own: float, leverage: float) -> float:

@@ -419,6 +419,7 @@ def _checked(recording: Recording, part: _LogPart, fewest: int) -> Recording:
         raise RecordingError(
             f"only {len(recording)} samples{_window(part)}, too few to compare a model with",
             where=Place(file=str(part.log)),
+            hint="check 'from' and 'to' of that run in the dataset" if _window(part) else "",
         )
     length = float(recording.time[-1] - recording.time[0])
     if fewest > 1 and length > _LONGEST:

@@ -62,8 +62,14 @@ class Start:
         return self.candidate.startswith("parameter:")
 
 
-def effect_starts(layout: Layout, effect: BoundEffect) -> list[Start]:
-    """Return the starting points of an effect: its defaults, its `starts`, and every choice."""
+def effect_starts(layout: Layout, effect: BoundEffect, *, refined: bool = False) -> list[Start]:
+    """Return the starting points of an effect: its defaults, its `starts`, and every choice.
+
+    Args:
+        layout: of the plant. effect: one of its effects.
+        refined: with the words of choices that only refine what is there.
+    """
+    refining = {item.name for item in effect.parameters if item.refines and not refined}
     words: dict[str, Sequence[int]] = {}
     for parameter in effect.parameters:
         if parameter.choices:
@@ -76,7 +82,9 @@ def effect_starts(layout: Layout, effect: BoundEffect) -> list[Start]:
         if any(int(point[name]) not in words[name] for name in words if name in point):
             # a part that this plant does not have
             continue
-        open_choices = [name for name in words if name not in point]
+        if any(point.get(name) for name in refining):
+            continue
+        open_choices = [name for name in words if name not in point and name not in refining]
         for combination in itertools.product(*(words[name] for name in open_choices)):
             values = {parameter.name: parameter.default for parameter in effect.parameters}
             values |= point

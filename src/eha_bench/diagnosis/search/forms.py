@@ -37,13 +37,22 @@ def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
         if parameter.choices and parameter.name != AT
     ]
     place = layout.index.get(f"{effect.id}.{AT}")
+    held = held_by(layout, item, fit)
     found = []
-    for start in effect_starts(layout, effect):
+    for start in effect_starts(layout, effect, refined=True):
         settings = dict(start.settings)
         elsewhere = place is not None and settings[place] != fit.vector[place]
         if not elsewhere and any(settings[at] != fit.vector[at] for at in choices):
-            found.append(start)
+            keys = tuple(key for key in start.keys if key not in held)
+            found.append(replace(start, keys=keys))
     return found
+
+
+def held_by(layout: Layout, item: Accepted, fit: Fit) -> set[str]:
+    """Return what the search that found an effect holds (a count of teeth): no form moves it."""
+    effect = layout.effect(item.start.candidate)
+    searched = effect.searched(layout.chosen(effect, fit.vector))
+    return {f"{effect.id}.{parameter.name}" for parameter in searched} - {*item.start.keys}
 
 
 def reform(search: Search, limits: Thresholds) -> bool:
@@ -79,9 +88,11 @@ def _rough(search: Search, item: Accepted, start: Start) -> Fit:
     """Return a rough fit of a form, from the size that the other one has or from its own."""
     index = search.problem.plant.layout.index
     own = start.apply(search.fit.vector)
+    for key in held_by(search.problem.plant.layout, item, search.fit):
+        own[index[key]] = search.fit.vector[index[key]]
     as_found = own.copy()
     for key in item.start.keys:
-        if key in start.keys and key in index:
+        if key in start.keys:
             as_found[index[key]] = search.fit.vector[index[key]]
     coarse = search.problem.at_step(COARSE)
     vector = min((own, as_found), key=lambda one: cost_of(coarse, one))

@@ -1,9 +1,10 @@
 """Dry friction, for something that moves and is declared without it.
 
-    F = -sign(v) F_c [1 + (r - 1) exp(-(v / v_s)^2)];  at rest any force up to r F_c
+    F = -sign(v) F_c [1 + (r - 1) exp(-|v / v_s|^d)];  at rest any force up to r F_c
 
 r is the ratio of static to Coulomb friction: 1, the default, is Coulomb's law alone; v_s is the
-Stribeck velocity.
+Stribeck velocity, and d is 2 (`stribeck`) or 1 (`exponential`, Tustin's law): measured ones lie
+between.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083,
 doi:10.1016/0005-1098(94)90209-7.
@@ -16,7 +17,10 @@ import math
 from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
-_CONSTANT = 0.0
+_CONSTANT, _STRIBECK = 0.0, 1.0
+
+
+_FALLING = ("stribeck", "exponential")
 
 
 def rubbed(
@@ -30,8 +34,9 @@ def rubbed(
     """Return the dry friction, N (or N*m)."""
     if form == _CONSTANT:
         return level + friction_force
-    ratio = speed / stribeck_velocity
-    return level + friction_force * (1.0 + (static_ratio - 1.0) * math.exp(-ratio * ratio))
+    ratio = abs(speed / stribeck_velocity)
+    fall = math.exp(-ratio * ratio) if form == _STRIBECK else math.exp(-ratio)
+    return level + friction_force * (1.0 + (static_ratio - 1.0) * fall)
 
 
 EFFECT = Effect(
@@ -39,11 +44,11 @@ EFFECT = Effect(
     summary="Dry friction that the plant is declared without.",
     parameters=(
         Parameter("friction_force", "{effort}", 0.4, 0.0, 1e6, "F_c"),
-        choice("form", ("constant", "stribeck"), "whether it falls with speed"),
-        Parameter("static_ratio", "", 1.3, 1.0, 5.0, "r", when=("form", ("stribeck",))),
+        choice("form", ("constant", "stribeck", "exponential"), "how it falls with speed"),
+        Parameter("static_ratio", "", 1.3, 1.0, 5.0, "r", when=("form", _FALLING)),
         Parameter(
             "stribeck_velocity", "{stribeck}", 1.0, 1e-6, 100.0, "v_s",
-            "lubricated seals, guides and gears", when=("form", ("stribeck",)),
+            "lubricated seals, guides and gears", when=("form", _FALLING),
         ),
     ),
     actions={"friction": Action({"dry": rubbed}, same_as="coulomb")},

@@ -66,7 +66,8 @@ EFFECT = Effect(
             "asymmetry", "", 0.3, -1.0, 1.0, "a", "of the two edges", when=("edges", ("unequal",))
         ),
         choice("form", FORMS, "whether the corners are rounded"),
-        choice("edges", ("equal", "unequal"), "whether both directions have the same"),
+        choice("edges", ("equal", "unequal"), "whether both directions have the same",
+               refines=True),
         choice("place", ("drive", "motor"), "whether the current sensor sees it"),
     ),
     actions={"motor_drive": Action({"demand": drive, "torque": motor})},

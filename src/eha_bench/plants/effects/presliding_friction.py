@@ -1,8 +1,9 @@
 """Before it slides, dry friction yields like a spring (bristles bend).
 
-    dz/dt = (v - |v| z) / s,   F = F_f (z + tau dz/dt),   -1 <= z <= 1
+    dz/dt = v (1 - sign(v) z)^i / s,   F = F_f (z + tau dz/dt),   -1 <= z <= 1
 
-The LuGre model (tau = sigma_1 / sigma_0), without damping tau Dahl's. z is the share of the dry
+The LuGre model (tau = sigma_1 / sigma_0), without damping tau Dahl's; i is 1 or, where bristles
+soften earlier, 2 (Dahl's exponent; `softening`). z is the share of the dry
 friction F_f that is reached (with its Stribeck fall, where it has one), s the distance over which
 it builds up; sliding further than a few s gives the full friction, and towards s = 0 it sticks.
 Bristles start relaxed where there is rest at the first sample, bent to the end where there is
@@ -17,13 +18,18 @@ from __future__ import annotations
 import math
 
 from eha_bench.plants.effect import Action, Effect
-from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.parameter import Parameter, choice
+
+_LINEAR = 0.0
 
 
-def bend(bristle: float, speed: float, h: float, distance: float) -> float:
+def bend(bristle: float, speed: float, h: float, distance: float, softening: float) -> float:
     """Return how far the bristles are bent after a time h, -1 ... 1 (exact, constant speed)."""
     end = 1.0 if speed > 0.0 else -1.0
-    return end + (bristle - end) * math.exp(-abs(speed) * h / distance)
+    way = abs(speed) * h / distance
+    if softening == _LINEAR:
+        return end + (bristle - end) * math.exp(-way)
+    return end + (bristle - end) / (1.0 + abs(bristle - end) * way)
 
 
 def at_first(speed: float, slow: float) -> float:
@@ -37,10 +43,18 @@ def sticks(level: float) -> float:
 
 
 def pull(
-    effort: float, level: float, speed: float, bristle: float, distance: float, damping_time: float
+    effort: float,
+    level: float,
+    speed: float,
+    bristle: float,
+    distance: float,
+    damping_time: float,
+    softening: float,
 ) -> float:
     """Return the effort less the pull of bent and bending bristles, N (or N*m)."""
     bending = damping_time * (speed - abs(speed) * bristle) / distance
+    if softening != _LINEAR:
+        bending *= 1.0 - bristle if speed > 0.0 else 1.0 + bristle
     return effort - level * (bristle + bending)
 
 
@@ -50,6 +64,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("distance", "{position}", 1.0, 0.0, 10.0, "s"),
         Parameter("damping_time", "s", 5e-4, 0.0, 0.1, "tau", "of the bristles; 0: Dahl"),
+        choice("softening", ("linear", "square"), "how their stiffness falls", refines=True),
     ),
     actions={
         "friction": Action(

@@ -206,9 +206,18 @@ class _Parser:
         for needed in kind.required:
             if needed not in values:
                 raise InputError(
-                    f"a {kind.id} needs '{needed}'", where=self.locate(*keys), hint=kind.summary
+                    f"a {kind.id} needs '{needed}'",
+                    where=self.locate(*keys),
+                    hint=self._addition(kind, needed, tokens),
                 )
         return Element(name, kind, ports, values, refers)
+
+    @staticmethod
+    def _addition(kind: ElementKind, needed: str, tokens: Mapping[str, str]) -> str:
+        """Return how a parameter that is missing is written."""
+        parameter = kind.parameter(needed)
+        unit = None if parameter is None else _unit(parameter, tokens)
+        return f"add '{needed}: ... {unit}'" if unit else f"add '{needed}: ...'"
 
     def known_keys(self, name: str, kind: ElementKind, given: Mapping[str, Any]) -> None:
         """Refuse keys that an element of this kind does not have."""
