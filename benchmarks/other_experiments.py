@@ -19,7 +19,7 @@ from eha_bench.experiment.candidates import (
 )
 from eha_bench.experiment.decision import inner_products, layout_of
 from eha_bench.experiment.hypothesis import read_question, rivals_to_separate
-from eha_bench.experiment.permitted import mode_of, permitted
+from eha_bench.experiment.permitted import mode_of, permitted_ranges
 from eha_bench.experiment.response import Bench, largest, respond
 from eha_bench.suites import Suite, load_suite
 
@@ -40,7 +40,7 @@ class OtherPlanners:
         plant = self.rivals[0].model.plant
         self.plant = plant
         self.bench = Bench.of(question.covered, plant.outputs, plant.command)
-        self.permitted = permitted(
+        self.permitted = permitted_ranges(
             plant, [rival.vector for rival in self.rivals], question.covered, safety
         )
         command = {key: item for key, item in self.permitted.command.items()

@@ -59,7 +59,7 @@ class Search:
         declared = [effect.id for effect in self.model.effects]
         found: dict[str, Start] = {}
         for start in all_starts(layout, self.base, declared, self.keys):
-            if not start.mundane:
+            if not start.is_parameter:
                 found.setdefault(start.candidate, start)
         self.starts = tuple(found.values())
         self.on = np.ones(len(self.starts), dtype=bool)

@@ -16,7 +16,7 @@ from known_search import RUNS, TICKS, LinearProblem, add, search_of, shape, stre
 
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.uncertainty import Spread, spreads
-from eha_bench.diagnosis.outcome.honest import pruned
+from eha_bench.diagnosis.outcome.honest import prune
 from eha_bench.diagnosis.search import backward
 from eha_bench.diagnosis.search.backward import (
     is_loose,
@@ -61,7 +61,7 @@ def test_what_runs_agree_on_stays() -> None:
     search = found(AGREED)
     assert not is_loose(search, search.accepted[-1])
     assert without_idle(search, Thresholds()) is None
-    assert pruned(search) == []
+    assert prune(search) == []
     assert [item.start.candidate for item in search.effects] == [FIRST, SECOND]
     assert strength(search, search.fit, SECOND) == pytest.approx(UNIT, rel=0.1)
 
@@ -76,7 +76,7 @@ def test_little_that_runs_disagree_on_is_not_accepted() -> None:
     assert is_within_disagreement(search, item, fall)
     # the look that it was added in had credited it with what the first did only afterwards
     search.accepted[-1] = replace(item, comparison=search.accepted[0].comparison)
-    (note,) = pruned(search)
+    (note,) = prune(search)
     assert note.startswith("current_lag is not accepted: without it the others explain as much")
     assert [item.start.candidate for item in search.effects] == [FIRST]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eha_bench.diagnosis.data.gate import Measured
-from eha_bench.diagnosis.outcome.confounded import confounded
+from eha_bench.diagnosis.outcome.confounded import confounding_notes
 from eha_bench.plants.channel_roles import KNOWN
 from eha_bench.plants.registry import get_plant
 
@@ -36,7 +36,7 @@ SLOWER = [_run(1e5, 0.012), _run(3e5, 0.009), _run(7e5, 0.006)]
     ],
 )
 def test_it_is_said_where_no_run_tells_them_apart(runs, effect, said) -> None:
-    notes = confounded(runs, [LAYOUT.effect(effect)])
+    notes = confounding_notes(runs, [LAYOUT.effect(effect)])
     assert bool(notes) == said
     if said:
         assert "speed and pressure are confounded" in notes[0]

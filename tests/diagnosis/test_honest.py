@@ -174,7 +174,7 @@ def assert_kept(out: Path, stage: str, effects: list[str]) -> None:
 
 
 def test_a_stage_that_fails_leaves_what_was_found_before(tmp_path, monkeypatch):
-    break_stage(monkeypatch, "scored")
+    break_stage(monkeypatch, "with_replay_errors")
     result = diagnose(write_drive(tmp_path, seconds=1.5), tmp_path / "out")
     assert result.failed is not None
     assert result.failed.stage == "score"

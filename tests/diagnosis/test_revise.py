@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.plants.model import DeclaredEffect, Model
 
 LAG, FRICTION = "current_lag", "coulomb_friction"
@@ -25,7 +25,7 @@ def vector_of(model: Model, **values: float) -> FloatArray:
 def test_estimated_parameters_are_written_and_others_stay() -> None:
     model = Model("linear_drive", {"mass": 90.0})
     vector = vector_of(model, mass=101.5, viscous_friction=7.0)
-    out = revised(model, vector, ["mass"])
+    out = revised_model(model, vector, ["mass"])
     assert dict(out.parameters) == {"mass": 101.5}
     assert dict(model.parameters) == {"mass": 90.0}
 
@@ -34,14 +34,14 @@ def test_a_declared_effect_gets_its_estimate_and_keeps_the_rest() -> None:
     declared = DeclaredEffect(FRICTION, {"friction_force": 5.0, "static_ratio": 1.5})
     model = Model("linear_drive", effects=(declared,))
     vector = vector_of(model, coulomb_friction__friction_force=7.5, mass=1.0)
-    (effect,) = revised(model, vector, [f"{FRICTION}.friction_force"]).effects
+    (effect,) = revised_model(model, vector, [f"{FRICTION}.friction_force"]).effects
     assert dict(effect.values) == {"friction_force": 7.5, "static_ratio": 1.5}
 
 
 def test_an_added_effect_stands_with_all_its_values() -> None:
     model = Model("linear_drive")
     vector = vector_of(model, current_lag__time_constant=0.003)
-    out = revised(model, vector, [], [LAG])
+    out = revised_model(model, vector, [], [LAG])
     assert [(item.id, dict(item.values)) for item in out.effects] == [
         (LAG, {"time_constant": 0.003})
     ]
@@ -54,7 +54,7 @@ def test_a_choice_is_written_as_its_word() -> None:
     parameter = next(item for item in effect.parameters if item.choices)
     for number, word in enumerate(parameter.choices):
         key = f"asymmetric_friction__{parameter.name}"
-        out = revised(model, vector_of(model, **{key: float(number)}), [], [effect.id])
+        out = revised_model(model, vector_of(model, **{key: float(number)}), [], [effect.id])
         assert out.effects[0].values[parameter.name] == word
 
 
@@ -65,7 +65,7 @@ def test_a_learned_curve_is_written_knot_by_knot() -> None:
     at = model.plant.layout.index[f"learned.{curve.name}"]
     vector = model.vector().copy()
     vector[at : at + curve.size] = np.linspace(-1.0, 2.0, curve.size)
-    out = revised(model, vector, [], ["learned"])
+    out = revised_model(model, vector, [], ["learned"])
     assert out.effects[0].values[curve.name] == pytest.approx(np.linspace(-1.0, 2.0, curve.size))
 
 
@@ -73,7 +73,7 @@ def test_what_a_run_or_a_clock_has_of_its_own_is_no_model_s() -> None:
     model = Model("linear_drive")
     keys = ["mass in first.csv", "lateness of log", f"{LAG}.time_constant"]
     # an estimate of an effect that is neither declared nor added is not written either
-    assert revised(model, vector_of(model, current_lag__time_constant=0.01), keys) == model
+    assert revised_model(model, vector_of(model, current_lag__time_constant=0.01), keys) == model
 
 
 @given(
@@ -88,4 +88,4 @@ def test_the_revised_model_simulates_with_the_fitted_vector(
 ) -> None:
     model = Model("linear_drive")
     vector = vector_of(model, current_lag__time_constant=lag, **values)
-    assert np.array_equal(revised(model, vector, list(values), [LAG]).vector(), vector)
+    assert np.array_equal(revised_model(model, vector, list(values), [LAG]).vector(), vector)

@@ -211,7 +211,7 @@ def test_an_effect_beside_a_remainder_stands_where_nothing_else_explains_as_much
 ) -> None:
     """Of 30 %: where it acts in the balance of the rest, and no curve explains as much."""
     item = SimpleNamespace(
-        start=SimpleNamespace(candidate="seal_friction", mundane=False, equation="force")
+        start=SimpleNamespace(candidate="seal_friction", is_parameter=False, equation="force")
     )
     base, left = (Excess(size, 1000, 50.0, {}) for size in (missing, 0.7 * missing))
     search = Search(

@@ -8,7 +8,6 @@ import pytest
 from writing import only, refusal, with_signal
 
 from eha_bench.suites import trial_from_source
-from eha_bench.suites.trial_source import signal_as_written
 
 CSV = "t,angle,note\n0,50,a\n500,60,b\n1500,55,c\n"
 SIGNAL = (
@@ -31,7 +30,7 @@ def test_recording_needs_no_file(tmp_path: Path) -> None:
     trial = only(tmp_path, TEXT)
     (tmp_path / "walk.csv").unlink()
     assert trial_from_source(trial.source) == trial
-    assert signal_as_written(trial.signal).file == "walk.csv"
+    assert trial.signal.whole.file == "walk.csv"
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])

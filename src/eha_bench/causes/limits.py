@@ -24,7 +24,7 @@ from eha_bench.causes.keeping import Kept
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.limit import AcceptanceLimit
-from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.plants.model import Model
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.evaluation import figures_of_case, score_key
@@ -161,7 +161,7 @@ class CauseLimits:
             for key, place in self._model.plant.layout.index.items()
             if vector[place] != own[place]
         )
-        model = revised(self._model, vector, changed, effects)
+        model = revised_model(self._model, vector, changed, effects)
         try:
             simulator = self._case.simulator.varied(model=model)
             values = dict(figures_of_case(Case(self._case.suite, simulator)).values)

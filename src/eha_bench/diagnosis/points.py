@@ -38,7 +38,7 @@ from eha_bench.diagnosis.outcome.diagnosis import (
     Unknown,
     Verdict,
 )
-from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.replay.errors_by_channel import replay_errors
 from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
@@ -262,7 +262,7 @@ def _diagnosis(
         f"{sum(item.measured.size for item in training)} operating points were fitted; "
         f"chi-square {base.left:.3g} before"
     ]
-    recalibrated = revised(model, base.vector, own)
+    recalibrated = revised_model(model, base.vector, own)
     believed = [item for item in ranked if item.chance > _BELIEVED]
     effects: tuple[FoundEffect, ...] = ()
     equivalent: tuple[tuple[str, ...], ...] = ()
@@ -279,21 +279,21 @@ def _diagnosis(
     added: list[str] = []
     keys = [*own]
     if best is not None and best.start is not None:
-        if best.start.mundane:
+        if best.start.is_parameter:
             verdict = Verdict.NONE
             keys += best.start.keys
             notes.append(f"{best.start.keys[0]} is off: the points ask for another value")
         else:
             added.append(best.start.candidate)
             effects = (_effect(plant, best, base),)
-        others = [item for item in believed[1:] if item.start and not item.start.mundane]
+        others = [item for item in believed[1:] if item.start and not item.start.is_parameter]
         if others and effects:
             equivalent = (
                 (effects[0].id, *(item.start.candidate for item in others if item.start)),
             )
             notes += [_stretch(plant, item) for item in others]
     separate = {name: plant.layout.effect(name).separate for group in equivalent for name in group}
-    after = revised(model, final.vector, keys, added)
+    after = revised_model(model, final.vector, keys, added)
     held_out = [_points(run, plant) for run in dataset.held_out]
     models = (model, recalibrated, after)
     replays = tuple(_replayed(plant, item, models) for item in (*training, *held_out))
@@ -389,7 +389,7 @@ def _line(
     assert item.start is not None
     score = 1.0 - item.left / max(base.left, 1e-300)
     error = float(np.sqrt(item.left))
-    if item is best and not item.start.mundane:
+    if item is best and not item.start.is_parameter:
         reason = ADDED
     elif item is best:
         reason = "a parameter's value explains the points; no effect is needed"

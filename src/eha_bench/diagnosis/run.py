@@ -64,10 +64,10 @@ from eha_bench.diagnosis.outcome.findings import (
     own_estimates,
     units_of,
 )
-from eha_bench.diagnosis.outcome.honest import curve_is_worse, pruned, worse
-from eha_bench.diagnosis.outcome.model_errors import held_out_windows, scored, scores_of
+from eha_bench.diagnosis.outcome.honest import curve_is_worse, prune, worse
+from eha_bench.diagnosis.outcome.model_errors import held_out_windows, scores_of, with_replay_errors
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
-from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
@@ -236,7 +236,7 @@ def _estimated(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration
     late = lateness_estimates(places, values)
     notes += lateness_note(late)
     return Calibration(
-        revised(model, vector, ended.keys),
+        revised_model(model, vector, ended.keys),
         {key: item for key, item in values.items() if key in places.layout.index},
         undetermined_directions(end.fit),
         {},
@@ -399,7 +399,7 @@ class _Closing:
             self.base, self.search = own
             stepwise.run(self.search, self._on_progress)
         self.stage = "decide"
-        self.refused = pruned(self.search)
+        self.refused = prune(self.search)
         self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
 
     def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
@@ -463,7 +463,7 @@ class _Closing:
         self.stage = "score"
         base = self.base.at_angles(starts_of(self.search.problem))
         try:
-            found = scored(
+            found = with_replay_errors(
                 self.found, self.dataset, base, self.search.base.vector, self._on_progress
             )
         except KeyboardInterrupt:
@@ -509,7 +509,7 @@ class _Closing:
 
 def _unsearched(dataset: Dataset, base: Baseline, decision: Decision) -> Diagnosis:
     """Return what a calibration alone says, without intervals: no run is simulated here."""
-    model = revised(dataset.model, base.fit.vector, base.keys)
+    model = revised_model(dataset.model, base.fit.vector, base.keys)
     return Diagnosis(
         decision.verdict,
         model,

@@ -62,7 +62,7 @@ class Permitted:
     words: str
 
 
-def permitted(plant: Plant, vectors: Sequence[np.ndarray], covered: Covered,
+def permitted_ranges(plant: Plant, vectors: Sequence[np.ndarray], covered: Covered,
               safety: str | Path | None) -> Permitted:  # fmt: skip
     """Return what a safety file permits; without one, what the recordings have already been to.
 

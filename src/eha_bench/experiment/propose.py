@@ -54,7 +54,7 @@ from eha_bench.experiment.permitted import (
     Permitted,
     SetUp,
     mode_of,
-    permitted,
+    permitted_ranges,
 )
 from eha_bench.experiment.proposal import PlannedTrial, Proposal, ProposalEnding, Width
 from eha_bench.experiment.response import Bench, Responses, largest, respond
@@ -154,7 +154,7 @@ class _ExperimentSearch:
             )
         self.plant = plant
         self.bench = Bench.of(question.covered, plant.outputs, plant.command)
-        self.permitted: Permitted = permitted(
+        self.permitted: Permitted = permitted_ranges(
             plant, [rival.vector for rival in self.rivals], question.covered, safety
         )
         self.plan = ExperimentSettings(

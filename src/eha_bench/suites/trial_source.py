@@ -15,13 +15,12 @@ from pydantic import Field
 
 from eha_bench.core import plugins
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.excerpt import Excerpt, signal_of_length
+from eha_bench.core.excerpt import signal_of_length
 from eha_bench.core.limit import AcceptanceLimit, Bounds, Repeats, SafetyLimit
 from eha_bench.core.margin import EquivalenceMargin
 from eha_bench.core.near_miss import suggest
 from eha_bench.core.own_metric import OwnMetric
 from eha_bench.core.plugin_class import check_class
-from eha_bench.core.signal import Signal
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Setup, Trial
 from eha_bench.core.yaml_file import Places, StrictModel, validate
 from eha_bench.suites.identifiers import check_identifier
@@ -300,8 +299,3 @@ def signal_from(
     check_class(model, SignalModel, f"signal '{kind}'", where=place("kind"))
     prefix = () if places else ("signal",)
     return validate(model, content, file, prefix, context=context, places=places)
-
-
-def signal_as_written(signal: Signal) -> Signal:
-    """Return the signal as the suite wrote it, without the cut to the trial's length."""
-    return signal.whole if isinstance(signal, Excerpt) else signal

@@ -87,7 +87,7 @@ class Baseline:
         dataset: with the declared model.
         measured: training runs that passed the gate.
         problem: residuals over their windows.
-        fit: of the parameters under `calibrate` and what is mundane.
+        fit: of the parameters under `calibrate`, and of nuisance parameters.
         keys: what was fitted.
         nuisance: those of `keys` that the model file does not list.
         notes: what the gate found.
@@ -220,7 +220,7 @@ class CalibrationInterrupted(KeyboardInterrupt):
 
 
 def calibrated_baseline(dataset: Dataset, progress: ProgressHook = no_progress) -> Baseline:
-    """Fit the parameters under `calibrate`, and what is mundane, to all training runs.
+    """Fit the parameters under `calibrate`, and nuisance parameters, to all training runs.
 
     Raises:
         InputError: nothing to calibrate with.

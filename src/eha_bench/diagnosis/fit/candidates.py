@@ -1,7 +1,7 @@
-"""What may be missing: every registered effect at its starting points, and mundane alternatives.
+"""What may be missing: every registered effect at its starting points, and assumed parameters.
 
-A mundane alternative is a plant parameter whose value is only assumed: where it explains the
-residual as well as an effect does, no effect is named.
+A plant parameter whose value is only assumed is a candidate too: where it explains the residual as
+well as an effect does, no effect is named.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ class Start:
     """One point from which a candidate's search begins.
 
     Attributes:
-        candidate: effect's id, or `parameter:name` for a mundane alternative.
+        candidate: effect's id, or `parameter:name` for an assumed parameter.
         settings: place in the vector -> value, the strength's included.
         strength_at: place of the strength; neutral: its value where the candidate is off.
         strength: its starting size.
         low, high: bounds of the strength.
         keys: what a refit moves.
-        equation: balance it acts in ("" for a mundane alternative).
+        equation: balance it acts in ("" for a parameter).
     """
 
     candidate: str
@@ -57,8 +57,8 @@ class Start:
         return out
 
     @property
-    def mundane(self) -> bool:
-        """Whether it is not an effect but a parameter that is only assumed."""
+    def is_parameter(self) -> bool:
+        """Whether it is a parameter that is only assumed, not an effect."""
         return self.candidate.startswith("parameter:")
 
 

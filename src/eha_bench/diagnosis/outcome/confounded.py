@@ -29,7 +29,9 @@ _PRESSED = {"p_a", "p_b", "pump_load", "difference"}
 """What laws name that follow a pressure."""
 
 
-def confounded(measured: Sequence[Measured], effects: Sequence[BoundEffect]) -> tuple[str, ...]:
+def confounding_notes(
+    measured: Sequence[Measured], effects: Sequence[BoundEffect]
+) -> tuple[str, ...]:
     """Return what speaks of effects that follow a pressure where speed changes with it.
 
     Args:

@@ -110,7 +110,7 @@ def _beside_a_remainder(
     """
     known = search.snapshot()
     names = ", ".join(item.start.candidate for item in known.effects)
-    search.accepted = [item for item in search.accepted if item.start.mundane]
+    search.accepted = [item for item in search.accepted if item.start.is_parameter]
     search.fit = search.base
     text = f"the best known effects explain less than half of it: {names}"
     found = _unknown(search, step, progress, (*notes, text))

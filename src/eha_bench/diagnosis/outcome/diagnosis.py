@@ -154,7 +154,7 @@ class Diagnosis:
         failed: the stage that failed, if any: what was found before it stands.
         rivals: what was found, and its rivals, each as a model with its covariance.
         covered: where the training recordings have been.
-        lateness: clock of a log -> s by which its stamps are late by always the same: mundane.
+        lateness: clock of a log -> s by which its stamps are late by always the same.
         seconds: how long it took.
         simulations: how many simulations of all training data that equals, by simulated time.
     """

@@ -23,10 +23,10 @@ from eha_bench.diagnosis.fit.uncertainty import (
     spreads,
     undetermined_directions,
 )
-from eha_bench.diagnosis.outcome.confounded import confounded
+from eha_bench.diagnosis.outcome.confounded import confounding_notes
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import ADDED, Diagnosis, FoundEffect, RankLine, Verdict
-from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import found_rival
 from eha_bench.diagnosis.search.state import RankedCandidate, Search
 from eha_bench.plants.effect import AT, BoundEffect
@@ -47,8 +47,8 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     added = [item.start.candidate for item in search.effects]
     if decision.unknown is not None and decision.learned:
         added.append(LEARNED)
-    mundane = [item.start.keys[0] for item in search.accepted if item.start.mundane]
-    keys = [*base.keys, *mundane]
+    assumed = [item.start.keys[0] for item in search.accepted if item.start.is_parameter]
+    keys = [*base.keys, *assumed]
     profiles = _profiles(search, decision, fit)
     values = estimates(fit, search.groups, units_of(model), profiles, end.shifts)
     ended = convergence(fit, base.starts, base.agreed)
@@ -93,7 +93,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
             continue
         text = f"friction at rest was estimated: {key} = {fit.vector[layout.index[key]]:.3g}"
         notes.append(f"{text} {layout.by_key[key].unit}")
-    for key in mundane:
+    for key in assumed:
         notes.append(
             f"{key} is only assumed in the model; the data ask for "
             f"{fit.vector[layout.index[key]]:.4g} {layout.by_key[key].unit}"
@@ -107,12 +107,12 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     )  # fmt: skip
     if decision.verdict is not Verdict.NONE:
         named = [layout.effect(item.start.candidate) for item in search.effects]
-        notes += confounded(base.measured, named)
-    final = revised(model, fit.vector, keys, added)
+        notes += confounding_notes(base.measured, named)
+    final = revised_model(model, fit.vector, keys, added)
     return Diagnosis(
         decision.verdict,
         final,
-        revised(model, search.base.vector, base.keys),
+        revised_model(model, search.base.vector, base.keys),
         tuple(effects) if decision.verdict is not Verdict.NONE else (),
         decision.unknown,
         groups,

@@ -33,7 +33,7 @@ _CLEAR = 4.0
 hardest strength had 8 and more, what forms within the noise imitate has 2."""
 
 
-def pruned(search: Search, limits: Thresholds | None = None) -> list[str]:
+def prune(search: Search, limits: Thresholds | None = None) -> list[str]:
     """Take out of a search what its own figures speak against; say what, one sentence each."""
     limits = limits or Thresholds()
     if not search.effects:

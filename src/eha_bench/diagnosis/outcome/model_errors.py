@@ -30,7 +30,7 @@ from eha_bench.diagnosis.fit.start_angles import (
 )
 from eha_bench.diagnosis.fit.uncertainty import Estimate
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
-from eha_bench.diagnosis.outcome.rivals import covered
+from eha_bench.diagnosis.outcome.rivals import covered_ranges
 from eha_bench.diagnosis.replay.errors_by_channel import (
     ChannelError,
     floors,
@@ -70,7 +70,7 @@ class Scores:
         }
 
 
-def scored(
+def with_replay_errors(
     found: Diagnosis,
     dataset: Dataset,
     base: Baseline,
@@ -93,7 +93,9 @@ def scored(
     )
     models = (dataset.model, found.recalibrated, found.revised)
     scores = scores_of(dataset, base, models, vectors, progress)
-    seen = covered(base.measured, base.problem.noise, scores.errors[Use.TRAIN], dataset.source)
+    seen = covered_ranges(
+        base.measured, base.problem.noise, scores.errors[Use.TRAIN], dataset.source
+    )
     fields = scores.fields(found.per_run, found.notes)
     return replace(found, replays=scores.replays, covered=seen, **fields)
 

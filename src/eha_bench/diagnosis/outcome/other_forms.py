@@ -30,7 +30,7 @@ def other_forms(search: Search, item: Accepted, start: Start, fit: Fit) -> list[
     Returns:
         What differs, in words, and the fit.
     """
-    if start.mundane:
+    if start.is_parameter:
         return []
     layout = search.problem.plant.layout
     effect = layout.effect(start.candidate)

@@ -28,7 +28,7 @@ from eha_bench.diagnosis.fit.wandering import (
 )
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
-from eha_bench.diagnosis.search.renoised import renoised
+from eha_bench.diagnosis.search.other_noise import refitted_search
 from eha_bench.diagnosis.search.state import Search
 
 _LITTLE = 0.2
@@ -75,7 +75,7 @@ def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | 
             wander = {}
         else:
             problem, fit = wandered, beside
-    found = renoised(search, problem, fit)
+    found = refitted_search(search, problem, fit)
     return _with_noise(replace(base, fit=found.base), problem, wander), found
 
 

@@ -8,7 +8,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.model import DeclaredEffect, Model
 
 
-def revised(
+def revised_model(
     model: Model, vector: FloatArray, keys: Sequence[str], effects: Sequence[str] = ()
 ) -> Model:
     """Return a model with some parameters and effects as a vector has them.

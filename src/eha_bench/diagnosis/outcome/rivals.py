@@ -24,7 +24,7 @@ from eha_bench.diagnosis.fit.uncertainty import posterior
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.other_forms import other_forms
-from eha_bench.diagnosis.outcome.revise import revised
+from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Rival, Standing
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search.refit import free_of
@@ -103,7 +103,7 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
         for trial in look
         if trial.candidate != name
         and trial.candidate not in item.equivalent
-        and not trial.start.mundane
+        and not trial.start.is_parameter
         and trial.comparison.gain > _WORTH * own.comparison.gain
         and trial.fit.residual.size == search.fit.residual.size
     ]
@@ -141,7 +141,7 @@ def _rival(
     plants_own = {item.name for item in layout.parameters}
     keys = [item.key for item in fit.free if item.key in plants_own]
     keys += [item.key for item in fit.free if item.key.rpartition(".")[0] in search.declared]
-    model = revised(plain, fit.vector, keys, added)
+    model = revised_model(plain, fit.vector, keys, added)
     covariance = posterior(fit, search.groups)
     return Rival(name_of(model, added), tuple(added), standing, behind, model, covariance)
 
@@ -182,7 +182,7 @@ def _followed(item: LocatedCurve) -> str:
     return item.template.variable
 
 
-def covered(
+def covered_ranges(
     runs: Sequence[Measured],
     noise: Mapping[str, float],
     errors: Mapping[str, ChannelError],

@@ -35,7 +35,7 @@ def exchange(search: Search, limits: Thresholds) -> bool:
     for item in list(search.accepted):
         place = search.accepted.index(item)
         starts = _rivals(search, item)
-        if item.start.mundane or not starts:
+        if item.start.is_parameter or not starts:
             continue
         others = [other for other in search.accepted if other is not item]
         best = _best(search, item, others, starts)
@@ -79,7 +79,7 @@ def _rivals(search: Search, item: Accepted) -> list[Start]:
     kept = [name for name in taken if name != item.start.candidate]
     starts = starts_of(search, kept)
     return [
-        *(s for s in starts if s.candidate in set(names) - turning and not s.mundane),
+        *(s for s in starts if s.candidate in set(names) - turning and not s.is_parameter),
         *(s for s in scanned if s.candidate in turning),
     ]
 

@@ -58,7 +58,7 @@ def held_by(layout: Layout, item: Accepted, fit: Fit) -> set[str]:
 def reform(search: Search, limits: Thresholds) -> bool:
     """Give what was added last its form that fits best; return whether that is another one."""
     item = search.accepted[-1]
-    if item.start.mundane:
+    if item.start.is_parameter:
         return False
     starts = forms_of(search.problem.plant.layout, item, search.fit)
     kept = search.accepted

@@ -390,7 +390,7 @@ class Near:
         layout = self.search.problem.plant.layout
         starts, near = item.starts, item.fit
         added = [*starts, *(item.start for item in self.search.accepted)]
-        turns = any(not s.mundane and is_periodic(layout.effect(s.candidate)) for s in added)
+        turns = any(not s.is_parameter and is_periodic(layout.effect(s.candidate)) for s in added)
         problem = self.coarse
         if turns:
             # over whole runs the phase is lost before the parameters are right

@@ -177,7 +177,7 @@ def starting_point(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
     """
     share = 1.0
     while True:
-        vector = started(item, fit.vector, share)
+        vector = started_vector(item, fit.vector, share)
         cost = cost_of(problem, vector)
         if cost <= fit.cost or share < _SMALLEST:
             break
@@ -186,7 +186,7 @@ def starting_point(problem: Problem, item: Screened, fit: Fit) -> FloatArray:
     return probed if cost_of(problem, probed) < cost else vector
 
 
-def started(item: Screened, vector: FloatArray, share: float = 1.0) -> FloatArray:
+def started_vector(item: Screened, vector: FloatArray, share: float = 1.0) -> FloatArray:
     """Return a vector with a screened candidate on, at a share of the size that was predicted."""
     # a predicted amplitude is a fraction of the real one; never start from nothing
     size = share * float(np.sign(item.amplitude) or 1.0) * max(abs(item.amplitude), 1e-3)

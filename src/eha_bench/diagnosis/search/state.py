@@ -113,7 +113,7 @@ class Search:
     @property
     def effects(self) -> list[Accepted]:
         """What was added and is an effect."""
-        return [item for item in self.accepted if not item.start.mundane]
+        return [item for item in self.accepted if not item.start.is_parameter]
 
 
 def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:

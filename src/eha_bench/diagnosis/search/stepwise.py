@@ -1,7 +1,7 @@
 """Finds what is missing, one effect after the other, with another look at those already found.
 
-Everything that is mundane (calibrated parameters, start states, noise, friction at rest) is fitted
-with every candidate; a candidate is credited only with what these cannot do.
+Nuisance parameters (calibrated ones, start states, noise, friction at rest) are fitted with every
+candidate; a candidate is credited only with what these cannot do.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def _refused_for_its_share(search: Search, limits: Thresholds) -> bool:
     return any(
         limits.allow(item.comparison)
         for item in search.looks[-1]
-        if not item.start.mundane and item.candidate not in added
+        if not item.start.is_parameter and item.candidate not in added
     )
 
 
@@ -337,9 +337,9 @@ def _choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refi
         return None
     chosen = good[0]
     for item in good:
-        # what is mundane is preferred where it explains as much
+        # a parameter is preferred where it explains as much
         behind = item.fit.cost - chosen.fit.cost
-        if item.start.mundane and behind < 0.02 * chosen.comparison.gain:
+        if item.start.is_parameter and behind < 0.02 * chosen.comparison.gain:
             return item
     tied = tie(chosen.comparison.gain, chosen.fit.residual.size)
     alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
@@ -357,7 +357,7 @@ def equivalents(chosen: Refit, trials: Sequence[Refit], groups: Groups) -> tuple
     """Return candidates whose fit is not worse than the chosen one's beyond resampling noise."""
     found = []
     for item in trials:
-        if item.candidate == chosen.candidate or item.start.mundane:
+        if item.candidate == chosen.candidate or item.start.is_parameter:
             continue
         if item.comparison.gain < 0.5 * chosen.comparison.gain:
             continue

@@ -359,12 +359,6 @@ def _written(values: NDArray[Any]) -> tuple[dict[str, Any], bytes]:
     return {"dtype": plain.dtype.str, "shape": list(plain.shape)}, plain.tobytes()
 
 
-def _text(value: Any) -> str | float | None:
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
-    return value if isinstance(value, (str, int, float)) else None
-
-
 def main() -> None:
     """Entry point of the other process: KIND PATH MEMORY SECONDS."""
     kind, path, memory, seconds = sys.argv[1:5]

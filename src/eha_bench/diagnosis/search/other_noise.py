@@ -11,7 +11,7 @@ from eha_bench.diagnosis.search.backward import drop, without
 from eha_bench.diagnosis.search.state import Search, Thresholds
 
 
-def renoised(
+def refitted_search(
     search: Search, problem: Problem, fit: Fit, limits: Thresholds | None = None
 ) -> Search:
     """Return a search with what was found fitted again, less what is not believed there.
