@@ -33,9 +33,10 @@ _DAMPINGS = (0.15, 0.3, 0.5, 0.7, 0.9, 1.3)
 _BOX = np.array([[-3.0, -9.0], [1.5, 9.0]])
 """Logarithm of s and w^2, times the transit and its square: what is looked at first."""
 _LATTICE = 17
-_ZOOMS = 8
+_ZOOMS = 12
 _ENOUGH = 60
 _FARTHEST = 16.0
+_NEAREST = 4
 _SPEEDS = (0.4, 0.6, 0.9, 1.3, 2.0)  # natural frequency times the transit
 
 
@@ -121,7 +122,7 @@ def _settled(parameters: FloatArray, grid: FloatArray, band: float) -> FloatArra
 def _last_outside(
     c: FloatArray, s: FloatArray, linear: FloatArray, grid: FloatArray, band: float
 ) -> FloatArray:
-    """Return when each of (k, n) modes, by linear parameters (k, 3), is last outside of the band."""
+    """Return when each of (k, n) modes, by linear parameters (k, 3), is last outside."""
     away = np.abs(linear[:, :1] * c + linear[:, 1:2] * s)
     outside = away > band
     last = np.where(outside.any(axis=1), grid.size - 1 - np.argmax(outside[:, ::-1], axis=1), 0)
@@ -235,18 +236,21 @@ def _likely(
     width = step.transit * float(step.time[-1] - step.time[0]) / (step.time.size - 1)
     place = np.array([best[0] + math.log(width), best[1] * width**2])
     low, high = np.minimum(_BOX[0], place - 0.5), np.maximum(_BOX[1], place + 0.5)
+    least = float(_fitted(time, values, best[:1], best[1:2], width).left[0])
     for _ in range(_ZOOMS):
         axes = [np.linspace(*ends, _LATTICE) for ends in zip(low, high, strict=True)]
         logs, squares = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
         found = _fitted(time, values, logs - math.log(width), squares / width**2, width)
-        rest = (found.left - float(found.left.min())) / variance
+        rest = (found.left - min(least, float(found.left.min()))) / variance
         near = rest <= _FARTHEST
         if np.count_nonzero(near) >= _ENOUGH:
             break
+        # a lattice that is too coarse misses the best, which stays within
+        kept = near | (rest <= np.partition(rest, _NEAREST)[_NEAREST])
         cell = (high - low) / (_LATTICE - 1)
-        ends = [(float(one[near].min()), float(one[near].max())) for one in (logs, squares)]
-        low = np.maximum(low, [pair[0] for pair in ends] - cell)
-        high = np.minimum(high, [pair[1] for pair in ends] + cell)
+        places = np.column_stack((logs, squares))[kept]
+        low = np.maximum(low, np.minimum(places.min(axis=0), place) - cell)
+        high = np.minimum(high, np.maximum(places.max(axis=0), place) + cell)
     return _Poles(
         found.logs[near], found.squares[near], found.linear[near], found.roots[near],
         found.left[near],
@@ -274,7 +278,7 @@ def _fitted(
 def _slower(
     step: StepResponse, tail: SettlingTail, time: FloatArray, grid: FloatArray, band: float
 ) -> float:
-    """Return how many times as much noise moves the settling time as white noise would, 1 or more."""
+    """Return how much more the settling time varies than in white noise, 1 or more times."""
     if step.noise.autocovariance.size == 1:
         return 1.0
     total, white = _covariances(tail.parameters, time, step.noise)

@@ -11,10 +11,10 @@ that. So the mean is taken over all noise that it may be, each as likely as the 
 B the faster part of the autoregression that fits best. Before the data are seen, both kinds are as
 likely, as is every r, and every octave of f_c; s is unknown. How likely the data are is Whittle's
 likelihood by what the periodogram of a window is expected to be, its straight line removed, rather
-than by the spectrum itself, which a short window smears (A. M. Sykulski, S. C. Olhede, A. P. Guillaumin,
-J. M. Lilly, J. J. Early, Biometrika 106, 2019, doi:10.1093/biomet/asy071). Given a kind, the
-mean divided by its standard deviation has Student's distribution; all together are a mixture of
-them, which is summed up by the Student's distribution with the same 68 and 95 %.
+than by the spectrum itself, which a short window smears (A. M. Sykulski and others, Biometrika
+106, 2019, doi:10.1093/biomet/asy071). Given a kind, the mean divided by its standard deviation has
+Student's distribution; all together are a mixture of them, which is summed up by the Student's
+distribution with the same 68 and 95 %.
 """
 
 from __future__ import annotations
