@@ -95,3 +95,14 @@ def test_a_periodogram_is_expected_to_be_what_simulation_makes_it(count):
     mean = np.mean(np.abs(np.fft.rfft(made)[:, lines]) ** 2, axis=0) / count
     found = _expected(0.9 ** np.arange(count)[None, :], count)[0]
     assert found == pytest.approx(mean, rel=0.12)
+
+
+def test_of_a_long_window_means_over_blocks_say_the_same():
+    rng = np.random.default_rng(6)
+    values = slow(rng, 4000, 0.97)
+    plain = held_noise(values, [values[-800:]], [])
+    assert plain.means.block == 5
+    variance, freedom = plain.of_mean(800)
+    expected = (1.0 + 0.97) / (1.0 - 0.97) / 800.0
+    assert 0.4 * expected < variance < 2.5 * expected
+    assert freedom > 5.0

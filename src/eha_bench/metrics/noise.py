@@ -23,6 +23,7 @@ from eha_bench.metrics.slow_noise import SlowNoise, slow_noise
 _FEWEST = 8
 _HIGHEST_ORDER = 12
 _LONGEST = 2000
+_BLOCKS = 400  # of a window, at most, that what is slow in it is told from
 _FEW_LAGS = 40  # up to which adding lag by lag is quicker than a transform
 _LEFT = 0.3  # least share of the noise's variance that a fitted line is taken to leave
 _SLOW = 0.3  # coefficient of an autoregression below which its bias is no matter
@@ -228,11 +229,23 @@ def estimate(segments: Sequence[FloatArray]) -> Noise:
 
 def with_means(noise: Noise, segments: Sequence[FloatArray]) -> Noise:
     """Return noise with what it may be besides, by settled stretches, where it is slow."""
-    residuals = [detrended(segment) for segment in segments if segment.size >= _FEWEST]
+    usable = [segment for segment in segments if segment.size >= _FEWEST]
+    if not usable:
+        return noise
+    # of long windows, means over blocks tell as much of what is slow, and quicker
+    block = math.ceil(max(segment.size for segment in usable) / _BLOCKS)
+    whole = [segment for segment in usable if segment.size // block >= _FEWEST]
+    residuals = [detrended(_blocks(segment, block)) for segment in whole]
     if not any(np.any(residual) for residual in residuals):
         return noise
     coefficients = _burg(residuals, sum(residual.size for residual in residuals))
-    return replace(noise, means=slow_noise(residuals, coefficients))
+    return replace(noise, means=slow_noise(residuals, coefficients, block))
+
+
+def _blocks(values: FloatArray, block: int) -> FloatArray:
+    """Return the means of (n,) values over blocks, what is left over at the start not used."""
+    left = values.size % block
+    return values if block == 1 else np.asarray(values[left:].reshape(-1, block).mean(axis=1))
 
 
 def _low(

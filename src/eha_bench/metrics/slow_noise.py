@@ -37,7 +37,6 @@ _HIGHEST = 50.0  # corner, cycles a sample: no white noise is seen any more
 _SLOWEST = 4.0  # windows: what lasts longer is a drift along all of them
 _LOWEST = 0.05  # over the length of a window: below, no more power of 1 / f is counted
 _FINER = 8  # lines of the model for one of the longest window
-_LONGEST = 8192  # samples of a window: of more, no estimate is uncertain
 _SIZES = np.geomspace(0.02, 50.0, 160)  # of a deviation from the mean, on a scale of its own
 _FREEDOMS = np.geomspace(1.0, 400.0, 80)
 
@@ -51,22 +50,21 @@ class SlowNoise:
         weights: (k,) how likely each is, 1 in sum.
         freedom: degrees of freedom of the size of each.
         decays: whether the correlation of its slowest part was left open.
+        block: samples whose mean is one lag.
     """
 
     autocovariances: FloatArray
     weights: FloatArray
     freedom: float
     decays: bool
-
-    def scaled(self, factor: float) -> SlowNoise:
-        """Return that of the data times a factor."""
-        return SlowNoise(factor**2 * self.autocovariances, self.weights, self.freedom, self.decays)
+    block: int = 1
 
     def of_mean(self, count: int) -> tuple[float, float]:
         """Return variance and degrees of freedom of the mean of `count` consecutive samples."""
-        lags = np.arange(1, min(count, self.autocovariances.shape[1]))
-        pairs = self.autocovariances[:, 1 : lags.size + 1] @ (count - lags)
-        variances = (count * self.autocovariances[:, 0] + 2.0 * pairs) / (count * count)
+        blocks = max(count / self.block, 1.0)
+        lags = np.arange(1, min(math.ceil(blocks), self.autocovariances.shape[1]))
+        pairs = self.autocovariances[:, 1 : lags.size + 1] @ (blocks - lags)
+        variances = (blocks * self.autocovariances[:, 0] + 2.0 * pairs) / (blocks * blocks)
         deviations = np.sqrt(np.maximum(variances, 0.0))
         scale = float(self.weights @ deviations)
         if not scale > 0.0:
@@ -89,15 +87,18 @@ def _ratios() -> FloatArray:
     return np.asarray(stdtrit(_FREEDOMS, 0.975) / stdtrit(_FREEDOMS, upper))
 
 
-def slow_noise(residuals: Sequence[FloatArray], coefficients: FloatArray) -> SlowNoise | None:
-    """Return what noise it may be where it is correlated and its windows are not too long.
+def slow_noise(
+    residuals: Sequence[FloatArray], coefficients: FloatArray, block: int = 1
+) -> SlowNoise | None:
+    """Return what noise it may be where it is correlated; else None.
 
     Args:
         residuals: (n,) each, of straight lines fitted to settled windows.
         coefficients: (p,) of the autoregression x[k] = sum a[i] x[k-1-i] + e that fits them best.
+        block: samples that each residual is the mean of.
     """
     longest = max(residual.size for residual in residuals)
-    if coefficients.size == 0 or longest > _LONGEST:
+    if coefficients.size == 0:
         return None
     poles = np.roots(np.concatenate([[1.0], -coefficients]))
     place = int(np.argmax(np.abs(poles)))
@@ -118,6 +119,7 @@ def slow_noise(residuals: Sequence[FloatArray], coefficients: FloatArray) -> Slo
         weights[likely] / float(weights[likely].sum()),
         2.0 * powers.size,
         decays,
+        block,
     )
 
 
