@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+from dataclasses import replace
 
 import pytest
 from scipy.stats import binom
@@ -49,3 +50,13 @@ def test_few_samples_a_rise_cost_width_and_not_coverage(coverage):
     (line,) = coverage.cover_case(cases["4-8 a rise"], 250, 5)[1:]
     assert line.metric == "delay_time"
     assert line.coverage >= 0.90, line
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["1-2 a rise 0.5 %", "2-3 a rise 0.3 %"])
+def test_settling_in_few_samples_is_held(coverage, name):
+    """One excursion more, and what lies between the last two samples, is in the interval."""
+    (case,) = (case for case in coverage.CASES if case.name == name)
+    (line,) = coverage.cover_case(replace(case, metrics=("settling_time",)), 300, 6)
+    assert line.coverage >= 0.92, line  # 91 % before, standard error 1.5 %
+    assert line.refused <= 0.02, line

@@ -10,7 +10,7 @@ import numpy as np
 from eha_bench.core.arrays import BoolArray, FloatArray
 from eha_bench.core.budget import Budget
 from eha_bench.metrics.coverage import between, coverage_factor, type_a
-from eha_bench.metrics.local import LocalFit, fit, half_width, holds_around
+from eha_bench.metrics.local import LocalFit, fit, half_width, holds_around, through
 from eha_bench.metrics.noise import Noise
 from eha_bench.metrics.polynomial import real_roots
 
@@ -139,13 +139,11 @@ def between_samples(
         apart.append(_KINKED * away)
         after = slice(kink, kink + 3)
         variance = max(variance, noise.variance(_lagrange(time[after], later)))
-    return Crossing(
-        cubic.time,
-        cubic.slope,
-        variance,
-        between=max(_APART * max(apart), _BENT / samples_a_rise**2 * abs(cubic.time - line.time)),
-        span=line.span,
-    )
+    missed = max(_APART * max(apart), _BENT / samples_a_rise**2 * abs(cubic.time - line.time))
+    # of what noise moves, its slope there too; of what lies between samples, no cubic tells more
+    noisy = math.sqrt(3.0 * variance) > missed * abs(cubic.slope)
+    around = through(time[here], values[here], start) if noisy else None
+    return Crossing(cubic.time, cubic.slope, variance, around, missed, line.span)
 
 
 def _kinked(

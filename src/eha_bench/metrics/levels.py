@@ -56,11 +56,12 @@ class Level:
 def level(values: FloatArray, noise: Noise) -> Level:
     """Return the mean of (n,) samples with the variances of mean and drift."""
     half = max(values.size // 2, 1)
+    variance, freedom = noise.of_mean(values.size)
     drift = 2.0 * (float(values[-half:].mean()) - float(values[:half].mean()))
     return Level(
         value=float(values.mean()),
-        variance=noise.variance_of_mean(values.size),
-        freedom=noise.slow,
+        variance=variance,
+        freedom=freedom,
         drift=drift,
         drift_variance=8.0 * noise.variance_of_mean(half),
         samples=int(values.size),

@@ -224,6 +224,14 @@ def fit(time: FloatArray, values: FloatArray, centre: float, half: int, order: i
     return LocalFit(centre, scale, coefficients, operator, design, values[window], window.start)
 
 
+def through(time: FloatArray, values: FloatArray, first: int) -> LocalFit:
+    """Return the polynomial through all of (n,) samples, of which the first is number `first`."""
+    origin, scale = 0.5 * float(time[0] + time[-1]), 0.5 * float(time[-1] - time[0])
+    design = _powers((time - origin) / scale, time.size)
+    operator = np.asarray(np.linalg.inv(design), dtype=np.float64)
+    return LocalFit(origin, scale, operator @ values, operator, design, values, first)
+
+
 def _line(
     time: FloatArray, values: FloatArray, centre: float, half: int
 ) -> tuple[float, FloatArray]:

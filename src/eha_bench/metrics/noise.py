@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -18,10 +18,12 @@ from scipy.special import stdtrit
 
 from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.metrics.flicker import flicker
+from eha_bench.metrics.slow_noise import SlowNoise, slow_noise
 
 _FEWEST = 8
 _HIGHEST_ORDER = 12
 _LONGEST = 2000
+_BLOCKS = 400  # of a window, at most, that what is slow in it is told from
 _FEW_LAGS = 40  # up to which adding lag by lag is quicker than a transform
 _LEFT = 0.3  # least share of the noise's variance that a fitted line is taken to leave
 _SLOW = 0.3  # coefficient of an autoregression below which its bias is no matter
@@ -72,6 +74,7 @@ class Noise:
         low: power at low frequency over what the autocovariance says of it.
         band: up to which frequency `low` was seen, cycles a sample.
         flickers: whether it is noise of 1 / f.
+        means: what noise it may be, for the mean of a window; None where that is clear.
     """
 
     autocovariance: FloatArray
@@ -80,6 +83,7 @@ class Noise:
     low: float = 1.0
     band: float = 0.0
     flickers: bool = False
+    means: SlowNoise | None = None
 
     def __post_init__(self) -> None:
         """Take the slow part for as well known as the whole by default."""
@@ -133,9 +137,22 @@ class Noise:
         seen = min(count * self.band, 1.0)
         return float(self.low**seen) * max(white + pairs, 1e-3 * white) / (count * count)
 
+    def of_mean(self, count: int) -> tuple[float, float]:
+        """Return variance and degrees of freedom of the mean of `count` consecutive samples."""
+        own = self.variance_of_mean(count), self.slow
+        if self.means is None:
+            return own
+        other = self.means.of_mean(count)
+        # the spectrum of a sensor's filter is not among those that it may be
+        return other if self.means.decays or _reach(*other) > _reach(*own) else own
+
     def quantile(self) -> float:
         """Return Student's two-sided 95 % quantile for the degrees of freedom (NaN if unknown)."""
         return float(stdtrit(self.freedom, 0.975)) if self.known else math.nan
+
+
+def _reach(variance: float, freedom: float) -> float:
+    return math.sqrt(variance) * float(stdtrit(freedom, 0.975))
 
 
 UNKNOWN = Noise(np.zeros(1), 0.0)
@@ -208,6 +225,27 @@ def estimate(segments: Sequence[FloatArray]) -> Noise:
     window = round(length)
     slower = other.variance_of_mean(window) > found.variance_of_mean(window)
     return other if slower else found
+
+
+def with_means(noise: Noise, segments: Sequence[FloatArray]) -> Noise:
+    """Return noise with what it may be besides, by settled stretches, where it is slow."""
+    usable = [segment for segment in segments if segment.size >= _FEWEST]
+    if not usable:
+        return noise
+    # of long windows, means over blocks tell as much of what is slow, and quicker
+    block = math.ceil(max(segment.size for segment in usable) / _BLOCKS)
+    whole = [segment for segment in usable if segment.size // block >= _FEWEST]
+    residuals = [detrended(_blocks(segment, block)) for segment in whole]
+    if not any(np.any(residual) for residual in residuals):
+        return noise
+    coefficients = _burg(residuals, sum(residual.size for residual in residuals))
+    return replace(noise, means=slow_noise(residuals, coefficients, block))
+
+
+def _blocks(values: FloatArray, block: int) -> FloatArray:
+    """Return the means of (n,) values over blocks, what is left over at the start not used."""
+    left = values.size % block
+    return values if block == 1 else np.asarray(values[left:].reshape(-1, block).mean(axis=1))
 
 
 def _low(

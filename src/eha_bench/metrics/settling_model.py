@@ -26,11 +26,18 @@ from eha_bench.metrics.metric import NotScored
 from eha_bench.metrics.noise import Noise
 from eha_bench.metrics.step_response import StepResponse
 
-_DRAWN = 500
+_DRAWN = 4  # of the linear parameters, for each pair of poles
 _GRID = 600
 _FEWEST = 40  # samples of the tail
 _MISFIT = 5.0  # standard deviations of chi^2 that the smoothed rest may lie above the noise
 _DAMPINGS = (0.15, 0.3, 0.5, 0.7, 0.9, 1.3)
+_BOX = np.array([[-3.0, -9.0], [1.5, 9.0]])
+"""Logarithm of s and w^2, times the transit and its square: what is looked at first."""
+_LATTICE = 17
+_ZOOMS = 12
+_ENOUGH = 60
+_FARTHEST = 16.0
+_NEAREST = 4
 _SPEEDS = (0.4, 0.6, 0.9, 1.3, 2.0)  # natural frequency times the transit
 
 
@@ -41,12 +48,10 @@ class SettlingTail:
     Attributes:
         start: s since the edge.
         parameters: log of s (1/s), w^2 (1/s^2, negative for two real poles), a, b, c.
-        covariance: (5, 5).
     """
 
     start: float
     parameters: FloatArray
-    covariance: FloatArray
 
 
 def settled_by_model(
@@ -72,15 +77,7 @@ def settled_by_model(
         )
 
     def interval() -> tuple[float, float]:
-        rng = np.random.default_rng(0)  # the same recording has the same interval
-        scale = np.sqrt(np.maximum(np.diag(tail.covariance), 1e-300))
-        normed = tail.covariance / np.outer(scale, scale)
-        root = np.linalg.cholesky(normed + 1e-9 * np.eye(5))
-        # Student's distribution, as the noise is estimated
-        heavy = np.sqrt(step.noise.freedom / rng.chisquare(step.noise.freedom, _DRAWN))
-        drawn = tail.parameters + scale * (rng.normal(size=(_DRAWN, 5)) @ root.T) * heavy[:, None]
-        times = tail.start + _settled(drawn, grid, band)
-        low, high = (float(end) for end in np.percentile(times, (2.5, 97.5)))
+        low, high = _interval(step, tail, grid, band)
         return min(low, value), max(high, value)
 
     return value, interval
@@ -122,7 +119,14 @@ def _creeping(fall: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArr
 def _settled(parameters: FloatArray, grid: FloatArray, band: float) -> FloatArray:
     """Return when each of (k, 5) parameter sets is last outside of the band, s since the start."""
     c, s = _modes(parameters[:, 0], parameters[:, 1], grid)
-    away = np.abs(parameters[:, 2:3] * c + parameters[:, 3:4] * s)
+    return _last_outside(c, s, parameters[:, 2:], grid, band)
+
+
+def _last_outside(
+    c: FloatArray, s: FloatArray, linear: FloatArray, grid: FloatArray, band: float
+) -> FloatArray:
+    """Return when each of (k, n) modes, by linear parameters (k, 3), is last outside."""
+    away = np.abs(linear[:, :1] * c + linear[:, 1:2] * s)
     outside = away > band
     last = np.where(outside.any(axis=1), grid.size - 1 - np.argmax(outside[:, ::-1], axis=1), 0)
     after = np.minimum(last + 1, grid.size - 1)
@@ -166,7 +170,7 @@ def _fit(step: StepResponse) -> SettlingTail:
     linear = np.linalg.lstsq(matrix, values, rcond=1e-10)[0]
     _require_explained(values - matrix @ linear, step)
     parameters = np.array([logs, square, linear[0], linear[1] / width, linear[2]])
-    return SettlingTail(start, parameters, _covariance(parameters, time, step.noise))
+    return SettlingTail(start, parameters)
 
 
 def _require_explained(rest: FloatArray, step: StepResponse) -> None:
@@ -180,8 +184,118 @@ def _require_explained(rest: FloatArray, step: StepResponse) -> None:
         raise NotScored("its tail is not that of two decaying modes")
 
 
-def _covariance(parameters: FloatArray, time: FloatArray, noise: Noise) -> FloatArray:
-    """Return the covariance of the parameters under correlated noise, (5, 5)."""
+def _interval(
+    step: StepResponse, tail: SettlingTail, grid: FloatArray, band: float
+) -> tuple[float, float]:
+    """Return where 95 % of the modes that explain the tail settle, s since the edge.
+
+    Two poles are looked at all over a box, ever closer around those that are likely: one more
+    excursion out of the band or one less makes them several islands, which no covariance describes.
+    Each counts by its likelihood, its linear parameters the best (as much of them is supposed
+    beforehand as the data tell: Zellner's prior, which makes the marginal likelihood that).
+    """
+    chosen = step.time >= tail.start
+    time, values = step.time[chosen] - tail.start, step.rise[chosen] - 1.0
+    variance = step.noise.sd**2 * _slower(step, tail, time, grid, band)
+    poles = _likely(time, values, tail.parameters, step, variance)
+    rng = np.random.default_rng(0)  # the same recording has the same interval
+    drawn = rng.normal(size=(_DRAWN, poles.left.size, 3))
+    # Student's distribution, as the noise is estimated
+    freedom = step.noise.freedom
+    drawn *= np.sqrt(freedom / rng.chisquare(freedom, (_DRAWN, poles.left.size, 1)))
+    linear = poles.linear + np.einsum("kij,dkj->dki", poles.roots, drawn) * math.sqrt(variance)
+    c, s = _modes(poles.logs, poles.squares, grid)
+    times = np.concatenate([_last_outside(c, s, one, grid, band) for one in linear])
+    rest = (poles.left - poles.left.min()) / variance
+    weights = np.tile((1.0 + rest / freedom) ** (-0.5 * (freedom + 2.0)), _DRAWN)
+    order = np.argsort(times)
+    share = np.cumsum(weights[order]) / float(weights.sum())
+    low, high = np.interp((0.025, 0.975), share, times[order])
+    return tail.start + float(low), tail.start + float(high)
+
+
+@dataclass(frozen=True)
+class _Poles:
+    """Pairs of poles, with the linear parameters that are the best for each.
+
+    Attributes:
+        logs, squares: (k,).
+        linear: (k, 3) a, b, c.
+        roots: (k, 3, 3) of their covariance, for noise of variance 1.
+        left: (k,) sum of squares.
+    """
+
+    logs: FloatArray
+    squares: FloatArray
+    linear: FloatArray
+    roots: FloatArray
+    left: FloatArray
+
+
+def _likely(
+    time: FloatArray, values: FloatArray, best: FloatArray, step: StepResponse, variance: float
+) -> _Poles:
+    """Return a lattice over the poles that leave no more than the best and 16 variances do."""
+    width = step.transit * float(step.time[-1] - step.time[0]) / (step.time.size - 1)
+    place = np.array([best[0] + math.log(width), best[1] * width**2])
+    low, high = np.minimum(_BOX[0], place - 0.5), np.maximum(_BOX[1], place + 0.5)
+    least = float(_fitted(time, values, best[:1], best[1:2], width).left[0])
+    for _ in range(_ZOOMS):
+        axes = [np.linspace(*ends, _LATTICE) for ends in zip(low, high, strict=True)]
+        logs, squares = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+        found = _fitted(time, values, logs - math.log(width), squares / width**2, width)
+        rest = (found.left - min(least, float(found.left.min()))) / variance
+        near = rest <= _FARTHEST
+        if np.count_nonzero(near) >= _ENOUGH:
+            break
+        # a lattice that is too coarse misses the best, which stays within
+        kept = near | (rest <= np.partition(rest, _NEAREST)[_NEAREST])
+        cell = (high - low) / (_LATTICE - 1)
+        places = np.column_stack((logs, squares))[kept]
+        low = np.maximum(low, np.minimum(places.min(axis=0), place) - cell)
+        high = np.minimum(high, np.maximum(places.max(axis=0), place) + cell)
+    return _Poles(
+        found.logs[near], found.squares[near], found.linear[near], found.roots[near],
+        found.left[near],
+    )  # fmt: skip
+
+
+def _fitted(
+    time: FloatArray, values: FloatArray, logs: FloatArray, squares: FloatArray, width: float
+) -> _Poles:
+    """Fit (n,) values by each of (k,) pairs of poles."""
+    c, s = _modes(logs, squares, time)
+    design = np.stack((c, s / width, np.ones_like(c)), axis=-1)
+    normal = np.swapaxes(design, 1, 2) @ design
+    # a pole that has decayed after a sample leaves them singular
+    diagonal = np.einsum("kii->ki", normal)
+    diagonal += 1e-9 * diagonal.max(axis=1, keepdims=True)
+    inverse = np.linalg.inv(normal)
+    linear = (inverse @ (np.swapaxes(design, 1, 2) @ values)[..., None])[..., 0]
+    left = np.sum((values - (design @ linear[..., None])[..., 0]) ** 2, axis=1)
+    scale = np.array([1.0, 1.0 / width, 1.0])
+    roots = np.linalg.cholesky(0.5 * (inverse + np.swapaxes(inverse, 1, 2)))
+    return _Poles(logs, squares, linear * scale, roots * scale[:, None], left)
+
+
+def _slower(
+    step: StepResponse, tail: SettlingTail, time: FloatArray, grid: FloatArray, band: float
+) -> float:
+    """Return how much more the settling time varies than in white noise, 1 or more times."""
+    if step.noise.autocovariance.size == 1:
+        return 1.0
+    total, white = _covariances(tail.parameters, time, step.noise)
+    sizes = 0.1 * np.sqrt(np.maximum(np.diag(white), 1e-300))
+    moved = np.concatenate([tail.parameters + np.diag(sizes), tail.parameters - np.diag(sizes)])
+    times = _settled(moved, grid, band)
+    slopes = (times[:5] - times[5:]) / (2.0 * sizes)
+    return max(float(slopes @ total @ slopes) / max(float(slopes @ white @ slopes), 1e-300), 1.0)
+
+
+def _covariances(
+    parameters: FloatArray, time: FloatArray, noise: Noise
+) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance of the parameters under correlated noise, and if white, (5, 5)."""
 
     def curve(x: FloatArray) -> FloatArray:
         c, s = _modes(x[:1], x[1:2], time)
@@ -197,4 +311,5 @@ def _covariance(parameters: FloatArray, time: FloatArray, noise: Noise) -> Float
         shift[k] = 1e-5 * size
         columns.append((curve(parameters + shift) - curve(parameters - shift)) / (2.0 * shift[k]))
     operator = np.linalg.pinv(np.column_stack(columns), rcond=1e-12)
-    return noise.spread(operator).total
+    spread = noise.spread(operator)
+    return spread.total, spread.white

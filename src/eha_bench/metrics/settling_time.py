@@ -167,7 +167,7 @@ class SettlingTime(StepMetric):
         if surely < _began(distance, last):
             low = min(low, float(step.time[surely]))
         if step.time[perhaps] > high + 3.0 * own:
-            high = float(step.time[perhaps])
+            high = _back_inside(step.time, distance, perhaps, BAND - beyond)
         return low, high
 
 
@@ -239,6 +239,14 @@ def _began(distance: FloatArray, last: int) -> int:
     """Return the first sample of the excursion from the band that ends with sample `last`."""
     inside = np.flatnonzero(np.abs(distance[:last]) <= BAND)
     return int(inside[-1]) + 1 if inside.size else 0
+
+
+def _back_inside(time: FloatArray, distance: FloatArray, last: int, band: float) -> float:
+    """Return when the response is back within a band that it left last at sample `last`."""
+    after = min(last + 1, time.size - 1)
+    here, there = abs(float(distance[last])), abs(float(distance[after]))
+    share = (here - band) / (here - there) if there < band < here else 1.0
+    return float(time[last] + share * (time[after] - time[last]))
 
 
 def _last_outside(distance: FloatArray, band: float) -> int:

@@ -21,7 +21,7 @@ from eha_bench.metrics.levels import Level, histogram_levels, level
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
-from eha_bench.metrics.noise import Noise, detrended, estimate, white_noise
+from eha_bench.metrics.noise import Noise, detrended, estimate, white_noise, with_means
 from eha_bench.metrics.onset import ComesToRest, Corner, SetsOff, corner
 from eha_bench.metrics.resolution import dithering, rounding_sd
 from eha_bench.metrics.samples import Samples, samples
@@ -552,17 +552,21 @@ def held_noise(
     is read `beside` them is asked for that alone.
     """
     noise = estimate([*others, *last])
-    if not noise.known or noise.flickers:
+    if not noise.known:
         return noise
     latter = held[held.size // 2 :]
+    most, steady = _ALIKE * noise.sd**2, _steady(latter)
+    # a slow noise may by chance seem small at the end: of its means, all that is steady tells
+    settled = [*others, *beside, *([latter] if steady else last)]
+    if noise.flickers:
+        return with_means(noise, settled)
     shown = estimate([*others, *beside, latter])
-    most = _ALIKE * noise.sd**2
-    if shown.flickers and shown.sd**2 <= most and _steady(latter):
-        return shown
-    if noise.slow >= _FEW_SLOW:
-        return noise
-    longer = estimate([*others, latter]) if beside else shown
-    return longer if longer.sd**2 <= most else noise
+    if shown.flickers and shown.sd**2 <= most and steady:
+        return with_means(shown, settled)
+    if noise.slow < _FEW_SLOW:
+        longer = estimate([*others, latter]) if beside else shown
+        noise = longer if longer.sd**2 <= most else noise
+    return with_means(noise, settled)
 
 
 def _steady(values: FloatArray) -> bool:
