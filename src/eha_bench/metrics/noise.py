@@ -236,7 +236,7 @@ def with_means(noise: Noise, segments: Sequence[FloatArray]) -> Noise:
     block = math.ceil(max(segment.size for segment in usable) / _BLOCKS)
     whole = [segment for segment in usable if segment.size // block >= _FEWEST]
     residuals = [detrended(_blocks(segment, block)) for segment in whole]
-    if not any(np.any(residual) for residual in residuals):
+    if not math.fsum(float(residual @ residual) for residual in residuals) > 0.0:
         return noise
     coefficients = _burg(residuals, sum(residual.size for residual in residuals))
     return replace(noise, means=slow_noise(residuals, coefficients, block))

@@ -109,7 +109,7 @@ def slow_noise(
     powers = np.concatenate([_periodogram(residual) for residual in residuals])
     expected = np.concatenate([_expected(covariances, part.size) for part in residuals], axis=1)
     expected = np.maximum(expected, 1e-12 * expected.max(axis=1, keepdims=True))
-    sizes = np.mean(powers / expected, axis=1)
+    sizes = np.maximum(np.mean(powers / expected, axis=1), 1e-300)
     logs = logs - powers.size * np.log(sizes) - np.sum(np.log(expected), axis=1)
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
