@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, settings
 sys.path.insert(0, str(Path(__file__).parent))
 
 from forked import Forked
+from locked import in_ci
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -27,11 +28,6 @@ settings.register_profile(
     max_examples=50,
     suppress_health_check=[HealthCheck.too_slow],
 )
-
-
-def in_ci() -> bool:
-    """Whether a continuous-integration job is running the tests."""
-    return os.environ.get("CI", "").lower() in {"1", "true", "yes"}
 
 
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if in_ci() else "default"))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
+from locked import locked
 
 
 class Cluster:
@@ -50,8 +50,8 @@ class Cluster:
 
 @contextmanager
 def two_workers(folder: Path) -> Iterator[Cluster]:
-    """Give a cluster once both workers are there; the test is skipped where Dask is not."""
-    distributed = pytest.importorskip("distributed", reason="Dask is an extra")
+    """Give a cluster once both workers are there, where Dask is (`locked`)."""
+    distributed = locked("distributed", "dask")
     started = Cluster(folder, 2)
     try:
         address = started.name.replace("dask://", "tcp://")

@@ -19,6 +19,7 @@ from eha_bench.core.workers import (
     Workers,
     workers_from,
 )
+from locked import locked
 
 ITEMS = [0.1 * k for k in range(20)]
 
@@ -73,7 +74,7 @@ def test_workers_by_name() -> None:
 
 @pytest.mark.slow
 def test_a_scheduler_that_does_not_answer_is_told() -> None:
-    pytest.importorskip("distributed", reason="Dask is an extra")
+    locked("distributed", "dask")
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         DaskCluster("tcp://127.0.0.1:1").map(square, ITEMS)
 

@@ -17,9 +17,10 @@ from eha_bench.core.errors import InputError
 from eha_bench.suites import load_suite
 from eha_bench.targets.resolve import open_target
 from eha_bench.targets.target import Ending
+from locked import locked
 
-pytest.importorskip("fmpy", reason="FMPy is an extra")
-from fmus import build_line, rewritten
+locked("fmpy", "fmu")
+from fmus import build_line, rewritten  # noqa: E402  # it imports FMPy
 
 TARGET = """\
 target: fmu

@@ -9,8 +9,9 @@ import eha_bench
 from eha_bench.core.errors import InputError
 from eha_bench.core.shipped import shipped_file
 from eha_bench.targets.fmu.export import export_fmu
+from locked import locked
 
-pytest.importorskip("fmpy", reason="FMPy is an extra")
+locked("fmpy", "fmu")
 
 MODEL = """\
 model: eha_knee
