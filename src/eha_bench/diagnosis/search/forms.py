@@ -55,7 +55,7 @@ def held_by(layout: Layout, item: Accepted, fit: Fit) -> set[str]:
     return {f"{effect.id}.{parameter.name}" for parameter in searched} - {*item.start.keys}
 
 
-def reform(search: Search, limits: Thresholds) -> bool:
+def take_best_form(search: Search, limits: Thresholds) -> bool:
     """Give what was added last its form that fits best; return whether that is another one."""
     item = search.accepted[-1]
     if item.start.is_parameter:

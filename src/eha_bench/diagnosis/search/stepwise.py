@@ -24,7 +24,7 @@ from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import drop, release, review, without_idle
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
 from eha_bench.diagnosis.search.exchange import CLOSE, exchange
-from eha_bench.diagnosis.search.forms import reform
+from eha_bench.diagnosis.search.forms import take_best_form
 from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.refit import Near, is_bent, polish_afresh, polish_at_rest, refit
 from eha_bench.diagnosis.search.screen import Screen, Screened
@@ -106,7 +106,7 @@ def _grow(search: Search, limits: Thresholds, progress: ProgressHook) -> None:
         if (idle := without_idle(search, limits)) is not None:
             drop(search, search.accepted[-1], idle)
             continue
-        if _worth_a_look(search) and reform(search, limits):
+        if _worth_a_look(search) and take_best_form(search, limits):
             settle(search)
             rebase(search)
         review(search, limits)
