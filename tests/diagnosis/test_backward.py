@@ -101,3 +101,17 @@ def test_of_a_parabola_the_least_fall_is_the_interval() -> None:
     rise = curvature * (spread.half_width / item.scale) ** 2
     assert rise == pytest.approx(spread.least_fall, rel=0.02)
     assert Spread(1.0).least_fall == pytest.approx(1.96**2, rel=1e-3)
+
+
+@pytest.mark.parametrize(("size", "stays"), [(0.025, False), (0.3, True)])
+def test_what_is_not_distinct_beside_others_and_leaves_nothing_is_not_accepted(
+    size: float, stays: bool
+) -> None:
+    """The first explains all but the noise; to that, too, a lag is fitted."""
+    search = found((size,) * 6)
+    item = search.accepted[-1]
+    search.accepted[-1] = replace(item, comparison=search.accepted[0].comparison)
+    notes = prune(search)
+    assert (SECOND in [one.start.candidate for one in search.effects]) is stays
+    assert len(notes) == int(not stays)
+    assert all("its size is not distinct from zero" in note for note in notes)

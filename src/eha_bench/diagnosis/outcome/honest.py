@@ -14,7 +14,7 @@ from math import isfinite, isnan, sqrt
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess
+from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess, is_unexplained
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
@@ -32,6 +32,10 @@ _CLEAR = 4.0
 """Size of an effect, in its standard deviations, from which it is not nothing; fresh cases at the
 hardest strength had 8 and more, what forms within the noise imitate has 2."""
 
+_NOT_DISTINCT = (
+    "its size is not distinct from zero, and the error without it has no structure in time"
+)
+
 
 def prune(search: Search, limits: Thresholds | None = None) -> list[str]:
     """Take out of a search what its own figures speak against; say what, one sentence each."""
@@ -43,10 +47,9 @@ def prune(search: Search, limits: Thresholds | None = None) -> list[str]:
     for item in reversed(search.effects):
         refit: Fit | None = None
         reason = _against(search, item, limits)
-        if not reason and is_loose(search, item):
+        if not reason and len(search.effects) > 1 and is_loose(search, item):
             refit = without(search, item)
-            if is_within_disagreement(search, item, refit.cost - search.fit.cost):
-                reason = "without it the others explain as much, within what runs disagree by"
+            reason = _beside_others(search, item, refit, limits)
         if reason:
             notes.append(f"{item.start.candidate} is not accepted: {reason}")
             drop(search, item, refit or without(search, item))
@@ -69,13 +72,30 @@ def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
     if missing.significance <= REST_SIGNIFICANCE and not (
         limits.is_clear(found, missing.size) or _is_distinct(search, start)
     ):
-        return (
-            "its size is not distinct from zero, and the error without it has no structure in time"
-        )
+        return _NOT_DISTINCT
     if len(search.effects) == 1 and not limits.is_enough(found, missing, 0):
         share = max(min(found.share, found.share_out), 0.0)
         return f"it explains only {per_cent(share)} of the error without it"
     return ""
+
+
+def _beside_others(search: Search, item: Accepted, refit: Fit, limits: Thresholds) -> str:
+    """Say why the others do as well without an effect that is not sure, or nothing.
+
+    Args:
+        search: with it. item: the effect. refit: without it. limits: when an effect is believed.
+    """
+    if is_within_disagreement(search, item, refit.cost - search.fit.cost):
+        return "without it the others explain as much, within what runs disagree by"
+    missing = excess(search.problem, refit)
+    found = compare(refit, search.fit, search.groups, missing.total)
+    if (
+        is_unexplained(missing)
+        or limits.is_clear(found, missing.size)
+        or _is_distinct(search, item.start)
+    ):
+        return ""
+    return _NOT_DISTINCT
 
 
 def _is_distinct(search: Search, start: Start) -> bool:
