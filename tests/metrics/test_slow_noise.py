@@ -99,10 +99,19 @@ def test_a_periodogram_is_expected_to_be_what_simulation_makes_it(count):
 
 def test_of_a_long_window_means_over_blocks_say_the_same():
     rng = np.random.default_rng(6)
-    values = slow(rng, 4000, 0.97)
-    plain = held_noise(values, [values[-800:]], [])
+    values = slow(rng, 5000, 0.97)
+    plain = held_noise(values[1000:], [values[-800:]], [values[:1000]])
     assert plain.means.block == 5
     variance, freedom = plain.of_mean(800)
     expected = (1.0 + 0.97) / (1.0 - 0.97) / 800.0
     assert 0.4 * expected < variance < 2.5 * expected
     assert freedom > 5.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_tail_that_still_settles_after_a_quiet_rest_is_no_slow_noise(seed):
+    """As intervals of a step's level two to six times too wide would be."""
+    rng = np.random.default_rng([7, seed])
+    rest, noise = rng.normal(size=200), rng.normal(size=600)
+    tail = 40.0 * np.exp(-np.arange(600) / 120.0)
+    assert held_noise(tail + noise, [(tail + noise)[-120:]], [rest]).means is None

@@ -235,14 +235,14 @@ def with_means(noise: Noise, segments: Sequence[FloatArray]) -> Noise:
     # of long windows, means over blocks tell as much of what is slow, and quicker
     block = math.ceil(max(segment.size for segment in usable) / _BLOCKS)
     whole = [segment for segment in usable if segment.size // block >= _FEWEST]
-    residuals = [detrended(_blocks(segment, block)) for segment in whole]
+    residuals = [detrended(means_over(segment, block)) for segment in whole]
     if not math.fsum(float(residual @ residual) for residual in residuals) > 0.0:
         return noise
     coefficients = _burg(residuals, sum(residual.size for residual in residuals))
     return replace(noise, means=slow_noise(residuals, coefficients, block))
 
 
-def _blocks(values: FloatArray, block: int) -> FloatArray:
+def means_over(values: FloatArray, block: int) -> FloatArray:
     """Return the means of (n,) values over blocks, what is left over at the start not used."""
     left = values.size % block
     return values if block == 1 else np.asarray(values[left:].reshape(-1, block).mean(axis=1))

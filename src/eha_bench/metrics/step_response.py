@@ -21,7 +21,7 @@ from eha_bench.metrics.levels import Level, histogram_levels, level
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import NotScored
-from eha_bench.metrics.noise import Noise, detrended, estimate, white_noise, with_means
+from eha_bench.metrics.noise import Noise, detrended, estimate, means_over, white_noise, with_means
 from eha_bench.metrics.onset import ComesToRest, Corner, SetsOff, corner
 from eha_bench.metrics.resolution import dithering, rounding_sd
 from eha_bench.metrics.samples import Samples, samples
@@ -45,6 +45,7 @@ _PASSED = 3.5  # the same, a fraction of a sample counted
 _SMOOTHED = 0.004  # noise, as a share of the step, that is left for finding places
 _PREDICTED = 0.1  # of what a tail has still to go: how well prediction knows it
 _FEW_SLOW = 15.0  # degrees of freedom of slow noise below which more of the hold is looked at ...
+_PARTS = 8  # of the shortest window, over which what is slow is compared
 _ALIKE = 4.0  # ... and believed where its variance is no more than so many times as large
 _AWAY = 0.05  # of the step: a response that stays closer to its end has settled
 
@@ -557,7 +558,11 @@ def held_noise(
     latter = held[held.size // 2 :]
     most, steady = _ALIKE * noise.sd**2, _steady(latter)
     # a slow noise may by chance seem small at the end: of its means, all that is steady tells
-    settled = [*others, *beside, *([latter] if steady else last)]
+    rest, end = [*others, *beside], [latter] if steady else last
+    # what moves the end of a hold and nothing at rest is no noise: it still settles
+    block = max(1, min((window.size for window in (*rest, *end)), default=0) // _PARTS)
+    alike = _scatter(end, block) <= _ALIKE * _scatter(rest, block)
+    settled = [*rest, *end] if alike else []
     if noise.flickers:
         return with_means(noise, settled)
     shown = estimate([*others, *beside, latter])
@@ -567,6 +572,13 @@ def held_noise(
         longer = estimate([*others, latter]) if beside else shown
         noise = longer if longer.sd**2 <= most else noise
     return with_means(noise, settled)
+
+
+def _scatter(windows: Sequence[FloatArray], block: int) -> float:
+    """Return the variance of windows' means over blocks about a line, 0 where there is none."""
+    residuals = [detrended(means_over(window, block)) for window in windows if window.size]
+    count = sum(residual.size for residual in residuals)
+    return sum(float(residual @ residual) for residual in residuals) / max(count, 1)
 
 
 def _steady(values: FloatArray) -> bool:
