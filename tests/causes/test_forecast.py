@@ -9,7 +9,8 @@ from eha_bench.trends.wear import LimitCrossing
 
 
 def crossing(value: float, deviation: float = 0.0) -> LimitCrossing:
-    return LimitCrossing(value, deviation, "step", "response_time", "<= 60 ms")
+    drawn = value + deviation * np.random.default_rng(7).standard_normal(4000)
+    return LimitCrossing(value, drawn, "step", "response_time", "<= 60 ms")
 
 
 def test_a_line_without_noise_is_drawn_on() -> None:
@@ -48,6 +49,17 @@ def test_a_limit_that_is_passed_has_nothing_left() -> None:
     found = ahead_of(pace, crossing(3.0))
     assert found.left.value < 0.0
     assert all(chance == 0.0 for _, chance in found.chances)
+
+
+def test_a_limit_that_is_met_or_just_missed_leaves_both_in_the_interval() -> None:
+    times = np.arange(8.0)
+    pace = pace_of(times, times, np.full(8, 1e-9))
+    assert pace is not None
+    places = np.resize([12.0, 30.0, 30.0, 30.0], 4000)
+    left = ahead_of(pace, LimitCrossing(30.0, places, "step", "response_time", "<= 60 ms"))
+    assert math.isclose(left.left.value, 23.0, rel_tol=1e-6)
+    assert np.allclose((left.left.low, left.left.high), (5.0, 23.0))
+    assert dict(left.chances)[10] == 0.75
 
 
 def test_the_interval_holds_and_a_wild_night_hardly_moves_it() -> None:

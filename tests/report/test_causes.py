@@ -32,7 +32,7 @@ def wear(name: str = "leakage", left: Number | None = None, *, alarm: bool = Tru
     return Wear(
         trend(name), ("external_leakage at all",), 0.97, NIGHTS[6], NIGHTS[5], NIGHTS[7],
         Number(2.4e-14, 2.3e-14, 2.5e-14), Number(4e-15, 3.9e-15, 4.1e-15),
-        LimitCrossing(1e-13, 1e-15, "step", "response_time", "<= 60 ms"),
+        LimitCrossing(1e-13, np.full(3, 1e-13), "step", "response_time", "<= 60 ms"),
         left or Number(18.2, 16.9, 19.7), alarm, ((10, 1.0), (20, 0.02)),
     )  # fmt: skip
 

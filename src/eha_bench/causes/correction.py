@@ -20,6 +20,8 @@ _DISCREPANCY: Final = 1.0 / 3.0
 _GAIN: Final = 0.08
 """Of a change that a model says: standard deviation of what a machine changes by instead."""
 _TO_SIGMA: Final = 1.4826
+_EFFICIENCY: Final = 0.37
+"""Of a median of deviations: as many normal values say as much of a spread (Huber 1981, 5.1)."""
 
 
 @dataclass(frozen=True)
@@ -48,24 +50,36 @@ class Correction:
 
     Attributes:
         healthy: simulated metric of the healthy machine, SI. offset: measured less simulated, SI.
-        spread: of nights about that, standard deviation, SI.
+        spread: of nights about that, standard deviation, SI. degrees: of freedom of that.
     """
 
     healthy: float
     offset: float
     spread: float
+    degrees: float
 
-    def measured(self, simulated: float) -> float:
-        """Return the metric as it would be measured, SI."""
+    def measured(self, simulated: FloatArray) -> FloatArray:
+        """Return the metric as it would be measured at best, SI."""
         return simulated + self.offset
 
-    def deviation(self, simulated: float) -> float:
-        """Return the standard deviation of that, SI.
+    def drawn(
+        self, simulated: FloatArray, rough: FloatArray, generator: np.random.Generator, draws: int
+    ) -> FloatArray:
+        """Return metrics as they may be measured along a cause, (draws, places) SI.
 
+        measured = simulated + offset + spread t + offset/3 z_1 + 0.08 (simulated - healthy) z_2
+        + rough z_3, with t of Student's distribution: what is not known is the same all along.
         A season does not average out, so nights count for no more than one of them.
+
+        Args:
+            simulated: (places,) SI, NaN where it is not scored. rough: (places,) its own standard
+                deviation, SI. generator: of random numbers. draws: how many.
         """
-        changed = simulated - self.healthy
-        return math.hypot(self.spread, _DISCREPANCY * self.offset, _GAIN * changed)
+        night = self.spread * generator.standard_t(self.degrees, (draws, 1))
+        model, gain, jag = generator.standard_normal((3, draws, 1))
+        known = np.asarray(self.measured(simulated)) + night
+        known = known + _DISCREPANCY * self.offset * model
+        return known + _GAIN * (simulated - self.healthy) * gain + rough * jag
 
 
 def correction_of(metered: Metered, simulated: FloatArray, healthy: float) -> Correction:
@@ -76,10 +90,11 @@ def correction_of(metered: Metered, simulated: FloatArray, healthy: float) -> Co
             NaN where a night is blind to it. healthy: of the healthy machine, SI.
     """
     if metered.values.size != simulated.size:
-        return Correction(healthy, metered.level - healthy, 0.0)
+        return Correction(healthy, metered.level - healthy, 0.0, 1.0)
     off = metered.values - simulated
     off = off[np.isfinite(off)]
     if not off.size:
-        return Correction(healthy, metered.level - healthy, 0.0)
+        return Correction(healthy, metered.level - healthy, 0.0, 1.0)
     offset = float(np.median(off))
-    return Correction(healthy, offset, _TO_SIGMA * float(np.median(np.abs(off - offset))))
+    spread = _TO_SIGMA * float(np.median(np.abs(off - offset)))
+    return Correction(healthy, offset, spread, max(1.0, _EFFICIENCY * (off.size - 1)))

@@ -2,7 +2,7 @@
 
 A straight line over the nights since the cause began to move, by least squares; its level and slope
 are drawn from Student's distribution with the scatter about it, and the place of the limit from its
-own. What is extrapolated goes on as it did: a wear that speeds up comes earlier.
+own (`crossing`). What is extrapolated goes on as it did: a wear that speeds up comes earlier.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from eha_bench.trends.wear import LimitCrossing, Number
 
 FEWEST: Final = 4
 """Nights of a course that a line is drawn through."""
-_DRAWS: Final = 4000
 _AHEAD: Final = (1, 2, 5, 10, 20, 50, 100)
 _MOST: Final = 10_000.0
 
@@ -91,12 +90,12 @@ def ahead_of(pace: Pace, crossing: LimitCrossing) -> WearForecast:
     """Return how many nights are left until a cause reaches its limit; the same every time."""
     generator = np.random.default_rng(20250101)
     root = np.linalg.cholesky(pace.covariance + 1e-300 * np.eye(2))
-    wide = np.sqrt(pace.degrees / generator.chisquare(pace.degrees, _DRAWS))
-    drawn = (generator.standard_normal((_DRAWS, 2)) @ root.T) * wide[:, None]
+    draws = crossing.drawn.size
+    wide = np.sqrt(pace.degrees / generator.chisquare(pace.degrees, draws))
+    drawn = (generator.standard_normal((draws, 2)) @ root.T) * wide[:, None]
     level, slope = pace.level + drawn[:, 0], pace.slope + drawn[:, 1]
-    place = crossing.value + crossing.deviation * generator.standard_normal(_DRAWS)
     side = math.copysign(1.0, pace.slope)
-    way = side * (place - level)
+    way = side * (crossing.drawn - level)
     left = np.where(side * slope > 0.0, way / np.maximum(side * slope, 1e-300), math.inf)
     left = np.where(way <= 0.0, np.minimum(left, 0.0), left)
     low, high = (float(np.quantile(left, share, method="inverted_cdf")) for share in (0.025, 0.975))

@@ -39,12 +39,13 @@ class LimitCrossing:
     """Where a cause takes a metric to its acceptance limit first.
 
     Attributes:
-        value: of the cause, SI. deviation: standard, by what is not known of the metric, SI.
-        trial, metric, limit: which it is.
+        value: of the cause, SI. drawn: (draws,) where it may be, by what is not known of the
+            metrics, SI, infinite where no limit is met; empty where it was read from a file.
+        trial, metric, limit: which it is, most likely.
     """
 
     value: float
-    deviation: float
+    drawn: FloatArray
     trial: str
     metric: str
     limit: str
@@ -230,7 +231,7 @@ def _wear_from(data: Mapping[str, Any], trend: CauseTrend, nights: Mapping[str, 
         None
         if limit is None
         else LimitCrossing(
-            _float(limit["reached_at"]), math.nan, str(limit["trial"]), str(limit["metric"]),
+            _float(limit["reached_at"]), np.empty(0), str(limit["trial"]), str(limit["metric"]),
             str(limit["limit"]),
         ),
         None if left is None else _number_from(left),
