@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,12 +22,13 @@ from test_accessibility import serious
 from test_browser import quiet
 
 from eha_bench.diagnosis.data.dataset import Use
+from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
 from eha_bench.plants.model import DeclaredEffect
 from eha_bench.report.curve_figure import learned_curve
 from eha_bench.report.diagnosis_report import write_diagnosis_report
 from eha_bench.report.diagnosis_scene import diagnosis_scene
-from eha_bench.report.diagnosis_text import headline, share, times, unknown_place
+from eha_bench.report.diagnosis_text import effect_rows, headline, share, times, unknown_place
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
 
@@ -126,6 +128,15 @@ def test_an_interrupted_diagnosis_has_a_page(tmp_path: Path) -> None:
     assert "It depends on" not in text
     assert "None" not in text
     assert "Errors of the model" not in text
+
+
+def test_an_effect_of_a_fit_that_has_not_converged_has_no_interval_and_says_why() -> None:
+    effect = effect_found().effects[0]
+    number = replace(next(iter(effect.parameters.values())), low=math.nan, high=math.nan)
+    effect = replace(effect, parameters={"strength": number})
+    stuck = Convergence(distance=9.0, ratio=1.1, starts=3, agreed=1, at_bounds={})
+    assert effect_rows(effect, stuck)[0].interval == "no interval: not converged"
+    assert effect_rows(effect, None)[0].interval == "not determined by these data"
 
 
 def test_short_gaps_between_times_are_closed() -> None:

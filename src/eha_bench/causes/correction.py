@@ -77,9 +77,9 @@ class Correction:
         """
         night = self.spread * generator.standard_t(self.degrees, (draws, 1))
         model, gain, jag = generator.standard_normal((3, draws, 1))
-        known = np.asarray(self.measured(simulated)) + night
-        known = known + _DISCREPANCY * self.offset * model
-        return known + _GAIN * (simulated - self.healthy) * gain + rough * jag
+        law = _DISCREPANCY * self.offset * model + _GAIN * (simulated - self.healthy) * gain
+        found: FloatArray = self.measured(simulated) + night + law + rough * jag
+        return found
 
 
 def correction_of(metered: Metered, simulated: FloatArray, healthy: float) -> Correction:

@@ -135,10 +135,13 @@ def _leave_if_failed(failed: FailedStage | None, out: Path) -> None:
 
 def _say_verdict(found: Diagnosis) -> None:
     """Print verdict, causes and the held-out error before and after."""
+    from eha_bench.report.diagnosis_text import no_interval
+
     say(f"verdict: {found.verdict.value}{_unended(found)}")
+    why = no_interval(found.convergence)
     for effect in found.effects:
         values = ", ".join(
-            f"{key} = {' '.join(_estimate(v))}" for key, v in effect.parameters.items()
+            f"{key} = {' '.join(_estimate(v, why))}" for key, v in effect.parameters.items()
         )
         say(f"  {effect.id} in the {effect.equation} equation: {values}")
     if found.unknown and found.unknown.equation and found.unknown.variables:

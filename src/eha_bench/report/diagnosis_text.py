@@ -200,9 +200,14 @@ def parameter_row(
     return ParameterRow(name, value, interval, given)
 
 
-def effect_rows(effect: FoundEffect) -> tuple[ParameterRow, ...]:
-    """Return the numbers of an effect that was found, and its words."""
-    rows = [parameter_row(name, item) for name, item in effect.parameters.items()]
+def effect_rows(effect: FoundEffect, convergence: Convergence | None) -> tuple[ParameterRow, ...]:
+    """Return the numbers of an effect that was found, and its words.
+
+    Args:
+        effect: what was found. convergence: of the fit that its numbers are from.
+    """
+    why = no_interval(convergence)
+    rows = [parameter_row(name, item, why=why) for name, item in effect.parameters.items()]
     rows += [ParameterRow(name, word, "") for name, word in effect.settings.items()]
     return tuple(rows)
 

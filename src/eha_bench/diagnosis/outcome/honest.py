@@ -13,13 +13,17 @@ from math import isfinite, isnan, sqrt
 
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess, is_unexplained
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
-from eha_bench.diagnosis.fit.uncertainty import spreads
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
-from eha_bench.diagnosis.search.backward import drop, is_loose, is_within_disagreement, without
+from eha_bench.diagnosis.search.backward import (
+    deviations_off,
+    drop,
+    is_loose,
+    is_within_disagreement,
+    without,
+)
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
 _AT = 1e-3
@@ -70,7 +74,7 @@ def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
         return f"its gain may be chance (p {found.p_value:.2g})"
     missing = search.excess_base
     if missing.significance <= REST_SIGNIFICANCE and not (
-        limits.is_clear(found, missing.size) or _is_distinct(search, start)
+        limits.is_clear(found, missing.size) or deviations_off(search, start) > _CLEAR
     ):
         return _NOT_DISTINCT
     if len(search.effects) == 1 and not limits.is_enough(found, missing, 0):
@@ -92,20 +96,10 @@ def _beside_others(search: Search, item: Accepted, refit: Fit, limits: Threshold
     if (
         is_unexplained(missing)
         or limits.is_clear(found, missing.size)
-        or _is_distinct(search, item.start)
+        or deviations_off(search, item.start) > _CLEAR
     ):
         return ""
     return _NOT_DISTINCT
-
-
-def _is_distinct(search: Search, start: Start) -> bool:
-    """Whether a fitted strength is not nothing, by its standard deviation."""
-    fit = search.fit
-    key = next((item.key for item in fit.free if item.at == start.strength_at), None)
-    if key is None:
-        return True
-    off = abs(float(fit.vector[start.strength_at]) - start.neutral)
-    return off > _CLEAR * spreads(fit, search.groups)[key].deviation
 
 
 def _deepened(search: Search, limits: Thresholds) -> None:

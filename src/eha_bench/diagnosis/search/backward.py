@@ -5,7 +5,10 @@ An effect stays only while it does something that the others cannot do without i
 
 from __future__ import annotations
 
+import math
+
 from eha_bench.diagnosis.fit.baseline import COARSE
+from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import cost_of
@@ -44,11 +47,23 @@ def without_idle(search: Search, limits: Thresholds) -> Fit | None:
     return trial if idle or trial.cost - fit.cost < limits.gain else None
 
 
+def deviations_off(search: Search, start: Start) -> float:
+    """Return how many standard deviations an effect's fitted strength is from none.
+
+    Infinite where its strength was not fitted.
+    """
+    spread = _spread(search, start)
+    if spread is None:
+        return math.inf
+    size = abs(float(search.fit.vector[start.strength_at]) - start.neutral)
+    if spread.deviation > 0.0:
+        return size / spread.deviation
+    return math.inf if size > 0.0 else 0.0
+
+
 def is_loose(search: Search, item: Accepted) -> bool:
     """Whether an effect is so few standard deviations large that one without it may fit as well."""
-    spread = _spread(search, item)
-    size = abs(float(search.fit.vector[item.start.strength_at]) - item.start.neutral)
-    return spread is not None and size <= _SURE * spread.deviation
+    return deviations_off(search, item.start) <= _SURE
 
 
 def is_within_disagreement(search: Search, item: Accepted, fall: float) -> bool:
@@ -60,14 +75,14 @@ def is_within_disagreement(search: Search, item: Accepted, fall: float) -> bool:
     Args:
         search: with it. item: of its effects. fall: of the cost by it, the others refitted.
     """
-    spread = _spread(search, item)
+    spread = _spread(search, item.start)
     little = fall < _LITTLE * search.excess_base.total
     return spread is not None and little and fall < spread.least_fall
 
 
-def _spread(search: Search, item: Accepted) -> Spread | None:
+def _spread(search: Search, start: Start) -> Spread | None:
     keys = {free.at: free.key for free in search.fit.free}
-    key = keys.get(item.start.strength_at)
+    key = keys.get(start.strength_at)
     return spreads(search.fit, search.groups)[key] if key is not None else None
 
 
