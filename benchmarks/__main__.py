@@ -32,6 +32,7 @@ FULL: dict[str, list[str]] = {
     "tuning": [],
     "tuned_rigs": ["--cases", "4"],
     "blind": ["--cases", "40"],
+    "traps": [],
     "league": [],
     "next_experiment": ["--cases", "4", "--proposals", "5"],
     "pool": [],
@@ -53,6 +54,7 @@ QUICK: dict[str, list[str]] = {
     "tuning": ["--candidates", "24", "--draws", "40", "--suites", "1"],
     "tuned_rigs": ["--quick"],
     "blind": ["--cases", "1"],
+    "traps": ["--only", "stall"],
     # of the product itself, `blind` tells that it runs
     "league": ["--quick", "--entrant", "sindy", "evolution", "declared"],
     "next_experiment": ["--quick"],

@@ -80,10 +80,14 @@ def test_what_one_noisy_sample_makes_is_no_worsening():
     assert worse(found(holdout={"piston_position": shaken, "pressure_a": error(5.0, 1.0)})) == ""
 
 
-def test_a_curve_that_worsens_both_is_no_model():
+def test_a_curve_that_worsens_runs_never_fitted_or_all_is_no_model():
     larger, smaller = {"p": error(1.0, 1.5)}, {"p": error(1.0, 0.9)}
-    assert curve_is_worse(found(train=larger, holdout=larger))
-    assert not curve_is_worse(found(train=smaller, holdout=larger))
+    hardly = {"p": error(1.0, 1.02)}
+    assert "held-out" in curve_is_worse(found(train=smaller, holdout=larger))
+    assert "unseen" in curve_is_worse(found(train=smaller, holdout=smaller, unseen=larger))
+    assert "both grow" in curve_is_worse(found(train=hardly, holdout=hardly))
+    assert not curve_is_worse(found(train=smaller, holdout=hardly))
+    assert not curve_is_worse(found(train=larger, holdout=smaller))
 
 
 @pytest.mark.parametrize(

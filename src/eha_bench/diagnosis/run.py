@@ -384,8 +384,8 @@ class _Closing:
         found = self._scored(complete=True)
         while found.complete and found.verdict is Verdict.EFFECT and (why := worse(found)):
             found = self._without_the_weakest(why)
-        if found.complete and self.decision.learned and curve_is_worse(found):
-            found = self._without_the_curve()
+        if found.complete and self.decision.learned and (why := curve_is_worse(found)):
+            found = self._without_the_curve(why)
         if found.complete and (why := beyond_training(found)):
             self.found = found = replace(found, notes=(*found.notes, why))
             if found.verdict is Verdict.NONE:
@@ -494,10 +494,10 @@ class _Closing:
         self.found = replace(self.found, verdict=verdict, unknown=unknown)
         return self.found
 
-    def _without_the_curve(self) -> Diagnosis:
-        """Leave a learned curve out of the revised model with which fits and replays are worse."""
+    def _without_the_curve(self, why: str) -> Diagnosis:
+        """Leave a learned curve out of the revised model with which replays are worse."""
         self.stage = "decide"
-        note = "the learned curve makes errors of fitted and held-out runs larger: it is left out"
+        note = f"the learned curve is left out of the revised model: {why}"
         self.decision = replace(
             self.decision,
             fit=self.search.fit,

@@ -24,6 +24,7 @@ class Parameter:
             reference pressure, a regularisation width).
         when: the choice and the words of it with which the parameter matters; nothing: always.
         role: of an effect's parameter, the only role in which it is there; "": in all.
+        usual: a size that it usually has, where the default may be nothing; 0: not known.
         nonzero: whether 0 is not a value of it though it lies within the bounds (a gear's ratio).
         refines: of a choice, whether its words but the first only refine what is there: a search
             tries them once the effect is found.
@@ -42,6 +43,7 @@ class Parameter:
     searched: bool = True
     when: tuple[str, tuple[str, ...]] = ("", ())
     role: str = ""
+    usual: float = 0.0
     nonzero: bool = False
     refines: bool = False
 

@@ -22,6 +22,10 @@ from eha_bench.plants.layout import Layout
 
 _DIFFERENCE = 0.01
 _LARGEST_DIFFERENCE = 1.0
+_SMALLEST_DIFFERENCE = 1e-18
+_FINER = 0.01
+_ABSURD = 1e4
+"""Multiple of the least size of a change from which a difference says nothing of a slope."""
 _SHOWS = 10.0
 """Least size of the change of the residual by a difference, in standard deviations of the noise."""
 _STANDS_OUT = 60.0
@@ -109,7 +113,8 @@ def free_parameters(
     Args:
         layout: of the plant, or with the runs' own parameters.
         keys: `name` or `effect.name`; one that holds several numbers gives as many.
-        vector: where the fit starts; the scale of a parameter is its size there, or its default's.
+        vector: where the fit starts; the scale of a parameter is its size there, or its default's,
+            or what is usual.
         spans: key -> scale, where neither says one.
     """
     found = []
@@ -125,6 +130,7 @@ def free_parameters(
             scale = max(abs(vector[at]), 0.1 * abs(parameter.default))
             if spans and key in spans:
                 scale = spans[key]
+            scale = scale or parameter.usual
             if scale == 0.0:
                 width = parameter.high - parameter.low
                 scale = 0.1 * width if np.isfinite(width) else 1.0
@@ -185,6 +191,9 @@ def _slope(problem: Problem, vector: FloatArray, item: Free, base: FloatArray) -
         moved[item.at] += step
         change = problem.residual(moved) - base
         size = float(np.linalg.norm(change))
+        if vector[item.at] == 0.0 and size > _ABSURD * enough and relative > _SMALLEST_DIFFERENCE:
+            relative *= _FINER  # nothing was declared: its scale is a guess
+            continue
         if size >= enough or relative >= _LARGEST_DIFFERENCE:
             return np.asarray(change * (item.scale / step), dtype=np.float64)
         relative = min(_LARGEST_DIFFERENCE, relative * max(enough / max(size, 1e-300), 2.0))

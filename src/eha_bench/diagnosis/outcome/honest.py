@@ -129,15 +129,15 @@ def _deepened(search: Search, limits: Thresholds) -> None:
 def worse(found: Diagnosis) -> str:
     """Say on which runs the revised model is worse than the recalibrated one, or nothing."""
     for kind, errors in (("held-out", found.holdout), ("unseen", found.unseen)):
-        ratio = _growth(errors)
+        ratio = growth(errors)
         if ratio > _WORSE:
             by = f"{ratio:.3g} times" if isfinite(ratio) else "without end"
             return f"with it the error of whole replays of {kind} runs grows, {by}"
     return ""
 
 
-def _growth(errors: Mapping[str, ChannelError]) -> float:
-    """Return the error after over that before, over all channels in their noise.
+def growth(errors: Mapping[str, ChannelError]) -> float:
+    """Return the error of whole replays after over that before, over all channels in their noise.
 
     Where one standard deviation of the first sample moves a replay by more than its noise, that is
     the measure.
@@ -154,7 +154,14 @@ def _growth(errors: Mapping[str, ChannelError]) -> float:
     return sqrt(after / before) if known else 1.0
 
 
-def curve_is_worse(found: Diagnosis) -> bool:
-    """Whether a learned curve makes the errors of fitted and of held-out runs both larger."""
+def curve_is_worse(found: Diagnosis) -> str:
+    """Say on which runs a learned curve makes the errors larger, or nothing.
+
+    Runs that were never fitted count as they do for an effect; else all have to be worse.
+    """
+    if why := worse(found):
+        return why
     groups = [group for group in (found.train, found.holdout, found.unseen) if group]
-    return bool(groups) and all(_growth(group) > 1.0 for group in groups)
+    if groups and all(growth(group) > 1.0 for group in groups):
+        return "with it the errors of fitted and of held-out runs both grow"
+    return ""

@@ -261,7 +261,7 @@ class System:
                 always = node.kind is NodeKind.RESERVOIR or item.name == "pressure"
                 if item.name in node.values or always:
                     value = node.values.get(item.name, item.default)
-                    found[f"{node.name}.{item.name}"] = replace(item, default=value)
+                    found[f"{node.name}.{item.name}"] = _declared(item, value, item.unit)
             if node.stroke is not None:
                 unit = UNITS[node.kind]["position"]
                 for end, value in zip(("stroke_low", "stroke_high"), node.stroke, strict=True):
@@ -276,7 +276,7 @@ class System:
                 unit = self._unit(item.unit, part)
                 if "{command}" in item.unit and item.name in declared and self._driven(part):
                     self._check_unit(part, item.name, unit)
-                found[f"{part.name}.{item.name}"] = replace(item, default=value, unit=unit)
+                found[f"{part.name}.{item.name}"] = _declared(item, value, unit)
         self.slot_of: dict[str, str] = {}
         parameters: list[Parameter] = []
         for alias, targets in self.network.names.items():
@@ -864,3 +864,8 @@ class System:
     def has_bypass(self) -> bool:
         """Whether a valve opens where a run's setup says so."""
         return any(part.anatomy.opens_with_bypass for part in self.parts.values())
+
+
+def _declared(kind: Parameter, value: float, unit: str) -> Parameter:
+    """Return a parameter of a kind as it is declared, which may be as nothing."""
+    return replace(kind, default=value, unit=unit, usual=kind.usual or abs(kind.default))
