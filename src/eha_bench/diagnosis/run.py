@@ -57,6 +57,7 @@ from eha_bench.diagnosis.outcome.diagnosis import (
     failed_stage,
     own_to_dict,
 )
+from eha_bench.diagnosis.outcome.differing_runs import differing_parameter
 from eha_bench.diagnosis.outcome.findings import (
     assemble,
     lateness_estimates,
@@ -386,6 +387,8 @@ class _Closing:
             found = self._without_the_weakest(why)
         if found.complete and self.decision.learned and (why := curve_is_worse(found)):
             found = self._without_the_curve(why)
+        if found.complete and found.verdict is Verdict.UNKNOWN:
+            self.found = found = self._with_differing_runs(found)
         if found.complete and (why := beyond_training(found)):
             self.found = found = replace(found, notes=(*found.notes, why))
             if found.verdict is Verdict.NONE:
@@ -401,6 +404,11 @@ class _Closing:
         self.stage = "decide"
         self.refused = prune(self.search)
         self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
+
+    def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
+        """Note a load or a mass whose differences between runs explain what is missing."""
+        differing = differing_parameter(self.base, self.search.excess_base)
+        return found if differing is None else replace(found, notes=(*found.notes, differing.note))
 
     def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
         """Fit what these data cannot tell from what was found."""

@@ -268,6 +268,11 @@ class Plant:
         return out
 
     @property
+    def changed_between_runs(self) -> tuple[str, ...]:
+        """Parameters that people change from one recording to the next: loads, bolted masses."""
+        return ()
+
+    @property
     def roles(self) -> ChannelRoles:
         """What its channels are; of a plant that says nothing, as their names are known."""
         return KNOWN

@@ -43,4 +43,5 @@ KIND = ElementKind(
     ports=(Port("on", MECHANICAL),),
     parameters=(_FORCE,),
     anatomy=_anatomy,
+    changed_between_runs=("force",),
 )

@@ -25,5 +25,6 @@ KIND = ElementKind(
     ports=(Port("on", MECHANICAL),),
     parameters=(_MASS,),
     anatomy=_anatomy,
+    changed_between_runs=("mass",),
     required=("mass",),
 )

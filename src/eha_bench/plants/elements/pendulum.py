@@ -44,5 +44,6 @@ KIND = ElementKind(
     parameters=(_MASS, _LENGTH, _HANGING, _GRAVITY),
     anatomy=_anatomy,
     required=("mass", "length"),
+    changed_between_runs=("mass",),
     source="Siciliano et al., Robotics, Springer 2009",
 )

@@ -299,6 +299,8 @@ class ElementKind:
             inputs that are used (as `input:port`).
         refers: keys that name another element; its laws see that one's parameters as
             `<key>_<parameter>`.
+        changed_between_runs: names of parameters that people change from one recording to the next
+            (a load, a mass bolted on): where a dataset declares one value, runs may differ.
     """
 
     id: str
@@ -309,6 +311,7 @@ class ElementKind:
     required: tuple[str, ...] = ()
     source: str = ""
     refers: tuple[str, ...] = ()
+    changed_between_runs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse to require what is no parameter: no plant could declare it.
@@ -317,12 +320,14 @@ class ElementKind:
             PluginError: it does.
         """
         known = [item.name for item in self.parameters]
-        for name in self.required:
-            if name not in known:
-                raise PluginError(
-                    f"the element kind '{self.id}' requires '{name}', which is no parameter of it",
-                    hint=suggest(name, known),
-                )
+        for verb, names in (("requires", self.required), ("changes", self.changed_between_runs)):
+            for name in names:
+                if name not in known:
+                    raise PluginError(
+                        f"the element kind '{self.id}' {verb} '{name}', which is no parameter of "
+                        "it",
+                        hint=suggest(name, known),
+                    )
 
     def parameter(self, name: str) -> Parameter | None:
         """Return the parameter of that name, None where it has none."""

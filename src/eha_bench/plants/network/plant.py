@@ -124,6 +124,16 @@ class NetworkPlant(Plant):
         self.can_lock = bool(system.locked)
         self.has_bypass = system.has_bypass
 
+    @property
+    def changed_between_runs(self) -> tuple[str, ...]:
+        """Parameters that people change from one recording to the next: loads, bolted masses."""
+        found = [
+            self.system.slot_of[f"{part.name}.{name}"]
+            for part in self.system.parts.values()
+            for name in part.element.kind.changed_between_runs
+        ]
+        return tuple(dict.fromkeys(found))
+
     @cached_property
     def roles(self) -> ChannelRoles:
         """What its channels are."""

@@ -1,0 +1,88 @@
+"""A load or a mass that differs from run to run, and that nobody declares as such."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eha_bench.core.errors import PluginError
+from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.fit.baseline import Baseline, calibrated_baseline
+from eha_bench.diagnosis.fit.evidence import excess
+from eha_bench.diagnosis.outcome.differing_runs import DifferingParameter, differing_parameter
+from eha_bench.plants.elements.mass import KIND as MASS
+from eha_bench.plants.model import load_model
+from eha_bench.plants.network.element import ElementKind
+from eha_bench.plants.plant import Drive
+from eha_bench.recordings import write
+
+PLANT = """\
+plant: cart
+nodes: {rod: {kind: translation, mass: 10 kg}}
+elements:
+  damper: {kind: friction, on: rod, viscous: 30 N*s/m}
+  bolted: {kind: mass, on: rod, mass: 0 kg}
+  pull: {kind: load, on: rod, force: 0 N}
+names: {load: pull.force, added_mass: bolted.mass}
+inputs: {push: pull.force}
+channels: {position: rod.position}
+calibrate: [rod.mass, damper.viscous]
+"""
+
+
+def calibrated(folder: Path, loads: list[float], masses: list[float]) -> Baseline:
+    """Calibrate on three runs of a cart, of which the plant says that all are alike."""
+    (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    plant = load_model(folder / "plant.yaml").plant
+    noise = np.random.default_rng(4)
+    time = np.arange(0.0, 1.5, 2e-3)
+    rows = []
+    for number, (load, mass) in enumerate(zip(loads, masses, strict=True)):
+        vector = load_model(folder / "plant.yaml").vector()
+        for key, value in (("load", load), ("added_mass", mass)):
+            vector[plant.layout.index[key]] = value
+        push = 8.0 * np.sin(2.0 * np.pi * (1.0 + number) * time)
+        out = plant.simulate(vector, Drive(time, {"push": push}, {"position": 0.0}), 1e-3)
+        position = out[:, plant.outputs.index("position")] + 1e-5 * noise.standard_normal(time.size)
+        write(folder / f"{number}.mcap", Recording(time, {"push": push, "position": position}))
+        rows.append(f"  - {{log: {number}.mcap}}\n")
+    text = "model: plant.yaml\ninputs: [push]\nruns:\n" + "".join(rows)
+    (folder / "dataset.yaml").write_text(text, encoding="utf-8")
+    return calibrated_baseline(load_dataset(folder / "dataset.yaml"))
+
+
+def differing(base: Baseline) -> DifferingParameter | None:
+    return differing_parameter(base, excess(base.problem, base.fit))
+
+
+def test_a_load_that_differs_is_found_with_its_value_in_each_run(tmp_path: Path) -> None:
+    found = differing(calibrated(tmp_path, [2.0, -3.0, 5.0], [0.0, 0.0, 0.0]))
+    assert found is not None
+    assert (found.key, found.unit) == ("load", "N")
+    assert list(found.values.values()) == pytest.approx([2.0, -3.0, 5.0], abs=0.05)
+    assert found.share > 0.95
+    assert "declare it under `per_run`" in found.note
+    assert "-2.999 in 1" in found.note
+
+
+def test_a_mass_that_was_bolted_on_in_one_run_is_found(tmp_path: Path) -> None:
+    found = differing(calibrated(tmp_path, [0.0, 0.0, 0.0], [0.0, 6.0, 0.0]))
+    assert found is not None
+    assert found.key == "added_mass"
+    first, second, third = found.values.values()
+    assert second - first == pytest.approx(6.0, abs=0.3)
+    assert third == pytest.approx(first, abs=0.3)
+
+
+def test_runs_that_are_alike_do_not_differ(tmp_path: Path) -> None:
+    # the same load in all of them is something else that is missing
+    assert differing(calibrated(tmp_path, [4.0, 4.0, 4.0], [0.0, 0.0, 0.0])) is None
+
+
+def test_an_element_cannot_change_what_it_does_not_have() -> None:
+    with pytest.raises(PluginError, match="changes 'mess', which is no parameter"):
+        ElementKind("heap", "", MASS.ports, MASS.parameters, MASS.anatomy,
+                    changed_between_runs=("mess",))  # fmt: skip
