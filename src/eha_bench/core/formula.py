@@ -104,7 +104,7 @@ class _NameReader:
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
                 return self._call(name, argument, node, depth)
             case ast.Name(id=name):
-                return self._named(MetricInput(name))
+                return self._name_of(MetricInput(name))
         _text(node, depth)
         return node  # a number, or what the check of the arithmetic refuses
 
@@ -113,15 +113,15 @@ class _NameReader:
             inner = self.read(argument, depth + 1)
             return ast.Call(ast.Name(name, ast.Load()), [inner], [])
         if name in STATISTICS:
-            return self._named(Statistic(name, Expression.parse(_text(argument, depth))))
+            return self._name_of(Statistic(name, Expression.parse(_text(argument, depth))))
         if isinstance(argument, ast.Name):
-            return self._named(MetricInput(name, argument.id))
+            return self._name_of(MetricInput(name, argument.id))
         raise ValueError(
             f"'{_text(node, depth)}' is neither a statistic ({', '.join(STATISTICS)}) of channels "
             "nor a metric of one channel"
         )
 
-    def _named(self, found: Input) -> ast.expr:
+    def _name_of(self, found: Input) -> ast.expr:
         for name, known in self.found.items():
             if known == found:
                 return ast.Name(name, ast.Load())

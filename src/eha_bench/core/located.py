@@ -55,7 +55,7 @@ class Located:
         known = self.inside
         value = self.value
         absent = ""
-        found = self.written.get(known) or self._held()
+        found = self.written.get(known) or self._place_in_holder()
         for key in keys:
             deeper = self.written.get((*known, key))
             if deeper is not None:
@@ -70,7 +70,7 @@ class Located:
         key = f"{found.key}.{absent}" if found.key else absent
         return Place(found.file, found.line, key, found.topic, found.time)
 
-    def _held(self) -> Place:
+    def _place_in_holder(self) -> Place:
         """Return where this part would stand in what should hold it."""
         holder = self.holder
         return Place() if holder is None else holder.place(self.inside[len(holder.inside) :])
@@ -110,7 +110,7 @@ class Located:
         places = {path: at for path, at in self.places.items() if not path or path[0] not in keys}
         return Located(value, places)
 
-    def named(self, old: str, new: str) -> Located:
+    def renamed(self, old: str, new: str) -> Located:
         """Return the same content with another name in messages: `trials.0` -> `trials.step`."""
         within, size = f"{old}.", len(old)
         places = {

@@ -40,7 +40,7 @@ def unit_at_place(unit: str, units: Mapping[str, str]) -> str:
                 hint=suggest(word, units),
             )
         _add(found, powers(units[word]), power)
-    return _written(found)
+    return _unit_text(found)
 
 
 def usual_size(unit: str, usual: Mapping[str, float]) -> float:
@@ -121,7 +121,7 @@ def _add(found: dict[str, int], more: Powers, times: int = 1) -> None:
         found[name] = found.get(name, 0) + times * power
 
 
-def _written(found: Powers) -> str:
+def _unit_text(found: Powers) -> str:
     above = [_power(name, power) for name, power in found.items() if power > 0]
     below = [_power(name, -power) for name, power in found.items() if power < 0]
     if not below:

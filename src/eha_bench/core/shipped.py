@@ -16,7 +16,7 @@ def shipped_file(name: str) -> Path:
     Raises:
         InputError: no such file is shipped.
     """
-    return _shipped("suites", name)
+    return _shipped_path("suites", name)
 
 
 def names(folder: str) -> tuple[str, ...]:
@@ -72,10 +72,10 @@ def shipped_rig(name: str) -> Path:
     Raises:
         InputError: no such file is shipped.
     """
-    return _shipped("fixtures/rig", name)
+    return _shipped_path("fixtures/rig", name)
 
 
-def _shipped(folder: str, name: str) -> Path:
+def _shipped_path(folder: str, name: str) -> Path:
     for top in (_PACKAGE / "shipped", _PACKAGE.parents[1]):
         path = top / folder / name
         if path.is_file():

@@ -30,7 +30,7 @@ class TemporaryFolder:
         """
         for other in Path(tempfile.gettempdir()).glob(f"{kind}*"):
             remove_if_left(other)
-        self.path, held = _made(kind)
+        self.path, held = _make_locked(kind)
         self._finalizer = weakref.finalize(self, _remove, self.path, held)
 
     def remove(self) -> None:
@@ -50,7 +50,7 @@ def remove_if_left(folder: Path) -> None:
             os.close(held)
 
 
-def _made(kind: str) -> tuple[Path, int]:
+def _make_locked(kind: str) -> tuple[Path, int]:
     while True:
         folder = tempfile.mkdtemp(prefix=kind)
         with suppress(FileNotFoundError):

@@ -64,9 +64,9 @@ def factor_and_offset(unit: str, si_unit: str) -> tuple[float, float]:
             f"'{si_unit}', the unit that is expected here, is not one itself",
             hint="correct it where the parameter is declared",
         ) from None
-    source = _parsed(unit, _expected(si_unit))
+    source = _parsed(unit, _expected_dimension(si_unit))
     if source.dimensionality != target.dimensionality or not _same_kind(source, unit, si_unit):
-        raise UnitError(f"unit '{unit}' has the wrong dimension", hint=_expected(si_unit))
+        raise UnitError(f"unit '{unit}' has the wrong dimension", hint=_expected_dimension(si_unit))
     zero = float(registry.Quantity(0.0, source).to(target).magnitude)
     one = float(registry.Quantity(1.0, source).to(target).magnitude)
     return one - zero, zero
@@ -126,7 +126,7 @@ def base_exponents(unit: str) -> dict[str, int]:
     return {name: int(cast("float", power)) for name, power in base._units.items()}
 
 
-def _expected(si_unit: str) -> str:
+def _expected_dimension(si_unit: str) -> str:
     return f"expected a unit of the dimension of {si_unit}" if si_unit else "expected a pure number"
 
 
@@ -137,13 +137,15 @@ def parse(text: str | float, si_unit: str) -> float:
         UnitError: not a finite number, unknown unit, or the wrong dimension.
     """
     if isinstance(text, bool):
-        raise UnitError(f"'{text}' is not a quantity", hint=_expected(si_unit))
+        raise UnitError(f"'{text}' is not a quantity", hint=_expected_dimension(si_unit))
     if isinstance(text, (int, float)):
         value = _float(text)
     else:
         match = _NUMBER.match(text)
         if match is None:
-            raise UnitError(f"'{text}' is not a number with a unit", hint=_expected(si_unit))
+            raise UnitError(
+                f"'{text}' is not a number with a unit", hint=_expected_dimension(si_unit)
+            )
         if _COMMA.match(text):
             raise UnitError(
                 f"'{text}' has a comma", hint="write 0.4 with a point, and 1000 without any"
@@ -154,7 +156,7 @@ def parse(text: str | float, si_unit: str) -> float:
             factor, offset = factor_and_offset(unit, si_unit)
             value = factor * value + offset
     if not math.isfinite(value):
-        raise UnitError(f"'{text}' is not finite", hint=_expected(si_unit))
+        raise UnitError(f"'{text}' is not finite", hint=_expected_dimension(si_unit))
     return value
 
 

@@ -116,7 +116,7 @@ def _trials(
     """Return the trials that one entry of the list stands for."""
     pattern = written.value.get("id")
     if isinstance(pattern, str):
-        written = written.named(f"trials.{index}", f"trials.{pattern}")
+        written = written.renamed(f"trials.{index}", f"trials.{pattern}")
     mistakes = Mistakes()
     written = _known_keys(written, list(TrialFile.model_fields), mistakes)
     if pattern is None:
