@@ -81,7 +81,7 @@ def test_delayed_command_is_the_mean_of_the_shifted_staircase(delay, start, part
     times = np.arange(20.0) * 1e-3
     commands = np.sin(np.arange(20.0)) * 5
     t, h = times[start] + part * 1e-3, 1e-4
-    got = command_delay.delayed(commands[start], start, t, h, times, commands, delay, 0.0)
+    got = command_delay.delayed_command(commands[start], start, t, h, times, commands, delay, 0.0)
     samples = t - delay + (np.arange(20000) + 0.5) / 20000 * h
     held = commands[np.clip(np.searchsorted(times, samples, side="right") - 1, 0, 19)]
     assert got == pytest.approx(float(np.mean(held)), abs=2e-3)
@@ -106,7 +106,7 @@ def test_delayed_command_is_that_of_looking_back_tick_by_tick(spans, delay, shar
         lower = t - delay if j < 0 else max(t - delay, float(times[j]))
         expected += (upper - lower) * (3.0 if j < 0 else commands[j])
         upper, j = lower, j - 1
-    assert command_delay.delayed(0.0, k, t, h, times, commands, delay, 3.0) == expected / h
+    assert command_delay.delayed_command(0.0, k, t, h, times, commands, delay, 3.0) == expected / h
 
 
 def test_delay_is_continuous(knee, effect) -> None:
@@ -173,7 +173,7 @@ def test_dead_zone_in_the_drive_is_seen_by_the_current_sensor(knee, effect) -> N
 @settings(max_examples=200)
 def test_saturated_torque_stays_below_its_asymptote_and_rises(current, sharpness) -> None:
     def torque(i):
-        return torque_saturation.saturated(0.13 * i, i, 1 / 60.0, sharpness)
+        return torque_saturation.saturated_torque(0.13 * i, i, 1 / 60.0, sharpness)
 
     assert abs(torque(current)) <= 0.13 * 60.0 * (1 + 1e-9)
     assert abs(torque(current)) <= 0.13 * abs(current) * (1 + 1e-9)
@@ -183,8 +183,8 @@ def test_saturated_torque_stays_below_its_asymptote_and_rises(current, sharpness
 
 @pytest.mark.parametrize("sharpness", [1.0, 2.0, 5.0])
 def test_saturated_torque_has_its_limits(sharpness) -> None:
-    small = torque_saturation.saturated(0.13e-6, 1e-6, 0.02, sharpness)
-    large = torque_saturation.saturated(0.13e9, 1e9, 0.02, sharpness)
+    small = torque_saturation.saturated_torque(0.13e-6, 1e-6, 0.02, sharpness)
+    large = torque_saturation.saturated_torque(0.13e9, 1e9, 0.02, sharpness)
     assert small == pytest.approx(0.13e-6, rel=1e-6)
     assert large == pytest.approx(0.13 / 0.02, rel=1e-6)
 

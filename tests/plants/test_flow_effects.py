@@ -99,7 +99,7 @@ def test_relief_valve_only_lets_oil_down(p_a, p_b, route) -> None:
 
 def test_oil_with_air_has_its_limits() -> None:
     def modulus(p, air=0.02, index=1.0):
-        return entrained_air.softened(BETA, p, air, index, 1e5, 0.0)
+        return entrained_air.effective_bulk_modulus(BETA, p, air, index, 1e5, 0.0)
 
     assert modulus(1e12) == pytest.approx(BETA, rel=1e-3)
     # at p_0 the volumes are as declared: compliances add in proportion
@@ -114,8 +114,8 @@ def test_oil_with_air_has_its_limits() -> None:
 
 @given(p=st.floats(1e5, 4e7), air=st.floats(1e-4, 0.3))
 def test_air_only_softens_and_less_at_high_pressure(p, air) -> None:
-    here = entrained_air.softened(BETA, p, air, 1.0, 1e5, 0.0)
-    higher = entrained_air.softened(BETA, p * 1.1, air, 1.0, 1e5, 0.0)
+    here = entrained_air.effective_bulk_modulus(BETA, p, air, 1.0, 1e5, 0.0)
+    higher = entrained_air.effective_bulk_modulus(BETA, p * 1.1, air, 1.0, 1e5, 0.0)
     assert 0 < here <= higher <= BETA
 
 
@@ -132,7 +132,9 @@ def test_compressing_oil_with_air_follows_the_mixture_law(bare_knee, effect) -> 
     p = out["pressure_a"]
     # integrate V / beta_e dp with the fixed chamber volume of the model, Eq. (4)
     grid = np.linspace(p[0], p[-1], 200001)
-    beta = np.array([entrained_air.softened(BETA, q, 0.05, 1.0, 1e5, 0.0) for q in grid[::100]])
+    beta = np.array(
+        [entrained_air.effective_bulk_modulus(BETA, q, 0.05, 1.0, 1e5, 0.0) for q in grid[::100]]
+    )
     compliance = np.interp(grid, grid[::100], VOLUME / beta)
     taken = np.concatenate(([0], np.cumsum(0.5 * (compliance[1:] + compliance[:-1]))))
     taken *= grid[1] - grid[0]

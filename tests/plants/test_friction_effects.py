@@ -132,7 +132,7 @@ def test_cogging_is_a_series_of_two_harmonics() -> None:
 def test_dry_friction_falls_with_the_square_or_the_speed_itself(form, fall) -> None:
     """At half the Stribeck velocity, r = 1.4: 5 + 1.2 e^(-1/4) or 5 + 1.2 e^(-1/2)."""
     for speed in (-0.05, 0.05):
-        level = coulomb_friction.rubbed(2.0, speed, 3.0, form, 1.4, 0.1)
+        level = coulomb_friction.dry_friction(2.0, speed, 3.0, form, 1.4, 0.1)
         assert level == pytest.approx(5.0 + 1.2 * fall)
 
 
@@ -410,7 +410,9 @@ def test_weight_needs_the_force_of_the_linkage(posture, share) -> None:
         expected = -(height[1] - height[0]) / 2e-6
         shape = (x, 0.3208, 0.0462, 0.280, 1.2535e-5, 1.2535e-5 / 0.04)
         turns = knee_linkage.turns(*shape)
-        got = gravity_load.weighed(0.0, knee_linkage.angle(*shape), turns, 25.0, 0.7, posture)
+        got = gravity_load.effort_with_gravity(
+            0.0, knee_linkage.angle(*shape), turns, 25.0, 0.7, posture
+        )
         assert got == pytest.approx(expected, rel=1e-6)
 
 

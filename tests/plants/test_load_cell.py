@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eha_bench.diagnosis.fit.start_state import start_of
-from eha_bench.plants.elements.load_cell import back, passed
+from eha_bench.plants.elements.load_cell import force_on_first, force_on_second
 from eha_bench.plants.network.file import load_plant
 from eha_bench.plants.plant import Drive
 
@@ -26,15 +26,15 @@ channels: {carriage_position: carriage.position, cell_force: cell.force}
 def test_both_sides_feel_the_same_force() -> None:
     state = {"position_first": 2e-3, "position_second": 1e-3, "speed_first": 0.1,
              "speed_second": 0.3, "stiffness": 1e4, "damping": 20.0}  # fmt: skip
-    assert passed(**state) == pytest.approx(10.0 - 4.0)
-    assert back(**state) == -passed(**state)
+    assert force_on_second(**state) == pytest.approx(10.0 - 4.0)
+    assert force_on_first(**state) == -force_on_second(**state)
 
 
 @pytest.mark.slow  # compiles a kernel
 def test_a_rod_is_pulled_to_and_fro_against_its_friction(tmp_path: Path) -> None:
     (tmp_path / "plant.yaml").write_text(RIG)
     plant = load_plant(tmp_path / "plant.yaml")
-    assert plant.determined(("carriage_position",)) == ("cell_force",)
+    assert plant.determined_outputs(("carriage_position",)) == ("cell_force",)
     vector = plant.layout.defaults()
     time = np.arange(0.0, 2.0, 0.01)
     position = 0.01 * np.interp(time, [0.0, 1.0, 2.0], [1.0, 2.0, 1.0])

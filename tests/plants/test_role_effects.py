@@ -137,15 +137,15 @@ def test_dead_band_takes_its_width_off_the_opening() -> None:
 
 def test_smooth_dead_band_meets_the_sharp_one_far_out_and_is_odd() -> None:
     openings = np.linspace(-0.3, 0.3, 61)
-    smooth = np.array([valve_deadband.overlapped(s, 0.02, 0.0, 1.0) for s in openings])
-    sharp = np.array([valve_deadband.overlapped(s, 0.02, 0.0, 0.0) for s in openings])
+    smooth = np.array([valve_deadband.effective_opening(s, 0.02, 0.0, 1.0) for s in openings])
+    sharp = np.array([valve_deadband.effective_opening(s, 0.02, 0.0, 0.0) for s in openings])
     np.testing.assert_allclose(smooth, -smooth[::-1], atol=1e-15)
     far = np.abs(openings) > 0.15
     np.testing.assert_allclose(smooth[far], sharp[far], atol=1e-10)
     assert (np.diff(smooth) > 0).all()
     # at the edge: w ln[2 / (1 + e^-6)], w = d / 3
     edge = 0.02 / 3 * math.log(2 / (1 + math.exp(-6)))
-    assert valve_deadband.overlapped(0.02, 0.02, 0.0, 1.0) == pytest.approx(edge, rel=1e-12)
+    assert valve_deadband.effective_opening(0.02, 0.02, 0.0, 1.0) == pytest.approx(edge, rel=1e-12)
 
 
 # --- valve_lag ----------------------------------------------------------------------------------

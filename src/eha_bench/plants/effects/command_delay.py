@@ -18,7 +18,7 @@ from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
-def delayed(
+def delayed_command(
     value: float,
     k: int,
     t: float,
@@ -66,8 +66,8 @@ EFFECT = Effect(
     summary="The command takes effect after a constant delay.",
     parameters=(Parameter("delay", "s", 2e-3, 0.0, 0.5, "T"),),
     actions={
-        "drive": Action({"command": delayed}, start={"before": at_first}),
-        "command_path": Action({"command": delayed}, start={"before": at_first}),
+        "drive": Action({"command": delayed_command}, start={"before": at_first}),
+        "command_path": Action({"command": delayed_command}, start={"before": at_first}),
     },
     states=("before",),
     source="Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., 1997",

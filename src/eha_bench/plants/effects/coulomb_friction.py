@@ -23,7 +23,7 @@ _CONSTANT, _STRIBECK = 0.0, 1.0
 _FALLING = ("stribeck", "exponential")
 
 
-def rubbed(
+def dry_friction(
     level: float,
     speed: float,
     friction_force: float,
@@ -51,7 +51,7 @@ EFFECT = Effect(
             "lubricated seals, guides and gears", when=("form", _FALLING),
         ),
     ),
-    actions={"friction": Action({"dry": rubbed}, same_as="coulomb")},
+    actions={"friction": Action({"dry": dry_friction}, same_as="coulomb")},
     source=(
         "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083, "
         "doi:10.1016/0005-1098(94)90209-7"

@@ -39,7 +39,7 @@ class DeadZone(NamedTuple):
 
 
 @njit()
-def _left(current: float, own: DeadZone) -> float:
+def _effective_current(current: float, own: DeadZone) -> float:
     """Return what a dead zone leaves of a current, A."""
     asymmetry = own.asymmetry if own.edges != _EQUAL else 0.0
     return dead_zone(current, own.deadband, asymmetry, own.form)
@@ -47,14 +47,14 @@ def _left(current: float, own: DeadZone) -> float:
 
 def drive(demand: float, own: DeadZone) -> float:
     """Return the current that the drive makes of a demand, A."""
-    return _left(demand, own) if own.place == _DRIVE else demand
+    return _effective_current(demand, own) if own.place == _DRIVE else demand
 
 
 def motor(torque: float, current: float, own: DeadZone) -> float:
     """Return the motor's torque where the dead zone is behind the current sensor, N*m."""
     if own.place != _MOTOR:
         return torque
-    return torque * (_left(current, own) / current) if current != 0.0 else 0.0
+    return torque * (_effective_current(current, own) / current) if current != 0.0 else 0.0
 
 
 EFFECT = Effect(

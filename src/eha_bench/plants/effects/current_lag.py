@@ -49,17 +49,17 @@ def follow_either(
     return end + (lagging - end) * math.exp(-h / time_constant)
 
 
-def put_out(current: float, lagging: float, place: float) -> float:
+def drive_output(current: float, lagging: float, place: float) -> float:
     """Return what the drive puts out instead of what is demanded."""
     return current if place == _WINDING else lagging
 
 
-def driven(torque: float, lagging: float, torque_constant: float, place: float) -> float:
+def winding_torque(torque: float, lagging: float, torque_constant: float, place: float) -> float:
     """Return the torque of the current in the winding, N*m."""
     return torque_constant * lagging if place == _WINDING else torque
 
 
-def shown(current: float, lagging: float, place: float) -> float:
+def current_reading(current: float, lagging: float, place: float) -> float:
     """Return what a sensor of the winding's current reads, A."""
     return lagging if place == _WINDING else current
 
@@ -83,7 +83,7 @@ EFFECT = Effect(
     ),
     actions={
         "voltage_drive": Action(
-            {"drive": put_out, "torque": driven, "read_current": shown},
+            {"drive": drive_output, "torque": winding_torque, "read_current": current_reading},
             advance={"lagging": follow_either},
             start={"lagging": either_at_first},
         ),

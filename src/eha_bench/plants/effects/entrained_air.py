@@ -20,7 +20,7 @@ from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
-def softened(
+def effective_bulk_modulus(
     modulus: float,
     pressure: float,
     air_fraction: float,
@@ -56,7 +56,7 @@ EFFECT = Effect(
             "added to the chamber pressures where they are gauge", searched=False,
         ),
     ),
-    actions={"chamber": Action({"bulk": softened})},
+    actions={"chamber": Action({"bulk": effective_bulk_modulus})},
     together=True,
     source="Kim, Murrenhoff, J. Fluids Eng. 134 (2012) 021201, doi:10.1115/1.4005672",
     separate=(

@@ -23,7 +23,7 @@ from eha_bench.plants.parameter import Parameter, choice
 _LINK, _STANDING = 0.0, 1.0
 
 
-def weighed(
+def effort_with_gravity(
     effort: float,
     angle: float,
     turns: float,
@@ -36,7 +36,7 @@ def weighed(
     return effort - gravity_torque * math.cos(share * angle - level_angle) * turns
 
 
-def along(effort: float, gravity_force: float) -> float:
+def force_with_gravity(effort: float, gravity_force: float) -> float:
     """Return the force with the weight's component along the slide, N."""
     return effort - gravity_force
 
@@ -56,8 +56,8 @@ EFFECT = Effect(
         Parameter("gravity_force", "{effort}", 0.3, -1e6, 1e6, "F_g", role="slide"),
     ),
     actions={
-        "hanging": Action({"net": weighed}),
-        "slide": Action({"net": along}, same_as="load"),
+        "hanging": Action({"net": effort_with_gravity}),
+        "slide": Action({"net": force_with_gravity}, same_as="load"),
     },
     source="Yang et al. 2023, Eq. (8)-(10)",
     separate=(

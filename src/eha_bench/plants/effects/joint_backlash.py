@@ -126,7 +126,7 @@ def lone_mass(mass: float, side: float, rod_mass: float) -> float:
 
 
 @njit()
-def _pulled(d: float, closing: float, beyond: Load, joint: Joint) -> float:
+def _load_acceleration(d: float, closing: float, beyond: Load, joint: Joint) -> float:
     """Return the load's acceleration with the rod `d` from it, closing at a rate, m/s^2."""
     return (_contact(d, closing, joint) + beyond.pulled) / beyond.whole_mass
 
@@ -142,7 +142,7 @@ def move_by(
     """
     if position != seen:
         return h * beyond.load_v
-    pulled = _pulled(position - beyond.load_x, speed - beyond.load_v, beyond, joint)
+    pulled = _load_acceleration(position - beyond.load_x, speed - beyond.load_v, beyond, joint)
     return h * (beyond.load_v + h * pulled)
 
 
@@ -162,7 +162,9 @@ def push_load(
 ) -> float:
     """Return the load's velocity after a time h, m/s, pushed where the rod was looked at."""
     there = beyond.load_x - way if position == seen else beyond.load_x
-    return beyond.load_v + h * _pulled(position - there, speed - beyond.load_v, beyond, joint)
+    return beyond.load_v + h * _load_acceleration(
+        position - there, speed - beyond.load_v, beyond, joint
+    )
 
 
 def look(position: float) -> float:

@@ -62,29 +62,29 @@ def curve(u: float, period: float, low: float, high: float, values: FloatArray) 
 
 
 @njit()
-def _scaled(own: Curve, values: FloatArray) -> float:
+def _curve_value(own: Curve, values: FloatArray) -> float:
     return own.scale * curve(own.u, own.period, own.low, own.high, values)
 
 
-def added(value: float, own: Curve, values: FloatArray) -> float:
+def balance_with_curve(value: float, own: Curve, values: FloatArray) -> float:
     """Return a balance with the curve added."""
-    return value + _scaled(own, values) if own.form == _ADDITIVE else value
+    return value + _curve_value(own, values) if own.form == _ADDITIVE else value
 
 
-def taken(value: float, own: Curve, values: FloatArray) -> float:
+def balance_less_curve(value: float, own: Curve, values: FloatArray) -> float:
     """Return a balance with the curve taken away."""
-    return value - _scaled(own, values) if own.form == _ADDITIVE else value
+    return value - _curve_value(own, values) if own.form == _ADDITIVE else value
 
 
-def changed(value: float, own: Curve, values: FloatArray) -> float:
+def signal_with_curve(value: float, own: Curve, values: FloatArray) -> float:
     """Return a command or a reading with the curve added, or as a gain."""
-    f = _scaled(own, values)
+    f = _curve_value(own, values)
     return value * (1.0 + f) if own.form == _GAIN else value + f
 
 
 def torque(value: float, torque_constant: float, own: Curve, values: FloatArray) -> float:
     """Return a motor's torque with the curve as a current, or as a gain, N*m."""
-    f = _scaled(own, values)
+    f = _curve_value(own, values)
     return value * (1.0 + f) if own.form == _GAIN else value + torque_constant * f
 
 
@@ -92,13 +92,13 @@ def level(value: float, own: Curve, values: FloatArray) -> float:
     """Return dry friction with the curve, N (or N*m)."""
     if own.form == _ADDITIVE:
         return value
-    f = _scaled(own, values)
+    f = _curve_value(own, values)
     return max(0.0, value * (1.0 + f) if own.form == _GAIN else value + f)
 
 
-def delivered(value: float, own: Curve, values: FloatArray) -> float:
+def flow_with_curve(value: float, own: Curve, values: FloatArray) -> float:
     """Return a pump's flow with the curve as a gain, m^3/s."""
-    return value * (1.0 + _scaled(own, values)) if own.form == _GAIN else value
+    return value * (1.0 + _curve_value(own, values)) if own.form == _GAIN else value
 
 
 EFFECT = Effect(
@@ -124,12 +124,12 @@ EFFECT = Effect(
     actions={
         "anything": Action(
             {
-                "added": added,
-                "taken": taken,
-                "changed": changed,
+                "added": balance_with_curve,
+                "taken": balance_less_curve,
+                "changed": signal_with_curve,
                 "torque": torque,
                 "level": level,
-                "delivered": delivered,
+                "delivered": flow_with_curve,
             }
         )
     },

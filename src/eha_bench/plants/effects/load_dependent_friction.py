@@ -19,7 +19,7 @@ from eha_bench.plants.parameter import Parameter, choice
 _LOAD, _DRIVE = 0.0, 1.0
 
 
-def loaded(
+def dry_friction_under_load(
     level: float, drive: float, load: float, friction_coefficient: float, by: float
 ) -> float:
     """Return the dry friction under load, N (or N*m)."""
@@ -37,7 +37,7 @@ EFFECT = Effect(
         Parameter("friction_coefficient", "", 0.1, 0.0, 2.0, "mu"),
         choice("by", ("load", "drive", "passed"), "which load presses"),
     ),
-    actions={"geared": Action({"dry": loaded})},
+    actions={"geared": Action({"dry": dry_friction_under_load})},
     source="Bittencourt, Gunnarsson, J. Dyn. Sys. Meas. Control 134 (2012) 051013",
     separate="lift and lower several loads slowly: the gap between both ways grows with the load",
 )

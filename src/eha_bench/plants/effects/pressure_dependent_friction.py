@@ -14,7 +14,9 @@ from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
-def loaded(level: float, pump_load: float, friction_coefficient: float) -> float:
+def dry_friction_under_pressure(
+    level: float, pump_load: float, friction_coefficient: float
+) -> float:
     """Return the dry friction of the loaded pump, N*m."""
     return level + friction_coefficient * pump_load
 
@@ -23,7 +25,10 @@ EFFECT = Effect(
     id="pressure_dependent_friction",
     summary="The pump's friction grows with the pressure difference.",
     parameters=(Parameter("friction_coefficient", "", 0.03, 0.0, 1.0, "mu_p"),),
-    actions={"pump_friction": Action({"dry": loaded}), "holding": Action({"pump_dry": loaded})},
+    actions={
+        "pump_friction": Action({"dry": dry_friction_under_pressure}),
+        "holding": Action({"pump_dry": dry_friction_under_pressure}),
+    },
     source="Ivantysyn, Ivantysynova, Hydrostatic Pumps and Motors, Akademia Books 2001",
     separate="hold several pressures, coming from above and from below: half the gap in current",
 )

@@ -26,7 +26,7 @@ def reading(value: float, read: float) -> float:
     return read
 
 
-def settled(pressure: float) -> float:
+def reading_at_first(pressure: float) -> float:
     """Return the reading at the first sample, Pa."""
     return pressure
 
@@ -37,7 +37,7 @@ EFFECT = Effect(
     parameters=(Parameter("time_constant", "s", 3e-3, 0.0, 1.0, "tau_p"),),
     actions={
         "pressure_sensor": Action(
-            {"reading": reading}, advance={"read": follow}, start={"read": settled}
+            {"reading": reading}, advance={"read": follow}, start={"read": reading_at_first}
         )
     },
     states=("read",),

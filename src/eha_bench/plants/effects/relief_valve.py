@@ -59,7 +59,7 @@ def slope_ab(
     return value + valve_conductance if route == _PORTS and abs(p_a - p_b) > setting else value
 
 
-def reached(p_a: float, p_b: float, route: float) -> float:
+def limited_pressure(p_a: float, p_b: float, route: float) -> float:
     """Return the pressure that the setting is held against, Pa."""
     return max(p_a, p_b) if route == _TANK else abs(p_a - p_b)
 
@@ -81,7 +81,7 @@ EFFECT = Effect(
                 "ground_b": slope_b,
                 "link": slope_ab,
             },
-            opens=Opening("setting", reached),
+            opens=Opening("setting", limited_pressure),
         )
     },
     source="Merritt, Hydraulic Control Systems, Wiley 1967",

@@ -27,7 +27,7 @@ def reading(value: float, read: float) -> float:
     return read
 
 
-def settled(value: float) -> float:
+def reading_at_first(value: float) -> float:
     """Return the reading at the first sample, in its unit."""
     return value
 
@@ -41,7 +41,7 @@ EFFECT = Effect(
             {"reading": reading},
             Equation.MEASUREMENT,
             advance={"read": follow},
-            start={"read": settled},
+            start={"read": reading_at_first},
         )
     },
     states=("read",),

@@ -17,7 +17,7 @@ from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
-def fallen(pressure: float, sag: float) -> float:
+def sagging_pressure(pressure: float, sag: float) -> float:
     """Return the pressure of the supply, Pa."""
     return pressure - sag
 
@@ -41,7 +41,9 @@ EFFECT = Effect(
         Parameter("recovery_time", "s", 0.1, 1e-3, 100.0, "tau"),
     ),
     actions={
-        "supply": Action({"pressure": fallen}, advance={"sag": follow}, start={"sag": at_first})
+        "supply": Action(
+            {"pressure": sagging_pressure}, advance={"sag": follow}, start={"sag": at_first}
+        )
     },
     states=("sag",),
     source="Merritt, Hydraulic Control Systems, Wiley 1967",

@@ -17,7 +17,7 @@ from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter
 
 
-def saturated(torque: float, current: float, saturation: float, sharpness: float) -> float:
+def saturated_torque(torque: float, current: float, saturation: float, sharpness: float) -> float:
     """Return the motor's torque with saturated iron, N*m."""
     ratio = abs(saturation * current)
     return torque * math.pow(1.0 + math.pow(ratio, sharpness), -1.0 / sharpness)
@@ -33,7 +33,7 @@ EFFECT = Effect(
         ),
         Parameter("sharpness", "", 2.0, 1.0, 20.0, "n"),
     ),
-    actions={"motor": Action({"torque": saturated})},
+    actions={"motor": Action({"torque": saturated_torque})},
     source="Fitzgerald, Kingsley, Umans, Electric Machinery, 6th ed., 2003",
     separate="hold high loads: torque per ampere falls with the current",
     starts=({"saturation": 0.46, "sharpness": 1.0}, {"saturation": 0.92, "sharpness": 4.0}),

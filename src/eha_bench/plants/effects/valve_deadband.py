@@ -19,7 +19,7 @@ from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.parameter import Parameter, choice
 
 
-def overlapped(opening: float, deadband: float, asymmetry: float, form: float) -> float:
+def effective_opening(opening: float, deadband: float, asymmetry: float, form: float) -> float:
     """Return how far the lands are open, as a share of the travel."""
     return dead_zone(opening, deadband, asymmetry, form)
 
@@ -35,7 +35,7 @@ EFFECT = Effect(
         ),
         choice("form", FORMS, "whether the edges are rounded"),
     ),
-    actions={"valve": Action({"opening": overlapped}, Equation.ACTUATION)},
+    actions={"valve": Action({"opening": effective_opening}, Equation.ACTUATION)},
     source="Merritt, Hydraulic Control Systems, Wiley 1967",
     separate="slow ramps of the command through zero: nothing moves within the dead band",
     starts=({"deadband": 0.005}, {"deadband": 0.06}),

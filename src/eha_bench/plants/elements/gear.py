@@ -23,13 +23,13 @@ def ratio_of(ratio: float) -> float:
     return ratio
 
 
-def turned(position: float, ratio: float) -> float:
+def input_angle(position: float, ratio: float) -> float:
     """Return the angle of `from` at one of `to`, rad."""
     return ratio * position
 
 
 def _anatomy(declared: frozenset[str]) -> Anatomy:
-    return Anatomy((_RATIO,), (Tie("from", "to", ratio_of, turned),))
+    return Anatomy((_RATIO,), (Tie("from", "to", ratio_of, input_angle),))
 
 
 KIND = ElementKind(

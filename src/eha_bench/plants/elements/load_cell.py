@@ -25,7 +25,7 @@ _STIFFNESS = Parameter("stiffness", "{effort}/{position}", 1e5, 0.0, math.inf, "
 _DAMPING = Parameter("damping", "{damping}", 0.0, 0.0, math.inf, "c")
 
 
-def passed(
+def force_on_second(
     position_first: float,
     position_second: float,
     speed_first: float,
@@ -37,7 +37,7 @@ def passed(
     return stiffness * (position_first - position_second) + damping * (speed_first - speed_second)
 
 
-def back(
+def force_on_first(
     position_first: float,
     position_second: float,
     speed_first: float,
@@ -52,8 +52,8 @@ def back(
 def _anatomy(declared: frozenset[str]) -> Anatomy:
     return Anatomy(
         (_STIFFNESS, _DAMPING),
-        (Effort("first", back), Effort("second", passed)),
-        quantities=(Quantity("force", "{effort}", passed),),
+        (Effort("first", force_on_first), Effort("second", force_on_second)),
+        quantities=(Quantity("force", "{effort}", force_on_second),),
     )
 
 

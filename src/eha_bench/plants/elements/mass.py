@@ -10,13 +10,13 @@ from eha_bench.plants.parameter import Parameter
 _MASS = Parameter("mass", "{inertia}", 1.0, 0.0, math.inf, "m")
 
 
-def added(mass: float) -> float:
+def mass_of(mass: float) -> float:
     """Return the mass, kg (or the inertia, kg*m^2)."""
     return mass
 
 
 def _anatomy(declared: frozenset[str]) -> Anatomy:
-    return Anatomy((_MASS,), (Inertia("on", added),))
+    return Anatomy((_MASS,), (Inertia("on", mass_of),))
 
 
 KIND = ElementKind(

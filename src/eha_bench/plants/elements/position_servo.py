@@ -35,14 +35,14 @@ _D = Parameter("derivative", "{command}/{speed}", 0.0, 0.0, _INF, "D")
 _PERIOD = Parameter("period", "s", 1e-3, 1e-6, 1.0, "T")
 
 
-def cascaded(
+def cascade_command(
     reference: float, reading: float, speed: float, position_gain: float, velocity_gain: float
 ) -> float:
     """Return the command of a position loop around a velocity loop, in the motor's unit."""
     return velocity_gain * (position_gain * (reference - reading) - speed)
 
 
-def parallel(
+def parallel_command(
     reference: float, reading: float, speed: float, proportional: float, derivative: float
 ) -> float:
     """Return the command of a proportional and derivative controller, in the motor's unit."""
@@ -59,7 +59,14 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
             Input("reference", "{position}", False, "reference"),
             Input("added", "{command}", True, "added"),
         ),
-        loop=Loop("motor", "on", "reference", "added", "period", cascaded if cascade else parallel),
+        loop=Loop(
+            "motor",
+            "on",
+            "reference",
+            "added",
+            "period",
+            cascade_command if cascade else parallel_command,
+        ),
     )
 
 

@@ -115,17 +115,17 @@ def lagging_after(spool: float, demand: float, fade: float, full_scale: float) -
     return asked + (spool - asked) * fade
 
 
-def asked_for(demand: float, full_scale: float) -> float:
+def spool_demand(demand: float, full_scale: float) -> float:
     """Return the spool's position that a command asks for, as a share."""
     return demand / full_scale
 
 
-def opened(spool: float, null_bias: float) -> float:
+def land_opening(spool: float, null_bias: float) -> float:
     """Return how far the lands are open, as a share."""
     return spool + null_bias
 
 
-def seen(spool: float) -> float:
+def spool_reading(spool: float) -> float:
     """Return the spool's position as its sensor sees it, as a share."""
     return spool
 
@@ -181,7 +181,7 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
     if {"natural_frequency", "damping_ratio"} & declared:
         own: tuple[Parameter, ...] = (_FREQUENCY, _DAMPING)
         spool: tuple[HeldSignal, ...] = (
-            HeldSignal("spool", spool_after, asked_for),
+            HeldSignal("spool", spool_after, spool_demand),
             HeldSignal("spool_rate", rate_after),
             HeldSignal("cosine", factor=cosine_after),
             HeldSignal("sine", factor=sine_after),
@@ -189,19 +189,23 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
     elif "time_constant" in declared:
         own = (_TIME,)
         spool = (
-            HeldSignal("spool", lagging_after, asked_for),
+            HeldSignal("spool", lagging_after, spool_demand),
             HeldSignal("fade", factor=fade_after),
         )
     else:
         own = ()
-        spool = (HeldSignal("spool", value=asked_for),)
+        spool = (HeldSignal("spool", value=spool_demand),)
     return Anatomy(
         (*common, *own),
         _LANDS,
-        signals=(HeldSignal("demand"), *spool, HeldSignal("opening", value=opened, hook="opening")),
+        signals=(
+            HeldSignal("demand"),
+            *spool,
+            HeldSignal("opening", value=land_opening, hook="opening"),
+        ),
         inputs=(Input("command", "V", True, "demand"),),
         commands=(Command("command", "demand", "V", "full_scale"),),
-        quantities=(Quantity("spool", "", seen, "spool"),),
+        quantities=(Quantity("spool", "", spool_reading, "spool"),),
     )
 
 
