@@ -5,7 +5,7 @@ import pytest
 from eha_bench.core.errors import PluginError
 from eha_bench.core.place_unit import powers, unit_at_place, usual_size
 from eha_bench.core.units import parse
-from eha_bench.plants.effect import Action, Effect, bound
+from eha_bench.plants.effect import Action, Effect, bind_effects
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.network.roles import roles_of, usual_effort
 from eha_bench.plants.parameter import Parameter
@@ -73,7 +73,7 @@ def test_one_effect_acts_on_what_turns_and_what_slides() -> None:
     """At a usual speed the default adds a tenth of the usual effort, on shaft and rod."""
     plant = get_plant("eha_knee")
     assert isinstance(plant, NetworkPlant)
-    (found,) = bound([windage("{effort}/{speed}^2")], roles_of(plant.system))
+    (found,) = bind_effects([windage("{effort}/{speed}^2")], roles_of(plant.system))
     units = {
         found.parameter_at("windage", {"at": float(place)}).unit
         for place in range(len(found.places))
@@ -93,4 +93,4 @@ def test_a_wrong_word_is_refused_with_the_effect_and_its_parameter() -> None:
     assert isinstance(plant, NetworkPlant)
     said = r"effect 'windage', parameter 'windage': .*'\{sped\}'.*did you mean 'speed'"
     with pytest.raises(PluginError, match=said):
-        bound([windage("{effort}/{sped}")], roles_of(plant.system))
+        bind_effects([windage("{effort}/{sped}")], roles_of(plant.system))

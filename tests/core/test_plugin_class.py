@@ -18,7 +18,7 @@ from eha_bench.core.metric import METRICS
 from eha_bench.core.plugin_class import check_class
 from eha_bench.metrics.metric import Metric
 from eha_bench.metrics.scoring import metric
-from eha_bench.plants.effect import Action, Effect, Hook, Spot, bound, registered_effects
+from eha_bench.plants.effect import Action, Effect, Hook, Spot, bind_effects, registered_effects
 from eha_bench.plants.network.network import element_kinds
 from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.plant import Plant
@@ -288,8 +288,8 @@ def test_an_effect_names_what_it_has(more: dict[str, Any], says: str) -> None:
 def test_an_effect_acts_at_hooks_that_its_role_has() -> None:
     spot = Spot("pump", None, {"dry_friction": (Hook("pump_dry"),)})  # type: ignore[arg-type]  # no balance
     right = _effect(actions={"pump": Action({"dry_friction": _hold})})
-    assert [item.id for item in bound([right], {"pump": [spot]})] == ["own"]
+    assert [item.id for item in bind_effects([right], {"pump": [spot]})] == ["own"]
     wrong = _effect(actions={"pump": Action({"dry_frction": _hold})})
-    assert bound([wrong], {"valve": [spot]}) == ()
+    assert bind_effects([wrong], {"valve": [spot]}) == ()
     with pytest.raises(PluginError, match=r"the hook 'dry_frction'.*did you mean 'dry_friction'"):
-        bound([wrong], {"pump": [spot]})
+        bind_effects([wrong], {"pump": [spot]})

@@ -165,7 +165,7 @@ def test_finite_differences_are_usable(name, start) -> None:
     vector = base.vector()
     middle = _simulate(vector, 25e-6)
     span = np.ptp(middle, axis=0)
-    for parameter in effect.searched(start):
+    for parameter in effect.search_parameters(start):
         if parameter.size > 1 or parameter.name == "count":
             continue  # a curve; whole numbers, to be scanned
         at = layout.index[f"{name}.{parameter.name}"]

@@ -150,7 +150,7 @@ def test_with_all_effects_off_the_full_kernel_is_the_bare_one(
     outs = []
     for kernel, own, signals in ((compiled, parameters, memory), full):
         out, shown = np.full((N, 6), np.nan), np.zeros(plant.system.size + 1)
-        state = plant.settled({"pressure_a": 1e6}, kernel, own, signals)
+        state = plant.start_state({"pressure_a": 1e6}, kernel, own, signals)
         kernel.simulate(
             0, N - 1, inputs.time, inputs.values, inputs.given, inputs.imposed, inputs.is_imposed,
             False, False, STEP, True, own, signals, shown, state, out,

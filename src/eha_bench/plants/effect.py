@@ -373,7 +373,7 @@ class BoundEffect:
                     found.append(values)
         return tuple(found)
 
-    def searched(self, values: Mapping[str, object]) -> tuple[Parameter, ...]:
+    def search_parameters(self, values: Mapping[str, object]) -> tuple[Parameter, ...]:
         """Return what a search moves, given the choices (words or places) among `values`."""
         return tuple(
             parameter
@@ -383,13 +383,13 @@ class BoundEffect:
 
     def _matters(self, parameter: Parameter, values: Mapping[str, object]) -> bool:
         name, words = parameter.when
-        return not name or self._chosen(name, values) in words
+        return not name or self._chosen_word(name, values) in words
 
     def equation(self, values: Mapping[str, object] | None = None) -> Equation:
         """Return the balance it acts in, given its parameters' values (words or places)."""
         given = values or {}
         action = self.action
-        word = self._chosen(action.chosen_by, given) if action.chosen_by else ""
+        word = self._chosen_word(action.chosen_by, given) if action.chosen_by else ""
         own = action.equations.get(word, action.equation)
         return own if own is not None else self.spots_at(given)[0].equation
 
@@ -404,14 +404,14 @@ class BoundEffect:
         names = self.action.alike or ()
         return tuple(spot.parameters[name] for name in names if name in spot.parameters)
 
-    def _chosen(self, name: str, values: Mapping[str, object]) -> str:
+    def _chosen_word(self, name: str, values: Mapping[str, object]) -> str:
         """Return the word of a choice, given as word or place, or its default."""
         parameter = self.parameter(name)
         value = values.get(name, parameter.default)
         return value if isinstance(value, str) else str(parameter.decode(float(str(value))))
 
 
-def bound(effects: Sequence[Effect], spots: Spots) -> tuple[BoundEffect, ...]:
+def bind_effects(effects: Sequence[Effect], spots: Spots) -> tuple[BoundEffect, ...]:
     """Return the effects that a plant has places for, in the order of their ids.
 
     Raises:

@@ -83,10 +83,11 @@ class Layout:
             return True
         on = np.flatnonzero(vector[places] != neutral)
         return not any(
-            effects[k].equation(self.chosen(effects[k], vector)) is Equation.MEASUREMENT for k in on
+            effects[k].equation(self.choice_values(effects[k], vector)) is Equation.MEASUREMENT
+            for k in on
         )
 
-    def chosen(self, effect: BoundEffect, vector: FloatArray) -> dict[str, object]:
+    def choice_values(self, effect: BoundEffect, vector: FloatArray) -> dict[str, object]:
         """Return the values of an effect's choices in a vector."""
         return {
             item.name: float(vector[self.index[f"{effect.id}.{item.name}"]])

@@ -225,7 +225,7 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
         key, tolerance = (entry, None) if isinstance(entry, str) else (
             entry.parameter, entry.within
         )  # fmt: skip
-        parameter = _estimated(layout, known, key, where)
+        parameter = _calibrated_parameter(layout, known, key, where)
         key = layout.key(key)
         calibrate.append(key)
         if tolerance is not None:
@@ -233,7 +233,7 @@ def parse_model(content: Any, name: str, prefix: Sequence[int | str] = ()) -> Mo
             within[key] = _tolerance(parameter, value, tolerance, where)
     for number, key in enumerate(file.per_run):
         where = place("per_run", number)
-        _estimated(layout, known, key, where)
+        _calibrated_parameter(layout, known, key, where)
         if layout.key(key) in calibrate:
             raise InputError(
                 f"'{key}' is under calibrate as well",
@@ -272,10 +272,12 @@ def parse_parameter(layout: Layout, key: str, raw: Any, where: Place) -> float:
     """
     own = {parameter.name: parameter for parameter in layout.parameters}
     own |= {other: own[name] for other, name in layout.synonyms.items()}
-    return float(checked_value(_known(own, key, where), raw, where))
+    return float(checked_value(_known_parameter(own, key, where), raw, where))
 
 
-def _estimated(layout: Layout, known: Mapping[str, Parameter], key: str, where: Place) -> Parameter:
+def _calibrated_parameter(
+    layout: Layout, known: Mapping[str, Parameter], key: str, where: Place
+) -> Parameter:
     """Return the parameter of a key under `calibrate` or `per_run`."""
     effect = key.partition(".")[0]
     key = layout.key(key)
@@ -285,7 +287,7 @@ def _estimated(layout: Layout, known: Mapping[str, Parameter], key: str, where: 
             where=where,
             hint=f"declare {effect} under effects",
         )
-    parameter = _known(known, key, where)
+    parameter = _known_parameter(known, key, where)
     if parameter.choices:
         raise InputError(f"'{key}' is a choice of words, which no fit can estimate", where=where)
     return parameter
@@ -344,13 +346,13 @@ def _parse_effect(
         if key in {"effect", AT}:
             continue
         where = place("effects", number, key)
-        _known(own, key, where)
+        _known_parameter(own, key, where)
         parameter = effect.parameter_at(key, values)
         values[key] = checked_value(parameter, value, where, effect.words(parameter))
     return DeclaredEffect(effect.id, values)
 
 
-def _known(own: Mapping[str, Parameter], key: str, where: Place) -> Parameter:
+def _known_parameter(own: Mapping[str, Parameter], key: str, where: Place) -> Parameter:
     if key not in own:
         raise InputError(f"unknown parameter '{key}'", where=where, hint=suggest(key, own))
     return own[key]

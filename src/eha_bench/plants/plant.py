@@ -400,7 +400,7 @@ class Plant:
 
     # --- measurements ---------------------------------------------------------------
 
-    def determined(
+    def determined_outputs(
         self,
         inputs: Collection[str],
     ) -> tuple[str, ...]:

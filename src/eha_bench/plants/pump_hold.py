@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.plants.effect import Equation, Hook, Spot, bound, registered_effects
+from eha_bench.plants.effect import Equation, Hook, Spot, bind_effects, registered_effects
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.parameter import Parameter
 from eha_bench.plants.static_plant import StaticPlant
@@ -46,22 +46,22 @@ class PumpHold(StaticPlant):
 
     def __init__(self) -> None:
         spot = Spot("pump", Equation.TORQUE, {name: (Hook(name),) for name in _HOOKS})
-        effects = bound(registered_effects(), {"holding": (spot,)})
+        effects = bind_effects(registered_effects(), {"holding": (spot,)})
         self.layout = Layout(self.id, PARAMETERS, effects)
 
     def respond(self, vector: FloatArray, inputs: Mapping[str, FloatArray]) -> FloatArray:
         """Return the holding current, (n, 1) A, at pressure differences in Pa."""
         at = {item.name: float(vector[self.layout.index[item.name]]) for item in PARAMETERS}
         scope: dict[str, Any] = {**at, "difference": np.asarray(inputs["pressure_difference"])}
-        self.chained("true_difference", vector, "difference", scope)
+        self.apply_effects("true_difference", vector, "difference", scope)
         difference = scope["difference"]
         scope["pump_load"] = at["pump_displacement"] * np.abs(difference)
         scope["level"] = np.full_like(difference, at["static_torque"])
-        self.chained("pump_dry", vector, "level", scope)
+        self.apply_effects("pump_dry", vector, "level", scope)
         scope["friction"] = scope["level"]
-        self.chained("holding_friction", vector, "friction", scope)
+        self.apply_effects("holding_friction", vector, "friction", scope)
         torque = at["pump_displacement"] * difference + scope["friction"]
         scope["value"] = torque / at["torque_constant"]
-        self.chained("measured_current", vector, "value", scope)
+        self.apply_effects("measured_current", vector, "value", scope)
         current: FloatArray = scope["value"]
         return current.reshape(-1, 1)

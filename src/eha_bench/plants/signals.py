@@ -26,7 +26,7 @@ from eha_bench.plants.effect import (
     Equation,
     Hook,
     Spot,
-    bound,
+    bind_effects,
     fields_of,
     group_of,
 )
@@ -90,7 +90,7 @@ class SignalPlant(Plant):
             ANYTHING: tuple(self._unknown_spots(known)),
         }
         self.layout = Layout(
-            own.plant, own.parameters, bound(tuple(effects), spots), synonyms=own.synonyms
+            own.plant, own.parameters, bind_effects(tuple(effects), spots), synonyms=own.synonyms
         )
         self._variables = known
 
@@ -152,7 +152,7 @@ class SignalPlant(Plant):
             if item.channel in behind and "initial" in item.effect.action.hooks:
                 function = item.effect.action.hooks["initial"]
                 scope = {**item.values, "value": behind[item.channel]}
-                behind[item.channel] = float(_called(function, scope))
+                behind[item.channel] = float(_call(function, scope))
         state, memory = self.inner.start(vector[: self._size], behind)
         return state, np.concatenate((memory, np.zeros(self._own_memory)))
 
@@ -223,7 +223,7 @@ class SignalPlant(Plant):
     ) -> None:
         """Write what the sensors make of a row."""
         out[:] = true
-        seen = own[self._seen : self._seen + true.size]
+        seen = own[self._readings_start : self._readings_start + true.size]
         since = float(time[k] - own[self._seen_at])
         for item in acting:
             if item.channel not in self.outputs:
@@ -235,11 +235,11 @@ class SignalPlant(Plant):
             laws = action.start if fresh else action.advance if since > 0.0 else {}
             scope |= {name: float(own[at]) for name, at in item.states.items()}
             for name, law in laws.items():
-                own[item.states[name]] = scope[name] = float(_called(law, scope))
+                own[item.states[name]] = scope[name] = float(_call(law, scope))
             for hook in ("reading", "changed"):
                 if hook in action.hooks and item.channel in self.outputs:
                     scope["value"] = float(out[place])
-                    out[place] = float(_called(action.hooks[hook], scope))
+                    out[place] = float(_call(action.hooks[hook], scope))
         seen[:] = true
         own[self._seen_at] = time[k]
 
@@ -271,13 +271,13 @@ class SignalPlant(Plant):
             }  # fmt: skip
             if fresh:
                 for name, law in action.start.items():
-                    own[item.states[name]] = float(_called(law, scope))
+                    own[item.states[name]] = float(_call(law, scope))
             scope |= {name: float(own[at]) for name, at in item.states.items()}
             for hook in ("command", "changed"):
                 if hook in action.hooks:
-                    value = float(_called(action.hooks[hook], scope))
+                    value = float(_call(action.hooks[hook], scope))
             for name, law in action.advance.items():
-                own[item.states[name]] = float(_called(law, scope))
+                own[item.states[name]] = float(_call(law, scope))
         given[k, place] = value
 
     def _follows(
@@ -308,13 +308,13 @@ class SignalPlant(Plant):
         return places
 
     @property
-    def _seen(self) -> int:
+    def _readings_start(self) -> int:
         """Place in the own memory from which the last true readings are kept."""
         return sum(len(item) for item in self._state_places.values())
 
     @property
     def _seen_at(self) -> int:
-        return self._seen + len(self.outputs)
+        return self._readings_start + len(self.outputs)
 
     @property
     def _own_memory(self) -> int:
@@ -367,9 +367,9 @@ class SignalPlant(Plant):
         """Return the triangle of links that the rod moves a joint with."""
         return self.inner.linkage(vector[: self._size])
 
-    def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
+    def determined_outputs(self, inputs: Collection[str]) -> tuple[str, ...]:
         """Return the outputs that these inputs determine."""
-        return self.inner.determined(inputs)
+        return self.inner.determined_outputs(inputs)
 
     def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
         """Return states that have no reading, as those that have one tell them."""
@@ -392,16 +392,16 @@ def _usual_reading(unit: str) -> float:
 
 
 @cache
-def _wanted(function: Callable[..., object]) -> tuple[tuple[str, type | None], ...]:
+def _arguments_of(function: Callable[..., object]) -> tuple[tuple[str, type | None], ...]:
     """Return a function's arguments, each with the tuple of names that it stands for, or None."""
     plain = getattr(function, "py_func", function)
     return tuple((name, group_of(plain, name)) for name in inspect.signature(plain).parameters)
 
 
-def _called(function: Callable[..., Any], scope: Mapping[str, Any]) -> Any:
+def _call(function: Callable[..., Any], scope: Mapping[str, Any]) -> Any:
     """Call an effect's function with what its arguments name."""
     given = []
-    for number, (name, several) in enumerate(_wanted(function)):
+    for number, (name, several) in enumerate(_arguments_of(function)):
         if several is not None:
             given.append(several(*(scope[field] for field in fields_of(several))))
         elif number == 0 and name not in scope:

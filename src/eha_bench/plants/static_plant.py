@@ -59,7 +59,9 @@ class StaticPlant(Plant, ABC):
                 hint="name them under inputs in dataset.yaml",
             )
 
-    def chained(self, hook: str, vector: FloatArray, first: str, scope: dict[str, Any]) -> None:
+    def apply_effects(
+        self, hook: str, vector: FloatArray, first: str, scope: dict[str, Any]
+    ) -> None:
         """Let every effect that is on change `scope[first]` at a hook.
 
         Args:

@@ -102,7 +102,7 @@ def _start(layout: Layout, effect: BoundEffect, values: dict[str, float]) -> Sta
     for parameter in effect.parameters:
         at = layout.index[f"{effect.id}.{parameter.name}"]
         settings += [(at + k, values[parameter.name]) for k in range(parameter.size)]
-    keys = [f"{effect.id}.{parameter.name}" for parameter in effect.searched(values)]
+    keys = [f"{effect.id}.{parameter.name}" for parameter in effect.search_parameters(values)]
     strength = effect.strength
     return Start(
         effect.id,

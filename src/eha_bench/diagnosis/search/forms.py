@@ -51,7 +51,7 @@ def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
 def held_by(layout: Layout, item: Accepted, fit: Fit) -> set[str]:
     """Return what the search that found an effect holds (a count of teeth): no form moves it."""
     effect = layout.effect(item.start.candidate)
-    searched = effect.searched(layout.chosen(effect, fit.vector))
+    searched = effect.search_parameters(layout.choice_values(effect, fit.vector))
     return {f"{effect.id}.{parameter.name}" for parameter in searched} - {*item.start.keys}
 
 

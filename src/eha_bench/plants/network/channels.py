@@ -69,13 +69,13 @@ def roles_of_channels(
     locked = [
         name
         for item in system.coordinates
-        if item.number in system.locked
+        if item.number in system.locked_coordinates
         for name in (positions[item.name], rates[item.name])
     ]
     locked += [
         channel
         for channel, (node, _, _) in system.derived.items()
-        if system.leader_of(node).number in system.locked
+        if system.leader_of(node).number in system.locked_coordinates
     ]
     commands = {column.signal: column.channel for column in system.columns if column.command}
     held = [column.channel for column in system.columns if column.held and column.command]

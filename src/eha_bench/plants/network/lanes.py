@@ -112,7 +112,7 @@ class LaneWriter(Writer):
         if self._moves_signals:
             self._after()
         self._readings()
-        self._marked()
+        self._write_marked_step()
         self._sweep()
         head = [_HEAD.format(scalar=self.scalar)]
         for law in self.laws:
@@ -179,7 +179,7 @@ class LaneWriter(Writer):
             n = item.number
             stopping = self._has_friction(item)
             body.append(f"d{n} = {f'direction{n}({self.arguments})' if stopping else '1.0'}")
-            if n in system.locked:
+            if n in system.locked_coordinates:
                 body.append(f"d{n} = 0.0 if locked else d{n}")
             stroke = system.stroke(item)
             if stroke is not None:
@@ -217,7 +217,7 @@ class LaneWriter(Writer):
         return f"u{number} if given{number} else {default}"
 
     @property
-    def _driven(self) -> list[int]:
+    def _driving_columns(self) -> list[int]:
         """Columns that set a signal in every step."""
         return [n for n, c in enumerate(self.system.columns) if c.command is None]
 
@@ -247,7 +247,7 @@ class LaneWriter(Writer):
     def _before(self) -> None:
         """Write what the signals are within a step."""
         body = []
-        for number in self._driven:
+        for number in self._driving_columns:
             column = self.system.columns[number]
             body.append(f"S[{column.signal}] = {self._input(number, column, 'k', 'middle')}")
         for number, column in self._commands:
@@ -276,7 +276,7 @@ class LaneWriter(Writer):
         arguments = ", ".join(["t", *commands, "B", "out"])
         self._whole("readings", arguments, self._each_lane(body))
 
-    def _marked(self) -> None:
+    def _write_marked_step(self) -> None:
         """Write the step of the marked lanes, by the scalar kernel."""
         size, signals = self.system.size, self.signals
         copies = [

@@ -15,7 +15,7 @@ from eha_bench.core.arrays import BoolArray, FloatArray, IndexArray
 from eha_bench.core.errors import InputError
 from eha_bench.core.linkage import Linkage
 from eha_bench.plants.channel_roles import ChannelRoles
-from eha_bench.plants.effect import BoundEffect, Effect, bound
+from eha_bench.plants.effect import BoundEffect, Effect, bind_effects
 from eha_bench.plants.layout import Layout
 from eha_bench.plants.network.channels import (
     imposable_signals,
@@ -103,7 +103,7 @@ class NetworkPlant(Plant):
         synonyms = {key: slot for key, slot in system.slot_of.items() if key != slot}
         given = tuple(effects)
         refuse_unknown_roles(given)
-        own = bound(given, roles_of(system))
+        own = bind_effects(given, roles_of(system))
         self.layout = Layout(self.id, system.parameters, own, synonyms=synonyms)
         self.outputs = tuple(item.channel for item in system.outputs)
         self.derived_channels = tuple(system.derived)
@@ -121,7 +121,7 @@ class NetworkPlant(Plant):
             for item in system.columns
             if item.default != -1
         }
-        self.can_lock = bool(system.locked)
+        self.can_lock = bool(system.locked_coordinates)
         self.has_bypass = system.has_bypass
 
     @property
@@ -178,12 +178,14 @@ class NetworkPlant(Plant):
             PluginError: a law or an effect's function asks for what there is not, or calls a
                 function that is not compiled.
         """
-        refuse_uncompiled(self._written(self.system, self.layout)[1])
+        refuse_uncompiled(self._kernel_source(self.system, self.layout)[1])
 
     def _compile(self, system: System, layout: Layout) -> ModuleType:
-        return compiled_kernel(self.id, *self._written(system, layout))
+        return compiled_kernel(self.id, *self._kernel_source(system, layout))
 
-    def _written(self, system: System, layout: Layout) -> tuple[str, list[Callable[..., object]]]:
+    def _kernel_source(
+        self, system: System, layout: Layout
+    ) -> tuple[str, list[Callable[..., object]]]:
         """Return the kernel's source, and the functions that it imports."""
         hooks = Hooks(layout, self._first_memory)
         text = kernel_source(system, hooks)
@@ -200,7 +202,7 @@ class NetworkPlant(Plant):
     def _adjusting(self) -> tuple[BoundEffect, ...]:
         return tuple(effect for effect in self.layout.effects if effect.action.adjusts)
 
-    def adjusted(self, vector: FloatArray) -> FloatArray:
+    def adjusted_vector(self, vector: FloatArray) -> FloatArray:
         """Return a vector with the plant's parameters as effects adjust them."""
         out = vector
         index = self.layout.index
@@ -225,7 +227,7 @@ class NetworkPlant(Plant):
     def kernel_for(self, vector: FloatArray) -> tuple[ModuleType, FloatArray, FloatArray]:
         """Return the fastest kernel for some parameters, and its own vectors `P` and `S`."""
         places, neutral = self._strengths
-        vector = self.adjusted(vector)
+        vector = self.adjusted_vector(vector)
         if places.size and (vector[places] != neutral).any():
             return self.compiled, vector, np.zeros(self._hooks.memory)
         return self._bare_compiled, vector[: self.bare.size], np.zeros(self._first_memory + 1)
@@ -270,7 +272,7 @@ class NetworkPlant(Plant):
             first, last, time, inputs, locked, bypass_open, step, fresh, memory, state, out
         )
 
-    def settled(
+    def start_state(
         self,
         initial: Mapping[str, float],
         kernel: ModuleType,
@@ -369,7 +371,7 @@ class NetworkPlant(Plant):
             InputError: as `simulate`.
         """
         out = np.empty((len(vectors), drive.time.size, len(self.outputs)))
-        adjusted = [self.adjusted(vector) for vector in vectors]
+        adjusted = [self.adjusted_vector(vector) for vector in vectors]
         rows = [row for row, vector in enumerate(adjusted) if self._goes_in_step(vector)]
         sweep = None
         if len(rows) >= _WORTH_A_BLOCK and self._drives_in_step(drive, adjusted[rows[0]]):
@@ -434,7 +436,7 @@ class NetworkPlant(Plant):
         out = np.full((drive.time.size, count * LANES), np.nan)
         begin, shown = self._bare_compiled, np.zeros(self.system.size + 1)
         for lane, own in enumerate(parameters):
-            states[lane] = self.settled(drive.initial, begin, own, memories[lane])
+            states[lane] = self.start_state(drive.initial, begin, own, memories[lane])
             # the scalar kernel's first tick sets the signals
             begin.simulate(
                 first, first, inputs.time, inputs.values, inputs.given, inputs.imposed,
@@ -547,7 +549,7 @@ class NetworkPlant(Plant):
 
     # --- channels ---------------------------------------------------------------------------
 
-    def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
+    def determined_outputs(self, inputs: Collection[str]) -> tuple[str, ...]:
         """Return the outputs that these inputs determine."""
         nodes = determined_nodes(self.system, self.state_places, frozenset(inputs))
         places = {self.state_places[name] for name in inputs if name in self.state_places}
@@ -793,7 +795,7 @@ class _Fastest(Parametrised):
         first = int(inputs.ticks[drive.first])
         out[:first] = np.nan
         memory = np.zeros(self._memory)
-        state = plant.settled(initial, self._kernel, self._parameters, memory)
+        state = plant.start_state(initial, self._kernel, self._parameters, memory)
         # a controller inside the plant writes its command over
         values = (
             inputs.values.copy() if inputs.period > 0.0 or plant.system.loops else inputs.values
@@ -850,7 +852,7 @@ class _Fastest(Parametrised):
     def start(self, initial: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """Return the state behind what the sensors read first, and the kernel's memory."""
         memory = np.zeros(self._memory)
-        return self.plant.settled(initial, self._kernel, self._parameters, memory), memory
+        return self.plant.start_state(initial, self._kernel, self._parameters, memory), memory
 
     def advance(
         self,

@@ -70,7 +70,7 @@ class _Parser:
                 where=self.locate("elements", key),
                 hint="give one of them another name",
             )
-        self.joined(nodes, elements)
+        self.refuse_unjoined(nodes, elements)
         for key, element in elements.items():
             self.check_refers(key, element, elements)
         inputs = {
@@ -275,7 +275,7 @@ class _Parser:
                     hint="name the cylinder",
                 )
 
-    def joined(self, nodes: Mapping[str, Node], elements: Mapping[str, Element]) -> None:
+    def refuse_unjoined(self, nodes: Mapping[str, Node], elements: Mapping[str, Element]) -> None:
         """Refuse nodes that nothing joins: no balance could move them."""
         used = {node for element in elements.values() for node in element.ports.values()}
         for name, node in nodes.items():

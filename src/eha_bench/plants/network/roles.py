@@ -420,7 +420,7 @@ def _drive(system: System) -> Iterator[Spot]:
             hooks,
             {
                 "demanded": f"S[{system.demand(part, column.command)}]",
-                "asked": f"S[{system.asked(part, column.command)}]",
+                "asked": f"S[{system.drive_demand(part, column.command)}]",
                 "current": f"S[{column.signal}]",
                 "t": "S[1]",
                 "full": repr(float(usual)),

@@ -102,7 +102,7 @@ class Writer:
         """Write a function."""
         self.lines += ["", "", mark, f"def {name}({arguments}):", *(f"    {line}" for line in body)]
 
-    def _seen(self, names: Sequence[str]) -> list[str]:
+    def _lines_that_show(self, names: Sequence[str]) -> list[str]:
         """Lines that show the effects a state; nothing where there are none."""
         if self.hooks.is_empty:
             return []
@@ -304,7 +304,7 @@ class Writer:
         system = self.system
         names = system.state_names
         directions = ", ".join(f"d{item.number}" for item in system.coordinates)
-        body = self._seen(names)
+        body = self._lines_that_show(names)
         results = []
         for item in system.coordinates:
             n = item.number
@@ -396,7 +396,7 @@ class Writer:
     def _cramer(entries: list[list[str]]) -> bool:
         return len(entries) == 2 and bool(entries[0][1]) and bool(entries[1][0])
 
-    def _solved(
+    def _solution_lines(
         self, entries: list[list[str]], factors: list[tuple[int, int]], right: str, out: str
     ) -> list[str]:
         """Lines that solve for one right side: names `<right><i>` -> `<out><i>`."""
@@ -432,7 +432,7 @@ class Writer:
         for item in coordinates:
             n = item.number
             body += [f"mv{n} = 1.0 + s * sv{n}", f"kv{n} = fv{n} / mv{n}"]
-        body += self._solved(entries, factors, "fp", "kp")
+        body += self._solution_lines(entries, factors, "fp", "kp")
         body += [
             f"b{volume.number} = p{volume.number} + h * kp{volume.number}" for volume in volumes
         ]
@@ -450,7 +450,7 @@ class Writer:
             f"{', '.join(results)}, = rates(h, {directions}{', '.join(later)}, t + h, X, P, S)"
         )
         body += [f"r{v.number} = ep{v.number} - 2.0 * kp{v.number}" for v in volumes]
-        body += self._solved(entries, factors, "r", "lp")
+        body += self._solution_lines(entries, factors, "r", "lp")
         out = []
         for item in coordinates:
             n = item.number
@@ -479,7 +479,7 @@ class Writer:
         for item in coordinates:
             n = item.number
             hold = [f"is_imposed[{item.speed}]", f"is_imposed[{item.position}]"]
-            if n in system.locked:
+            if n in system.locked_coordinates:
                 hold.insert(0, "locked")
             body.append(f"hold{n} = {' or '.join(hold)}")
             if item in stopping:
@@ -487,7 +487,7 @@ class Writer:
                 body.append(f"stops{n} = {f'{creep} <= 0.0' if creep else 'True'}")
         body.append("for split in range(MAX_SPLITS):")
         inside = [f"{', '.join(system.state_names)}, = {', '.join(self._from_y())},"]
-        inside += self._seen(system.state_names)
+        inside += self._lines_that_show(system.state_names)
         for item in coordinates:
             n = item.number
             inside.append(f"d{n} = 0.0")
@@ -549,7 +549,7 @@ class Writer:
         inside.append(
             f"{', '.join(self._from_y())}, = {', '.join(f'{n}_' for n in system.state_names)},"
         )
-        inside += self._switched()
+        inside += self._switching_lines()
         inside += [
             "t += part * left",
             "left *= 1.0 - part",
@@ -565,7 +565,7 @@ class Writer:
             mark="@njit(forceinline=True)",
         )
 
-    def _switched(self) -> list[str]:
+    def _switching_lines(self) -> list[str]:
         if not self.switching:
             return []
         met, tests = self._switches()
@@ -589,11 +589,11 @@ class Writer:
         ]
         ends = [f"{name}_" for name in system.state_names]
         met = [
-            *self._seen(system.state_names),
+            *self._lines_that_show(system.state_names),
             f"{', '.join(before)}, = slopes({self.arguments})",
-            *self._seen(at_middle),
+            *self._lines_that_show(at_middle),
             f"{', '.join(middle)}, = slopes({', '.join(at_middle)}, t, X, P, S)",
-            *self._seen(ends),
+            *self._lines_that_show(ends),
             f"{', '.join(after)}, = slopes({', '.join(ends)}, t, X, P, S)",
         ]
         tests = [
@@ -798,7 +798,7 @@ class Writer:
         lines.append(f"S[{place}] = value")
         hooked = self.hooks.apply(f"demand:{column.part.name}", "value", ())
         lines.append(f"asked{number} = {hooked}")
-        lines.append(f"S[{system.asked(column.part, column.command)}] = asked{number}")
+        lines.append(f"S[{system.drive_demand(column.part, column.command)}] = asked{number}")
         return lines
 
     def _acting(self, number: int, column: PlantInput) -> str:

@@ -274,7 +274,11 @@ class System:
             for item in part.anatomy.parameters:
                 value = declared.get(item.name, item.default)
                 unit = self._unit(item.unit, part)
-                if "{command}" in item.unit and item.name in declared and self._driven(part):
+                if (
+                    "{command}" in item.unit
+                    and item.name in declared
+                    and self._motor_commands(part)
+                ):
                     self._check_unit(part, item.name, unit)
                 found[f"{part.name}.{item.name}"] = _declared(item, value, unit)
         self.slot_of: dict[str, str] = {}
@@ -305,7 +309,7 @@ class System:
                 self.slot_of[target] = alias
             if first is None:
                 raise InputError("names no parameter", where=self._locate("names", alias))
-            parameters.append(self._named(alias, first))
+            parameters.append(self._named_parameter(alias, first))
         for key, item in found.items():
             if key not in self.slot_of:
                 if key in self.network.names:
@@ -314,7 +318,7 @@ class System:
                         where=self._locate("names", key),
                     )
                 self.slot_of[key] = key
-                parameters.append(self._named(key, item))
+                parameters.append(self._named_parameter(key, item))
         for key in self.network.assumed:
             if key not in {item.name for item in parameters}:
                 raise InputError(
@@ -328,11 +332,11 @@ class System:
     def _unit(self, unit: str, part: BoundElement) -> str:
         if "{command}" not in unit:
             return unit_at_place(unit, part.tokens)
-        command = self._driven(part)
+        command = self._motor_commands(part)
         asked = command[0].unit if command else ""
         return unit_at_place(unit, {**part.tokens, "command": asked})
 
-    def _driven(self, part: BoundElement) -> tuple[Command, ...]:
+    def _motor_commands(self, part: BoundElement) -> tuple[Command, ...]:
         """Return the commands of the motor that an element drives, () where it drives none."""
         motor = self.parts.get(part.element.refers.get("motor", ""))
         return motor.anatomy.commands if motor else ()
@@ -349,7 +353,7 @@ class System:
                 error.what, where=self._locate("elements", part.name, name), hint=error.hint
             ) from error
 
-    def _named(self, key: str, item: Parameter) -> Parameter:
+    def _named_parameter(self, key: str, item: Parameter) -> Parameter:
         why = self.network.assumed.get(key)
         return replace(item, name=key, assumed=why is not None, source=why or item.source)
 
@@ -397,7 +401,7 @@ class System:
         """Return the place in `S` of what a command asks for within its limit."""
         return self.signals[f"{part.name}.{command.port}?"]
 
-    def asked(self, part: BoundElement, command: Command) -> int:
+    def drive_demand(self, part: BoundElement, command: Command) -> int:
         """Return the place in `S` of what a drive makes of that before its dynamics."""
         return self.signals[f"{part.name}.{command.port}!"]
 
@@ -658,7 +662,10 @@ class System:
         Raises:
             PluginError: the law asks for something that there is not.
         """
-        bound = [self.bound(part, name, extra) for name in inspect.signature(law).parameters]
+        bound = [
+            self.argument_expression(part, name, extra)
+            for name in inspect.signature(law).parameters
+        ]
         return f"{self.law(law)}({', '.join(bound)})"
 
     def through(self, part: BoundElement, flow: Flow, law: Law) -> str:
@@ -672,7 +679,7 @@ class System:
         own = {name: self.pressure(ports[port]) for name, port in ends.items() if port in ports}
         return self.call(part, law, **own)
 
-    def bound(self, part: BoundElement, name: str, extra: Mapping[str, str]) -> str:
+    def argument_expression(self, part: BoundElement, name: str, extra: Mapping[str, str]) -> str:
         """Return the expression that a law's argument stands for."""
         if name in extra:
             return extra[name]
@@ -690,10 +697,10 @@ class System:
             return "t"
         raise PluginError(
             f"the element kind '{part.element.kind.id}' asks for '{name}', which it does not have",
-            hint=f"it has: {', '.join(self._offered(part, extra))}",
+            hint=f"it has: {', '.join(self._argument_names(part, extra))}",
         )
 
-    def _offered(self, part: BoundElement, extra: Mapping[str, str]) -> list[str]:
+    def _argument_names(self, part: BoundElement, extra: Mapping[str, str]) -> list[str]:
         """Return what a law of an element may name."""
         nodes = part.element.ports.items()
         moving = [port for port, node in nodes if self.network.nodes[node].kind in MECHANICAL]
@@ -851,7 +858,7 @@ class System:
         return None
 
     @cached_property
-    def locked(self) -> tuple[int, ...]:
+    def locked_coordinates(self) -> tuple[int, ...]:
         """Numbers of the coordinates that `piston: locked` holds: those that cylinders move."""
         found = {
             self.leader_of(part.element.ports["on"]).number

@@ -144,7 +144,7 @@ def tanh(x: float) -> float:
 
 
 @njit(forceinline=True, fastmath={"contract"})
-def _turned(x: float, by: float) -> float:
+def _shifted_sine(x: float, by: float) -> float:
     """sin(x + by * pi / 2) of a whole number `by`; NaN beyond the largest angle."""
     shifted = x * 0.6366197723675814 + 6755399441055744.0
     k = shifted - 6755399441055744.0
@@ -179,13 +179,13 @@ def _turned(x: float, by: float) -> float:
 @njit(forceinline=True, fastmath={"contract"})
 def sin(x: float) -> float:
     """The sine; NaN beyond 1e5 rad."""
-    return _turned(x, 0.0)
+    return _shifted_sine(x, 0.0)
 
 
 @njit(forceinline=True, fastmath={"contract"})
 def cos(x: float) -> float:
     """The cosine; NaN beyond 1e5 rad."""
-    return _turned(x, 1.0)
+    return _shifted_sine(x, 1.0)
 
 
 # --- laws --------------------------------------------------------------------------------------
