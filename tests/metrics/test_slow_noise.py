@@ -8,7 +8,7 @@ from scipy.stats import t as students
 from eha_bench.metrics.coverage import reach
 from eha_bench.metrics.levels import level
 from eha_bench.metrics.noise import detrended
-from eha_bench.metrics.slow_noise import SlowNoise, _expected, slow_noise
+from eha_bench.metrics.slow_noise import SlowNoise, _expected_periodogram, slow_noise
 from eha_bench.metrics.step_response import held_noise
 
 HOLD = 600
@@ -93,7 +93,7 @@ def test_a_periodogram_is_expected_to_be_what_simulation_makes_it(count):
     made = np.array([detrended(slow(rng, count, 0.9)) for _ in range(4000)])
     lines = slice(1, (count - 1) // 2 + 1)
     mean = np.mean(np.abs(np.fft.rfft(made)[:, lines]) ** 2, axis=0) / count
-    found = _expected(0.9 ** np.arange(count)[None, :], count)[0]
+    found = _expected_periodogram(0.9 ** np.arange(count)[None, :], count)[0]
     assert found == pytest.approx(mean, rel=0.12)
 
 

@@ -25,12 +25,12 @@ def judge(measure: Measure, limit: AcceptanceLimit | None) -> ScoreStatus:
         return ScoreStatus.NOT_SCORED
     if limit is None:
         return ScoreStatus.PASSED
-    status = _kept(measure.span, limit.bounds)
+    status = _limit_status(measure.span, limit.bounds)
     if limit.confident:
         status = _confident(measure, limit.bounds)
     if status is not ScoreStatus.PASSED:
         return status
-    if limit.warn is not None and _kept(measure.span, limit.warn) is not ScoreStatus.PASSED:
+    if limit.warn is not None and _limit_status(measure.span, limit.warn) is not ScoreStatus.PASSED:
         return ScoreStatus.WARNED
     return ScoreStatus.PASSED
 
@@ -38,12 +38,12 @@ def judge(measure: Measure, limit: AcceptanceLimit | None) -> ScoreStatus:
 def _confident(measure: Measure, bounds: Bounds) -> ScoreStatus:
     if math.isnan(measure.low) or math.isnan(measure.high):
         # no interval: only what is outside of the bounds already is certain
-        failed = _kept(measure.span, bounds) is ScoreStatus.FAILED
+        failed = _limit_status(measure.span, bounds) is ScoreStatus.FAILED
         return ScoreStatus.FAILED if failed else ScoreStatus.UNDECIDED
-    return _kept((measure.low, measure.high), bounds)
+    return _limit_status((measure.low, measure.high), bounds)
 
 
-def _kept(span: tuple[float, float], bounds: Bounds) -> ScoreStatus:
+def _limit_status(span: tuple[float, float], bounds: Bounds) -> ScoreStatus:
     """Return whether bounds hold all of a span, none of it, or some."""
     low, high = span
     if bounds.holds(low) and bounds.holds(high):
@@ -77,7 +77,7 @@ def judge_repeats(
         ]
         if len(places) < 2:
             continue
-        common = combined([found[run][index].measure for run, index in places], limit)
+        common = combined_measure([found[run][index].measure for run, index in places], limit)
         status = judge(common, limit)
         for run, index in places:
             score = found[run][index]
@@ -85,7 +85,7 @@ def judge_repeats(
     return [tuple(scores) for scores in found]
 
 
-def combined(measures: Sequence[Measure], limit: AcceptanceLimit) -> Measure:
+def combined_measure(measures: Sequence[Measure], limit: AcceptanceLimit) -> Measure:
     """Return the worst or the median of the repeats; NaN if one of them could not be scored."""
     missing = sum(not math.isfinite(measure.value) for measure in measures)
     if missing:

@@ -18,7 +18,7 @@ from eha_bench.core.metric import MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial
-from eha_bench.metrics.known import declared, known
+from eha_bench.metrics.known import plant_constant, plant_constant_or_nan
 from eha_bench.metrics.levels import level
 from eha_bench.metrics.locked_identification import against_model
 from eha_bench.metrics.memo import remembered
@@ -63,8 +63,8 @@ def stribeck_curve(recording: Recording, trial: Trial) -> StribeckCurve:
 
 
 def _curve(recording: Recording, trial: Trial) -> StribeckCurve:
-    constant = known(recording, "torque_constant")
-    torque, speed, noise, left_out = _settled(recording, trial, constant)
+    constant = plant_constant(recording, "torque_constant")
+    torque, speed, noise, left_out = _settled_holds(recording, trial, constant)
     if speed.size < _FEWEST:
         raise NotScored(
             f"{speed.size} settled speeds ({left_out} not settled or at rest), 5 needed"
@@ -114,7 +114,7 @@ def _slope(x: FloatArray, share: FloatArray) -> FloatArray:
     return np.asarray(viscous - extra * bend)
 
 
-def _settled(
+def _settled_holds(
     recording: Recording, trial: Trial, constant: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
     """Return torque and speed of every hold that ends at a constant speed, how many do not.
@@ -123,8 +123,8 @@ def _settled(
     """
     line = timeline(recording, trial)
     speeds, currents = recording["motor_speed"], recording["current"]
-    displacement = known(recording, "pump_displacement")
-    inertia = declared(recording, "rotor_inertia")
+    displacement = plant_constant(recording, "pump_displacement")
+    inertia = plant_constant_or_nan(recording, "rotor_inertia")
     steady = _STEADY if math.isfinite(inertia) else _STEADY_UNCORRECTED
     found: list[tuple[float, float]] = []
     variances: list[tuple[float, float]] = []

@@ -121,13 +121,13 @@ def between_samples(
         share = (line.time - float(time[index - 1])) / line.span
         variance = noise.variance(np.array([1.0 - share, share]))
         return Crossing(line.time, line.slope, variance, between=0.5 * line.span, span=line.span)
-    cubic = _crossed(time[here], values[here], level, line)
+    cubic = _polynomial_crossing(time[here], values[here], level, line)
     if cubic is None:
         variance = noise.variance(np.array([0.5, 0.5]))
         return Crossing(line.time, line.slope, variance, between=0.5 * line.span, span=line.span)
     apart = []
     for part in (slice(start, start + 3), slice(start + 1, start + 4)):
-        other = _crossed(time[part], values[part], level, line)
+        other = _polynomial_crossing(time[part], values[part], level, line)
         apart.append(abs((line if other is None else other).time - cubic.time))
     variance = noise.variance(_lagrange(time[here], cubic.time))
     if float(values[start]) < _STILL and index + 3 < time.size:
@@ -135,7 +135,7 @@ def between_samples(
         # but hardly after a sample that has moved; far up, two samples later, it may still matter
         moved = level <= SOON and float(values[index - 1]) > _MOVED * noise.sd
         kink = index - 1 if moved else index
-        away, later = _kinked(time, values, level, kink, line, cubic.time)
+        away, later = _kink_crossing(time, values, level, kink, line, cubic.time)
         apart.append(_KINKED * away)
         after = slice(kink, kink + 3)
         variance = max(variance, noise.variance(_lagrange(time[after], later)))
@@ -146,7 +146,7 @@ def between_samples(
     return Crossing(cubic.time, cubic.slope, variance, around, missed, line.span)
 
 
-def _kinked(
+def _kink_crossing(
     time: FloatArray, values: FloatArray, level: float, kink: int, line: Crossing, place: float
 ) -> tuple[float, float]:
     """Return how far away a response crosses that has a kink just before sample `kink`, and when.
@@ -159,7 +159,7 @@ def _kinked(
     for count in (3, 4):
         after = slice(kink, kink + count)
         if kink + count <= time.size:
-            later = _crossed(time[after], values[after], level, line)
+            later = _polynomial_crossing(time[after], values[after], level, line)
             if later is not None and later.time <= beyond:
                 found.append(later.time)
     if not found:
@@ -168,7 +168,9 @@ def _kinked(
     return max(latest - place, place - min(found)), min(found)
 
 
-def _crossed(time: FloatArray, values: FloatArray, level: float, line: Crossing) -> Crossing | None:
+def _polynomial_crossing(
+    time: FloatArray, values: FloatArray, level: float, line: Crossing
+) -> Crossing | None:
     """Return where the polynomial through all samples crosses, within the line's two samples."""
     scale = float(time[-1] - time[0])
     place = (time - line.time) / scale
@@ -191,7 +193,7 @@ def _lagrange(time: FloatArray, at: float) -> FloatArray:
     return weights
 
 
-def refined(
+def refined_crossing(
     time: FloatArray,
     values: FloatArray,
     level: float,

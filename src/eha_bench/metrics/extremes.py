@@ -23,7 +23,7 @@ from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.coverage import NORMAL, between, reach, type_a, type_b
 from eha_bench.metrics.local import Smooth, smooth
-from eha_bench.metrics.local_peak import Peak, interpolated, peak, vertex
+from eha_bench.metrics.local_peak import Peak, interpolated_peak, peak, vertex
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.samples import samples
@@ -89,8 +89,8 @@ def lowest(step: StepResponse) -> Extreme:
 
 def _extreme(step: StepResponse, side: float, level: float) -> Extreme:
     """Return the highest place of `side` times the response, which rises above `level`."""
-    values, track = side * step.rise, tracked(step)
-    first = step.landed
+    values, track = side * step.rise, smoothed_response(step)
+    first = step.first_smooth_sample
     index = first + int(np.argmax(side * track.values[first:]))
     if step.exact or not step.noise.known:
         # between the kink at the edge and its neighbours there is nothing to interpolate
@@ -114,7 +114,7 @@ def _between_few(step: StepResponse, values: FloatArray, index: int) -> tuple[Pe
     """Return the peak of a response of few samples, and what noise may reach there."""
     near = slice(max(index - 1, step.origin), index + 2)
     highest = near.start + int(np.argmax(values[near]))
-    found = _wider(step, interpolated(step.time, values, highest, step.origin, step.noise))
+    found = _wider(step, interpolated_peak(step.time, values, highest, step.origin, step.noise))
     return found, _largest(_FEWEST_PLACES, 0.95) * math.sqrt(found.variance) + found.between
 
 
@@ -129,11 +129,11 @@ def _largest(count: float, share: float) -> float:
     return float(ndtri(share ** (1.0 / count)))
 
 
-def tracked(step: StepResponse) -> Smooth:
+def smoothed_response(step: StepResponse) -> Smooth:
     """Return the smoothed response, (n,); a jump within a few samples is not smeared."""
     if step.resolved:
         return step.smooth
-    first = step.landed
+    first = step.first_smooth_sample
     after = smooth(step.rise[first:], step.noise, _SMOOTHED, max((step.rise.size - first) // 50, 2))
     values = np.concatenate([step.rise[:first], after.values])
     return Smooth(values, after.sd, after.half)
@@ -147,7 +147,7 @@ class Overshoot(StepMetric):
     def find(self, step: StepResponse) -> Finding:
         """Return the overshoot, never below 0."""
         found = highest(step)
-        value = max(_seen(step, found.peak.value, 1.0) - 1.0, 0.0)
+        value = max(_extreme_as_read(step, found.peak.value, 1.0) - 1.0, 0.0)
 
         def measure() -> Measure:
             # r - 1 with r = (y - initial) / (final - initial)
@@ -166,7 +166,7 @@ class Undershoot(StepMetric):
     def find(self, step: StepResponse) -> Finding:
         """Return the undershoot, never below 0."""
         found = lowest(step)
-        value = max(_seen(step, found.peak.value, -1.0), 0.0)
+        value = max(_extreme_as_read(step, found.peak.value, -1.0), 0.0)
 
         def measure() -> Measure:
             levels = step.initial_budget.scaled(1.0 + value) + step.final_budget.scaled(value)
@@ -203,7 +203,7 @@ def _fraction(
     return _cut_off(measure, 1.0) if clipped else measure
 
 
-def _seen(step: StepResponse, height: float, side: float) -> float:
+def _extreme_as_read(step: StepResponse, height: float, side: float) -> float:
     """Return an extreme of `side` times the response, no farther than readings that were cut off.
 
     What follows readings up to a sensor's end would go beyond it.
@@ -234,7 +234,7 @@ class PeakValue(StepMetric):
     def find(self, step: StepResponse) -> Finding:
         """Return the value of the local polynomial's extreme."""
         found = highest(step)
-        value = step.initial + step.step * _seen(step, found.peak.value, 1.0)
+        value = step.initial + step.step * _extreme_as_read(step, found.peak.value, 1.0)
         return Finding(value, lambda: self._measure(step, found, value), step.cut_above)
 
     @staticmethod
@@ -258,10 +258,10 @@ class PeakValue(StepMetric):
 
 def _also_as_high(step: StepResponse, found: Peak) -> tuple[float, float]:
     """Return the interval of a peak's time, other places that may be as high taken in."""
-    track = tracked(step)
+    track = smoothed_response(step)
     half = track.half
-    values = track.values[step.landed :]
-    times = step.time[step.landed :]
+    values = track.values[step.first_smooth_sample :]
+    times = step.time[step.first_smooth_sample :]
     first, last = _plateau(times, values, track, found)
     earliest, latest = found.interval(step.noise)
     if half == 0:  # next to no noise: the polynomial knows

@@ -14,7 +14,7 @@ from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.coverage import NORMAL
 from eha_bench.metrics.metric import Metric, NotScored
-from eha_bench.metrics.statistic import measured
+from eha_bench.metrics.statistic import statistic_over
 
 Score = Callable[[str, Recording, Trial, str], tuple[Measure, str]]
 """Scores a metric on a channel ("" for its own): the measure, and the channel that it was."""
@@ -49,7 +49,7 @@ class FormulaMetric(Metric):
         """Return the formula's value, SI."""
         formula = self._own.formula
         parts = [
-            _FormulaInput(name, part, *self._measured(recording, trial, part))
+            _FormulaInput(name, part, *self._measure_input(recording, trial, part))
             for name, part in formula.inputs.items()
         ]
         values = {part.name: part.measure.value for part in parts}
@@ -78,12 +78,12 @@ class FormulaMetric(Metric):
         high = value + up if math.isnan(open_high) else open_high
         return Measure(value, low, high, "; ".join(notes), budget)
 
-    def _measured(
+    def _measure_input(
         self, recording: Recording, trial: Trial, part: Input
     ) -> tuple[Measure, frozenset[str]]:
         """Return an input, and the channels that it rests on."""
         if isinstance(part, Statistic):
-            found = measured(recording, trial, part, self._own.start, self._own.stop)
+            found = statistic_over(recording, trial, part, self._own.start, self._own.stop)
             return found, _channels(part.of.names)
         found, channel = self._score(part.metric, recording, trial, part.channel)
         if not math.isfinite(found.value):

@@ -56,7 +56,10 @@ def harmonic_fits(
             residual[part] -= power.real[:, None] * solution[h]
             residual[part] -= power.imag[:, None] * solution[highest + h]
     under = between_lines(time, residual, frequency, periods, highest, expected)
-    return [_fitted(solution[:, k], residual[:, k], highest, own) for k, own in enumerate(under)]
+    return [
+        _fit_of_solution(solution[:, k], residual[:, k], highest, own)
+        for k, own in enumerate(under)
+    ]
 
 
 def _parts(count: int) -> list[slice]:
@@ -102,7 +105,7 @@ def _normal(turns: ComplexArray, highest: int) -> FloatArray:
     return matrix
 
 
-def _fitted(
+def _fit_of_solution(
     solution: FloatArray, residual: FloatArray, highest: int, under: BetweenLines
 ) -> HarmonicFit:
     # a cos + b sin = Re((a - jb) exp(jwt)); a sine of phase 0 is -j

@@ -15,19 +15,19 @@ from eha_bench.metrics.metric import NotScored
 PREFIX = "model."
 
 
-def known(recording: Recording, name: str) -> float:
+def plant_constant(recording: Recording, name: str) -> float:
     """Return a constant of the plant, SI.
 
     Raises:
         NotScored: the recording does not carry it.
     """
-    value = declared(recording, name)
+    value = plant_constant_or_nan(recording, name)
     if not math.isfinite(value):
         raise NotScored(f"no {name}: the recording's metadata have no '{PREFIX}{name}'")
     return value
 
 
-def declared(recording: Recording, name: str) -> float:
+def plant_constant_or_nan(recording: Recording, name: str) -> float:
     """Return a constant of the plant, SI, or NaN where the recording does not carry it."""
     try:
         return float(recording.metadata.get(PREFIX + name, "nan"))

@@ -165,7 +165,7 @@ def _curvature(local: LocalFit, place: float) -> float:
     return float(np.polynomial.polynomial.polyval(x, coefficients)) / local.scale**2
 
 
-def interpolated(
+def interpolated_peak(
     time: FloatArray, values: FloatArray, index: int, first: int, noise: Noise
 ) -> Peak:
     """Return the maximum between the samples around `index`, none before `first`, in noise."""

@@ -20,7 +20,7 @@ from eha_bench.core.metric import MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Bypass, ControlMode, Piston, Trial
-from eha_bench.metrics.known import declared, known
+from eha_bench.metrics.known import plant_constant, plant_constant_or_nan
 from eha_bench.metrics.memo import remembered
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import white_noise
@@ -200,7 +200,7 @@ def _line(recording: Recording, trial: Trial) -> _Line:
 
 def against_model(recording: Recording, name: str, unit: str, reason: str) -> str:
     """Return a reason that says what the model has that made the recording."""
-    value = declared(recording, name)
+    value = plant_constant_or_nan(recording, name)
     return f"{reason}; model: {value:.4g} {unit}" if math.isfinite(value) else reason
 
 
@@ -211,7 +211,7 @@ class TorqueConstant(LockedMetric):
 
     def of(self, recording: Recording, trial: Trial) -> Measure:
         """Return D_p over the slope."""
-        displacement = known(recording, "pump_displacement")
+        displacement = plant_constant(recording, "pump_displacement")
         line = _line(recording, trial)
         value = displacement / line.slope
         reach = line.quantile * math.sqrt(float(line.covariance[1, 1])) / abs(line.slope) * value
@@ -226,7 +226,7 @@ class StaticTorque(LockedMetric):
 
     def of(self, recording: Recording, trial: Trial) -> Measure:
         """Return D_p intercept / slope: both scatter together."""
-        displacement = known(recording, "pump_displacement")
+        displacement = plant_constant(recording, "pump_displacement")
         line = _line(recording, trial)
         value = displacement * line.intercept / line.slope
         gradient = displacement * np.array([1.0 / line.slope, -line.intercept / line.slope**2])
@@ -242,7 +242,9 @@ class Leakage(LockedMetric):
 
     def of(self, recording: Recording, trial: Trial) -> Measure:
         """Return the mean over rests, weighted by what each one knows."""
-        compliance = known(recording, "volume_a") / known(recording, "bulk_modulus")
+        compliance = plant_constant(recording, "volume_a") / plant_constant(
+            recording, "bulk_modulus"
+        )
         holds = _holds(recording, trial)
         require_finite(holds.line, recording["pressure_a"], slice(holds.spans[0].start, None))
         values, weights = _sags(recording, holds, compliance)
@@ -268,7 +270,7 @@ def _sags(recording: Recording, holds: _Holds, compliance: float) -> tuple[Float
     dt. The speed is kept, since a rotor that seems to rest may creep as fast as the oil leaks.
     """
     line = holds.line
-    displacement = known(recording, "pump_displacement")
+    displacement = plant_constant(recording, "pump_displacement")
     pressure, difference = recording["pressure_a"], recording["pressure_difference"]
     speed = recording["motor_speed"]
     values, weights = [], []

@@ -54,7 +54,7 @@ def multisine_points(
         raise NotScored(
             f"no settled period: {TRANSIENT_PERIODS} of every realisation is left out as transient"
         )
-    return _combined(realisations, harmonics, period)
+    return _response_points(realisations, harmonics, period)
 
 
 def _realisation(
@@ -120,7 +120,7 @@ def _idle(response: ComplexArray, harmonics: IndexArray) -> FloatArray:
     return near
 
 
-def _combined(
+def _response_points(
     realisations: list[_Realisation], harmonics: IndexArray, period: float
 ) -> list[ResponsePoint]:
     count = len(realisations)

@@ -361,7 +361,7 @@ def white_noise(values: FloatArray) -> float:
     if values.size < 8:
         return 0.0
     if values.size > 2 * _DIFFERENCES:
-        places = _scattered(values.size - 3)
+        places = _scattered_places(values.size - 3)
         # in the order of sums that numpy.diff has
         first, second, third, last = (values[places + k] for k in range(4))
         middle = third - second
@@ -372,7 +372,7 @@ def white_noise(values: FloatArray) -> float:
 
 
 @lru_cache(maxsize=4)
-def _scattered(count: int) -> IndexArray:
+def _scattered_places(count: int) -> IndexArray:
     """Return places in 0 to `count`, evenly spread, that no period of a signal falls in with.
 
     Multiples of the golden ratio modulo 1 (L. Kuipers and H. Niederreiter, Uniform Distribution of

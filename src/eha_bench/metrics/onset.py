@@ -66,14 +66,14 @@ class Shape(ABC):
     before: float
 
     @abstractmethod
-    def rounded(self, x: FloatArray, lags: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def rounded_line(self, x: FloatArray, lags: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the straight line that a lag rounds, and its slope, at times since the corner."""
 
     def curve(
         self, x: FloatArray, lags: FloatArray, coefficients: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the responses of (k, 3) coefficients and their slopes, each at its time, (k,)."""
-        line, slope = self.rounded(x, lags)
+        line, slope = self.rounded_line(x, lags)
         after = np.maximum(x, 0.0)
         if not lags.any():
             line = after
@@ -86,7 +86,7 @@ class Shape(ABC):
         found = np.empty((*x.shape, 3))
         after = np.maximum(x, 0.0)
         # an exponential is much slower than a product
-        found[..., 0] = self.rounded(x, lags)[0] if lags.any() else after
+        found[..., 0] = self.rounded_line(x, lags)[0] if lags.any() else after
         square = after * after
         found[..., 1] = square
         np.multiply(square, after, out=found[..., 2])
@@ -95,7 +95,7 @@ class Shape(ABC):
     def slopes(self, x: FloatArray, lags: FloatArray) -> FloatArray:
         """Return the derivatives of the columns."""
         after = np.maximum(x, 0.0)
-        return np.stack((self.rounded(x, lags)[1], 2.0 * after, 3.0 * after**2), axis=-1)
+        return np.stack((self.rounded_line(x, lags)[1], 2.0 * after, 3.0 * after**2), axis=-1)
 
 
 class SetsOff(Shape):
@@ -106,7 +106,7 @@ class SetsOff(Shape):
     later = 1.0
     before = 0.0
 
-    def rounded(self, x: FloatArray, lags: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def rounded_line(self, x: FloatArray, lags: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what a lag makes of a line that begins."""
         slow, after = np.maximum(lags, 1e-12), np.maximum(x, 0.0)
         slope = -np.expm1(-after / slow)
@@ -121,7 +121,7 @@ class ComesToRest(Shape):
     later = -1.0
     before = 1.0
 
-    def rounded(self, x: FloatArray, lags: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def rounded_line(self, x: FloatArray, lags: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what a lag makes of a line that ends: it is behind it, and decays after it."""
         slow = np.maximum(lags, 1e-12)
         slope = np.exp(np.minimum(x, 0.0) / slow)
@@ -205,7 +205,7 @@ def corner(
     places = np.tile(places, len(_FIRST_LAGS))
     for finer in range(4):  # finer and finer around the best
         starts = np.maximum(places - shape.later * lags, 0.0)
-        first = _fitted(clock, values, starts, lags, shape)
+        first = _fit_corners(clock, values, starts, lags, shape)
         best = int(np.argmin(first.left))
         place = float(starts[best] + shape.later * lags[best])
         slopes, mean = first.coefficients[best], 0.5 / max(1.0 - place, 1e-9)
@@ -225,7 +225,7 @@ def corner(
     white = float(placed @ spread.white @ placed)
     variance = noise.sd**2 * max(spread.variance(placed) / max(white, 1e-300), 1.0)
     width = math.sqrt(spread.variance(placed))
-    tried = _tried(clock, values, place, width, variance, shape)
+    tried = _likely_corners(clock, values, place, width, variance, shape)
     free = time.size - 5
     left = np.concatenate([one.left for one in tried])
     if float(left.min()) > noise.sd**2 * (free + _FOLLOWS * _chi_spread(noise, free)):
@@ -246,7 +246,7 @@ def corner(
     )
 
 
-def _tried(
+def _likely_corners(
     clock: FloatArray,
     values: FloatArray,
     place: float,
@@ -268,7 +268,7 @@ def _tried(
         late, slow = places.ravel(), np.repeat(lags, _ROWS.size)
         # nothing answers before it is asked
         found.append(
-            _fitted(clock, values, np.maximum(late - shape.later * slow, 0.0), slow, shape)
+            _fit_corners(clock, values, np.maximum(late - shape.later * slow, 0.0), slow, shape)
         )
         left = found[-1].left
         best = int(left.argmin())
@@ -287,7 +287,7 @@ def _tried(
     return found
 
 
-def _fitted(
+def _fit_corners(
     clock: FloatArray, values: FloatArray, starts: FloatArray, lags: FloatArray, shape: Shape
 ) -> Corner:
     """Fit (n,) values for each of (k,) corners."""

@@ -15,7 +15,7 @@ from eha_bench.core.metric import MetricSpec
 from eha_bench.core.recording import Recording
 from eha_bench.core.score import Measure
 from eha_bench.core.trial import Trial
-from eha_bench.metrics.known import known
+from eha_bench.metrics.known import plant_constant
 from eha_bench.metrics.metric import Metric, NotScored
 from eha_bench.metrics.noise import white_noise
 from eha_bench.metrics.samples import samples
@@ -111,13 +111,16 @@ class LargestMagnitude(DerivedMetric):
 
 def shaft_power(recording: Recording) -> FloatArray:
     """Return the power that the motor gives to the shaft, K_T I omega, W, (n,)."""
-    constant = known(recording, "torque_constant")
+    constant = plant_constant(recording, "torque_constant")
     return constant * recording["current"] * recording["motor_speed"]
 
 
 def rod_force(recording: Recording) -> FloatArray:
     """Return the force of the pressures on the piston, A_a P_1 - A_b P_2, N, (n,)."""
-    area_a, area_b = known(recording, "piston_area_a"), known(recording, "piston_area_b")
+    area_a, area_b = (
+        plant_constant(recording, "piston_area_a"),
+        plant_constant(recording, "piston_area_b"),
+    )
     if area_a == area_b and "pressure_difference" in recording:
         return area_a * recording["pressure_difference"]
     return area_a * recording["pressure_a"] - area_b * recording["pressure_b"]
@@ -126,10 +129,10 @@ def rod_force(recording: Recording) -> FloatArray:
 def joint_torque(recording: Recording) -> FloatArray:
     """Return the torque of the rod force about the joint, Eq. (9)-(10), N*m, (n,)."""
     linkage = Linkage(
-        known(recording, "link_a"),
-        known(recording, "link_b"),
-        known(recording, "link_c0"),
-        known(recording, "volume_a") / known(recording, "piston_area_a"),
+        plant_constant(recording, "link_a"),
+        plant_constant(recording, "link_b"),
+        plant_constant(recording, "link_c0"),
+        plant_constant(recording, "volume_a") / plant_constant(recording, "piston_area_a"),
     )
     position = (
         recording["piston_position"]

@@ -46,7 +46,7 @@ def median(measures: Sequence[Measure]) -> Measure:
 def median_interval(values: FloatArray) -> tuple[float, float]:
     """Return the 95 % interval of the median behind (n,) independent values, n > 1."""
     if values.size < _SIGN_TEST:
-        reach = _studentised(values.size) * float(np.std(values, ddof=1))
+        reach = _studentised_quantile(values.size) * float(np.std(values, ddof=1))
         middle = float(np.median(values))
         return middle - reach, middle + reach
     ordered = np.sort(values)
@@ -54,7 +54,7 @@ def median_interval(values: FloatArray) -> tuple[float, float]:
 
 
 @cache
-def _studentised(count: int) -> float:
+def _studentised_quantile(count: int) -> float:
     """Return the 95 % quantile of |median| / sd over samples of `count` normal values."""
     if count == 2:  # the median is the mean
         return float(stdtrit(1.0, 0.975)) / math.sqrt(2.0)

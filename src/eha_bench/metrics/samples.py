@@ -93,10 +93,10 @@ class Samples:
     def notes(self, line: Timeline, window: slice) -> tuple[str, ...]:
         """Return what is special about the samples of a window, one clause each."""
         found = [
-            _counted(self.spikes, line, window, "outlier(s) replaced by their neighbours"),
-            _counted(self.missing, line, window, "sample(s) without a value not used"),
-            lost(line, window),
-            self._clipped(line, window),
+            _count_note(self.spikes, line, window, "outlier(s) replaced by their neighbours"),
+            _count_note(self.missing, line, window, "sample(s) without a value not used"),
+            lost_samples_note(line, window),
+            self._clipping_note(line, window),
             self._impossible(window),
         ]
         return tuple(note for note in found if note)
@@ -144,7 +144,7 @@ class Samples:
         left = any(stop < values.size for _, stop in reached)
         return Clipping(extreme, at, above, left, self.name)
 
-    def _clipped(self, line: Timeline, window: slice) -> str:
+    def _clipping_note(self, line: Timeline, window: slice) -> str:
         times = line.time[window]
         notes = []
         for found in self.clippings(window):
@@ -270,7 +270,7 @@ def _short(bad: BoolArray) -> BoolArray:
     return chosen
 
 
-def _counted(flags: BoolArray, line: Timeline, window: slice, what: str) -> str:
+def _count_note(flags: BoolArray, line: Timeline, window: slice, what: str) -> str:
     inside = flags[window]
     count = int(np.count_nonzero(inside))
     if count == 0:
@@ -279,7 +279,7 @@ def _counted(flags: BoolArray, line: Timeline, window: slice, what: str) -> str:
     return f"{count} {what}, the first at {first:.6g} s"
 
 
-def lost(line: Timeline, window: slice) -> str:
+def lost_samples_note(line: Timeline, window: slice) -> str:
     """Return how many samples of a window are not there, or ""."""
     gaps = np.diff(line.time[window])
     wide = gaps > 1.5 * line.period

@@ -78,7 +78,7 @@ def score(recording: Recording, trial: Trial) -> tuple[Score, ...]:
     """
     _check(recording, trial)
     recording, trial = bind(recording, trial)
-    wanted = _limited(trial)
+    wanted = _limits_of(trial)
     have = {(name, channel) for name, channel, _ in wanted}
     defaults = [
         (name, candidate.spec.channel_for(trial.channel))
@@ -100,10 +100,10 @@ def score_limits(recording: Recording, trial: Trial) -> tuple[Score, ...]:
     """
     _check(recording, trial)
     recording, trial = bind(recording, trial)
-    return tuple(_score(recording, trial, *item) for item in _limited(trial))
+    return tuple(_score(recording, trial, *item) for item in _limits_of(trial))
 
 
-def _limited(trial: Trial) -> list[tuple[str, str, AcceptanceLimit | None]]:
+def _limits_of(trial: Trial) -> list[tuple[str, str, AcceptanceLimit | None]]:
     """Return metric, channel and limit of each of a trial's limits."""
     return [
         (limit.metric, _channel(limit.metric, limit.channel, trial), limit)

@@ -70,7 +70,7 @@ def settled_by_model(
     tail = _fit(step)
     end = float(step.time[-1])
     grid = np.linspace(0.0, end - tail.start, _GRID)
-    value = tail.start + _settled(tail.parameters[None, :], grid, band)[0]
+    value = tail.start + _settling_times(tail.parameters[None, :], grid, band)[0]
     if not value < latest:
         raise NotScored(
             Note("not settled: by a decaying pair of modes {time:.4g} s after the edge", time=value)
@@ -116,7 +116,7 @@ def _creeping(fall: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArr
     return 0.5 * (up + down), 0.5 * (up - down)
 
 
-def _settled(parameters: FloatArray, grid: FloatArray, band: float) -> FloatArray:
+def _settling_times(parameters: FloatArray, grid: FloatArray, band: float) -> FloatArray:
     """Return when each of (k, 5) parameter sets is last outside of the band, s since the start."""
     c, s = _modes(parameters[:, 0], parameters[:, 1], grid)
     return _last_outside(c, s, parameters[:, 2:], grid, band)
@@ -239,11 +239,11 @@ def _likely(
     width = step.transit * float(step.time[-1] - step.time[0]) / (step.time.size - 1)
     place = np.array([best[0] + math.log(width), best[1] * width**2])
     low, high = np.minimum(_BOX[0], place - 0.5), np.maximum(_BOX[1], place + 0.5)
-    least = float(_fitted(time, values, best[:1], best[1:2], width).left[0])
+    least = float(_fit_poles(time, values, best[:1], best[1:2], width).left[0])
     for _ in range(_ZOOMS):
         axes = [np.linspace(*ends, _LATTICE) for ends in zip(low, high, strict=True)]
         logs, squares = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-        found = _fitted(time, values, logs - math.log(width), squares / width**2, width)
+        found = _fit_poles(time, values, logs - math.log(width), squares / width**2, width)
         rest = (found.left - min(least, float(found.left.min()))) / variance
         near = rest <= _FARTHEST
         if np.count_nonzero(near) >= _ENOUGH:
@@ -260,7 +260,7 @@ def _likely(
     )  # fmt: skip
 
 
-def _fitted(
+def _fit_poles(
     time: FloatArray, values: FloatArray, logs: FloatArray, squares: FloatArray, width: float
 ) -> _Poles:
     """Fit (n,) values by each of (k,) pairs of poles."""
@@ -287,7 +287,7 @@ def _slower(
     total, white = _covariances(tail.parameters, time, step.noise)
     sizes = 0.1 * np.sqrt(np.maximum(np.diag(white), 1e-300))
     moved = np.concatenate([tail.parameters + np.diag(sizes), tail.parameters - np.diag(sizes)])
-    times = _settled(moved, grid, band)
+    times = _settling_times(moved, grid, band)
     slopes = (times[:5] - times[5:]) / (2.0 * sizes)
     return max(float(slopes @ total @ slopes) / max(float(slopes @ white @ slopes), 1e-300), 1.0)
 

@@ -12,7 +12,7 @@ from eha_bench.core.budget import Budget, Evaluation
 from eha_bench.core.note import Note
 from eha_bench.core.score import Measure
 from eha_bench.metrics.coverage import NORMAL, reach, type_a
-from eha_bench.metrics.crossing import Crossing, between_samples, refined, straight
+from eha_bench.metrics.crossing import Crossing, between_samples, refined_crossing, straight
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.metric import NotScored, spec_of
 from eha_bench.metrics.settling_model import settled_by_model
@@ -44,9 +44,9 @@ class SettlingTime(StepMetric):
 
     def find(self, step: StepResponse) -> Finding:
         """Return the last crossing of the band; its interval covers exits that noise may hide."""
-        return _not_before_its_response(step, self._found(step))
+        return _not_before_its_response(step, self._find_settling(step))
 
-    def _found(self, step: StepResponse) -> Finding:
+    def _find_settling(self, step: StepResponse) -> Finding:
         track = _track(step)
         stopped = self._by_corner(step, track)
         if stopped is not None:
@@ -72,7 +72,7 @@ class SettlingTime(StepMetric):
             place = step.between_samples(edge, last + 1)
         else:
             place = straight(step.time, track.values, edge, last + 1)
-            place = _refined(step, edge, place, last + 1)
+            place = _refine_crossing(step, edge, place, last + 1)
         return Finding(
             max(place.time, 0.0), lambda: self._by_exit(step, track.sd, distance, last, place)
         )
@@ -207,15 +207,15 @@ def _not_before_its_response(step: StepResponse, found: Finding) -> Finding:
 
 def _track(step: StepResponse) -> Smooth:
     """Return the response smoothed as far as its own speed allows; a jump is not smeared."""
-    first = step.landed if not step.resolved else 0
+    first = step.first_smooth_sample if not step.resolved else 0
     # of few samples a rise, a parabola through five would smear what rings
     widest = max(2, step.transit) if step.resolved else 0
     after = smooth(step.rise[first:], step.noise, BAND / 15.0, widest)
     return Smooth(np.concatenate([step.rise[:first], after.values]), after.sd, after.half)
 
 
-def _refined(step: StepResponse, edge: float, guess: Crossing, index: int) -> Crossing:
-    first = step.landed if not step.resolved else 0
+def _refine_crossing(step: StepResponse, edge: float, guess: Crossing, index: int) -> Crossing:
+    first = step.first_smooth_sample if not step.resolved else 0
     if not step.resolved:
         read = between_samples(
             step.time, step.rise, edge, index, step.noise, step.origin, step.samples_a_rise
@@ -224,7 +224,7 @@ def _refined(step: StepResponse, edge: float, guess: Crossing, index: int) -> Cr
         if within_the_jump or step.noise.sd < _STEEP * abs(read.slope) * read.span:
             return read
     widest = max(round(step.passage), 3)
-    found = refined(step.time[first:], step.rise[first:], edge, guess, step.noise, widest)
+    found = refined_crossing(step.time[first:], step.rise[first:], edge, guess, step.noise, widest)
     return step.between_samples(edge, index) if found is None else found
 
 

@@ -107,7 +107,9 @@ def slow_noise(
     spectra, logs = _kinds(longest, np.atleast_1d(fixed), decays)
     covariances = np.fft.irfft(spectra)[:, :longest]
     powers = np.concatenate([_periodogram(residual) for residual in residuals])
-    expected = np.concatenate([_expected(covariances, part.size) for part in residuals], axis=1)
+    expected = np.concatenate(
+        [_expected_periodogram(covariances, part.size) for part in residuals], axis=1
+    )
     expected = np.maximum(expected, 1e-12 * expected.max(axis=1, keepdims=True))
     sizes = np.maximum(np.mean(powers / expected, axis=1), 1e-300)
     logs = logs - powers.size * np.log(sizes) - np.sum(np.log(expected), axis=1)
@@ -153,7 +155,7 @@ def _periodogram(residual: FloatArray) -> FloatArray:
     return found
 
 
-def _expected(covariances: FloatArray, count: int) -> FloatArray:
+def _expected_periodogram(covariances: FloatArray, count: int) -> FloatArray:
     """Return what the periodogram of `count` samples less their line is expected to be, (k, j).
 
     With autocovariances (k, m), C their matrix, e_j the waves, and q the line of norm 1: power is

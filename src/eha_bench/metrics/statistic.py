@@ -32,7 +32,7 @@ _OF: Final[dict[str, Callable[[FloatArray], float]]] = {
 }
 
 
-def measured(
+def statistic_over(
     recording: Recording, trial: Trial, statistic: Statistic, start: float, stop: float
 ) -> Measure:
     """Return a statistic over start <= t < stop (s of the signal), within the scored time.

@@ -53,7 +53,7 @@ class StepMetric(Metric):
     def measure(self, recording: Recording, trial: Trial, channel: str) -> Measure:
         """Return the worst value over the edges, and say which edge it belongs to."""
         responses = step_responses(recording, trial, channel)
-        found = [self._placed(step, len(responses)) for step in responses]
+        found = [self._find_at_edge(step, len(responses)) for step in responses]
         place = max(range(len(found)), key=lambda index: found[index].magnitude)
         chosen = found[place].measure()
         if len(found) == 1:
@@ -61,7 +61,7 @@ class StepMetric(Metric):
         which = f"worst of {len(found)} edges, at {responses[place].edge.time:.6g} s"
         return replace(chosen, reason=f"{which}; {chosen.reason}")
 
-    def _placed(self, step: StepResponse, edges: int) -> Finding:
+    def _find_at_edge(self, step: StepResponse, edges: int) -> Finding:
         try:
             return self.find(step)
         except NotScored as error:

@@ -16,7 +16,7 @@ from eha_bench.core.recording import Recording
 from eha_bench.core.signal import Edge
 from eha_bench.core.trial import Trial
 from eha_bench.metrics.coverage import between
-from eha_bench.metrics.crossing import SOON, Crossing, between_samples, refined, straight
+from eha_bench.metrics.crossing import SOON, Crossing, between_samples, refined_crossing, straight
 from eha_bench.metrics.levels import Level, histogram_levels, level
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.memo import remembered
@@ -132,7 +132,7 @@ class StepResponse:
         return self.transit >= _RESOLVED and self.passage >= _PASSED
 
     @property
-    def landed(self) -> int:
+    def first_smooth_sample(self) -> int:
         """Index of the first sample, after the edge, from which on curves are smooth.
 
         Of a response that is there within a few samples, the first that has come to 90 %.
@@ -199,7 +199,7 @@ class StepResponse:
         if share <= _BEGUN and self.samples_a_rise < _CORNERS:
             return self._as_read(share, index)  # there may be a corner that is not seen
         after = slice(self.origin, None)  # the edge may leave a kink, no polynomial follows one
-        found = refined(
+        found = refined_crossing(
             self.time[after],
             self.rise[after],
             share,
@@ -278,7 +278,9 @@ class StepResponse:
         bend = _QUARTIC * (1.0 - share) * (_LAGS_A_RISE / max(self.samples_a_rise, 1.0)) ** 4
         half = (1.1 / 3.0 * self.noise.sd / bend) ** (1.0 / 4.5)
         widest = min(round(_OF_A_RISE * self.samples_a_rise), round(half) - 1, _WIDEST_IN_FEW)
-        found = refined(self.time[after], self.rise[after], share, read, self.noise, max(widest, 2))
+        found = refined_crossing(
+            self.time[after], self.rise[after], share, read, self.noise, max(widest, 2)
+        )
         if found is None:
             return read
         missed = bend * (0.5 * found.span / period) ** 4 / max(abs(found.slope), 1e-300)

@@ -94,7 +94,7 @@ def _loop(recording: Recording, trial: Trial, channel: str) -> HysteresisLoop:
     require_finite(line, data.values, window)
     found = strokes(position.values[window], moved)
     shifted = [Stroke(s.start + window.start, s.stop + window.start, s.sense) for s in found]
-    return _fitted(line, position, data, shifted, _notes(line, data, window))
+    return _fit_loop(line, position, data, shifted, _notes(line, data, window))
 
 
 def _notes(line: Timeline, data: Samples, window: slice) -> tuple[str, ...]:
@@ -134,7 +134,7 @@ def strokes(position: FloatArray, name: str = "the position") -> list[Stroke]:
     return found
 
 
-def _fitted(
+def _fit_loop(
     line: Timeline,
     position: Samples,
     data: Samples,

@@ -29,13 +29,13 @@ def asymptote(window: FloatArray, noise: float) -> float | None:
     points = window[window.size % stride :: stride]
     centred = (points - points.mean()) / spread
     for order in (1, 2, 3, 4):
-        level = _predicted(centred, order, noise / spread)
+        level = _predicted_level(centred, order, noise / spread)
         if level is not None:
             return float(points.mean()) + level * spread
     return None
 
 
-def _predicted(points: FloatArray, order: int, noise: float) -> float | None:
+def _predicted_level(points: FloatArray, order: int, noise: float) -> float | None:
     rows = points.size - order
     design = np.ones((rows, order + 1))
     for lag in range(1, order + 1):

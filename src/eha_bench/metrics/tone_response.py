@@ -151,7 +151,7 @@ def _respond(recording: Recording, trial: Trial, channel: str, tone: Tone) -> To
     every = periods if block == 1 else blocks
     whole_time = _block_phasors(line.time, data, stop, every, frequency / block, block)
     phasors = whole_time[:blocks]
-    settled_blocks = _settled(phasors)
+    settled_blocks = _settled_periods(phasors)
     if settled_blocks * block < 2:
         raise NotScored(f"not settled: the {label} response changes from period to period")
     settled = settled_blocks * block
@@ -225,7 +225,7 @@ def _commanded_frequency(line: Timeline, tone: Tone, window: slice) -> float:
     return found.frequency if abs(found.frequency / tone.frequency - 1.0) < 0.01 else tone.frequency
 
 
-def _settled(phasors: ComplexArray) -> int:
+def _settled_periods(phasors: ComplexArray) -> int:
     """Return how many periods, from the last one backwards, are like the last half of them."""
     tail = phasors[: max(phasors.size // 2, 2)]
     centre = tail.mean()

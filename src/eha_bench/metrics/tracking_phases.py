@@ -86,7 +86,7 @@ class _PhaseMetric(TrackingMetric):
         """Return the RMS over that part."""
         change = np.abs(np.gradient(error.reference))
         moving = change > _STILL * float(change.max())
-        part = error.error[self.chosen(moving)]
+        part = error.error[self.counted_samples(moving)]
         if part.size < 8:
             raise NotScored(f"{part.size} sample(s) in this phase of the motion")
         value = math.sqrt(float(part @ part) / part.size)
@@ -94,7 +94,7 @@ class _PhaseMetric(TrackingMetric):
         return Measure(value * error.scale, reason=reason)
 
     @abstractmethod
-    def chosen(self, moving: BoolArray) -> BoolArray:
+    def counted_samples(self, moving: BoolArray) -> BoolArray:
         """Return which samples count."""
 
 
@@ -105,7 +105,7 @@ class TrackingMoving(_PhaseMetric):
         "tracking_rms_moving", "tracking_rms while the reference moves", None, better=Better.LOWER
     )
 
-    def chosen(self, moving: BoolArray) -> BoolArray:
+    def counted_samples(self, moving: BoolArray) -> BoolArray:
         """Return the samples at which the reference changes."""
         return moving
 
@@ -117,6 +117,6 @@ class TrackingResting(_PhaseMetric):
         "tracking_rms_resting", "tracking_rms while the reference rests", None, better=Better.LOWER
     )
 
-    def chosen(self, moving: BoolArray) -> BoolArray:
+    def counted_samples(self, moving: BoolArray) -> BoolArray:
         """Return the samples at which the reference does not change."""
         return ~moving

@@ -218,10 +218,10 @@ def commanded_edges(line: Timeline, trial: Trial) -> tuple[Edge, ...]:
     """
     if not trial.signal.edges:
         raise NotScored("the signal has no edge")
-    return tuple(_commanded(line, edge) for edge in trial.signal.edges)
+    return tuple(_commanded_edge(line, edge) for edge in trial.signal.edges)
 
 
-def _commanded(line: Timeline, edge: Edge) -> Edge:
+def _commanded_edge(line: Timeline, edge: Edge) -> Edge:
     time, reference, period = line.time, line.reference, line.period
     end = float(time[-1]) + period
     size = edge.after - edge.before
