@@ -16,7 +16,7 @@ from eha_bench.comparison.permutation import p_greater, p_greater_paired
 from eha_bench.comparison.planning import MOST, more_repeats
 from eha_bench.comparison.sample import Sample
 from eha_bench.comparison.scatters import RATIOS, _independent, ratio_priors
-from eha_bench.comparison.sequential import sequential, shares, spent
+from eha_bench.comparison.sequential import any_time_p_value, sequential, shares
 from eha_bench.comparison.skewness import wider_of_pairs, wider_of_samples
 from eha_bench.comparison.student_mixture import StudentMixture
 from eha_bench.comparison.two_samples import two_samples, widest_ratio
@@ -282,10 +282,10 @@ def test_the_shares_of_all_looks_are_the_whole(repeats: int) -> None:
 
 def test_the_p_value_of_often_looking_is_the_dearest_look() -> None:
     looks = shares(4)  # the first look is at three pairs
-    assert spent([0.0, 0.0, 0.1, 0.02], looks) == pytest.approx(
+    assert any_time_p_value([0.0, 0.0, 0.1, 0.02], looks) == pytest.approx(
         min(0.1 / looks[2], 0.02 / looks[3])
     )
-    assert spent([0.0], looks) == 1.0
+    assert any_time_p_value([0.0], looks) == 1.0
 
 
 # --- what decides how a metric is tested ---------------------------------------------------------

@@ -17,8 +17,8 @@ def check_targets(baseline: Side, candidate: Side) -> None:
     kinds = {_kind(name) for side in (baseline, candidate) for name in side.targets}
     if len(kinds) > 1:
         raise InputError(
-            f"not the same rig: the baseline ran on {_listed(baseline.targets)}, the candidate "
-            f"on {_listed(candidate.targets)}",
+            f"not the same rig: the baseline ran on {_quoted(baseline.targets)}, the candidate "
+            f"on {_quoted(candidate.targets)}",
             hint="allow it with --across-targets",
         )
 
@@ -32,8 +32,8 @@ def _caveats(baseline: Side, candidate: Side) -> Iterator[str]:
     sides = {"baseline": baseline, "candidate": candidate}
     if baseline.suites != candidate.suites or len(baseline.suites) > 1:
         yield (
-            f"Different suites: {_listed(baseline.suites)} in the baseline, "
-            f"{_listed(candidate.suites)} in the candidate."
+            f"Different suites: {_quoted(baseline.suites)} in the baseline, "
+            f"{_quoted(candidate.suites)} in the candidate."
         )
     elif baseline.provenance("suite_sha256") != candidate.provenance("suite_sha256"):
         yield (
@@ -55,14 +55,14 @@ def _caveats(baseline: Side, candidate: Side) -> Iterator[str]:
             yield f"{stopped} {runs} of the {name} did not finish and are left out."
     if baseline.targets != candidate.targets:
         yield (
-            f"Different targets: {_listed(baseline.targets)} in the baseline, "
-            f"{_listed(candidate.targets)} in the candidate."
+            f"Different targets: {_quoted(baseline.targets)} in the baseline, "
+            f"{_quoted(candidate.targets)} in the candidate."
         )
     yield from _hosts(baseline, candidate)
     if baseline.provenance("version") != candidate.provenance("version"):
         yield (
-            f"Scored by different versions of eha-bench: {_listed(baseline.provenance('version'))} "
-            f"and {_listed(candidate.provenance('version'))}."
+            f"Scored by different versions of eha-bench: {_quoted(baseline.provenance('version'))} "
+            f"and {_quoted(candidate.provenance('version'))}."
         )
     for trial in baseline.runs.keys() - candidate.runs.keys():
         yield f"Trial {trial} is missing in the candidate."
@@ -76,8 +76,8 @@ def _hosts(baseline: Side, candidate: Side) -> Iterator[str]:
     # a simulator gives the same on every host
     if not simulated and hosts[0] and hosts[1] and hosts[0] != hosts[1]:
         yield (
-            f"Different hosts, perhaps different rigs: {_listed(hosts[0])} in the baseline, "
-            f"{_listed(hosts[1])} in the candidate."
+            f"Different hosts, perhaps different rigs: {_quoted(hosts[0])} in the baseline, "
+            f"{_quoted(hosts[1])} in the candidate."
         )
 
 
@@ -106,5 +106,5 @@ def _kind(target: str) -> str:
     return kind if kind == "simulator" else target
 
 
-def _listed(names: frozenset[str]) -> str:
+def _quoted(names: frozenset[str]) -> str:
     return " and ".join(f"'{name}'" for name in sorted(names)) or "(unknown)"

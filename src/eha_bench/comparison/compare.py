@@ -26,7 +26,7 @@ from eha_bench.comparison.exactly import IDENTICAL, known_exactly
 from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
 from eha_bench.comparison.scatters import ratio_priors
-from eha_bench.comparison.sequential import sequential, spent
+from eha_bench.comparison.sequential import any_time_p_value, sequential
 from eha_bench.comparison.side import Side, SideRun
 from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.arrays import FloatArray
@@ -90,7 +90,7 @@ def compare_sides(
                 items.append(entry.item)
             else:
                 items.append(entry)
-    judged = _judged(list(pairs.values()), looks)
+    judged = _comparisons(list(pairs.values()), looks)
     for place, item in zip(pairs, judged, strict=True):
         items[place] = item
     return Comparison(
@@ -215,8 +215,8 @@ def _p_missing(scores: list[list[Score | None]], looks: Sequence[float]) -> floa
     if not looks:
         return _fisher(scored)
     pairs = len(scored[0])
-    return spent([_fisher([side[:count] for side in scored]) for count in range(1, pairs + 1)],
-                 looks)  # fmt: skip
+    p_values = [_fisher([side[:count] for side in scored]) for count in range(1, pairs + 1)]
+    return any_time_p_value(p_values, looks)
 
 
 def _fisher(scored: list[list[bool]]) -> float:
@@ -240,7 +240,7 @@ def _margin(item: Compared, known: Sequence[Score]) -> tuple[float, str]:
     return parse_margin(text, item.unit).about(reference), f"by default: {text}"
 
 
-def _judged(pairs: Sequence[_Pair], looks: Sequence[float]) -> list[Compared]:
+def _comparisons(pairs: Sequence[_Pair], looks: Sequence[float]) -> list[Compared]:
     priors = {} if looks else _dependence(pairs)
     scatters = {} if looks else _scatters(pairs, priors)
     found = [
@@ -250,10 +250,13 @@ def _judged(pairs: Sequence[_Pair], looks: Sequence[float]) -> list[Compared]:
     both = list(zip(pairs, found, strict=True))
     nothing = math.nan
     p_difference = holm(
-        [_combined(one.p_difference if one else nothing, pair.p_missing) for pair, one in both]
+        [
+            _combined_p_value(one.p_difference if one else nothing, pair.p_missing)
+            for pair, one in both
+        ]
     )
     p_beyond = holm(
-        [_combined(one.p_beyond if one else nothing, pair.p_missing) for pair, one in both]
+        [_combined_p_value(one.p_beyond if one else nothing, pair.p_missing) for pair, one in both]
     )
     p_same = holm([one.p_same if one is not None else nothing for one in found])
     judged = []
@@ -328,7 +331,7 @@ def _evidence(
     )
 
 
-def _combined(p_values: float, p_missing: float) -> float:
+def _combined_p_value(p_values: float, p_missing: float) -> float:
     """Return the p-value of 'neither the values nor how often there are any differ'."""
     tested = [p for p in (p_values, p_missing) if not math.isnan(p)]
     return min(1.0, len(tested) * min(tested)) if tested else math.nan
@@ -343,7 +346,7 @@ def _verdict(pair: _Pair, found: Evidence | None, family: int, *, paired: bool) 
     )
     cut_off = "" if pair.exactly == IDENTICAL else _cut_off(pair)
     if found is not None:
-        low, high = _opened(pair, found) if cut_off else (found.low, found.high)
+        low, high = _open_interval(pair, found) if cut_off else (found.low, found.high)
         item = replace(
             item,
             difference=found.difference,
@@ -389,7 +392,7 @@ def _cut_off(pair: _Pair) -> str:
     return f"cut off by the sensor's end in the {' and the '.join(names)}" if names else ""
 
 
-def _opened(pair: _Pair, found: Evidence) -> tuple[float, float]:
+def _open_interval(pair: _Pair, found: Evidence) -> tuple[float, float]:
     """Return the interval of a difference, open to where values may be farther than they say."""
     low = pair.candidate.open_below or pair.baseline.open_above
     high = pair.candidate.open_above or pair.baseline.open_below

@@ -128,7 +128,7 @@ class Comparison:
         return tuple(item for item in self.items if item.verdict in verdicts)
 
     @property
-    def compared(self) -> int:
+    def metric_count(self) -> int:
         """How many metrics were looked at."""
         return len(self.items) - len(self.of(ComparisonVerdict.NOT_COMPARED))
 
@@ -137,7 +137,7 @@ class Comparison:
         """`regression`, `no_regression`, or `nothing_compared`."""
         if self.of(ComparisonVerdict.WORSE):
             return "regression"
-        return "no_regression" if self.compared else "nothing_compared"
+        return "no_regression" if self.metric_count else "nothing_compared"
 
     @property
     def exit_status(self) -> int:

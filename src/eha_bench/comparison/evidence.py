@@ -133,10 +133,10 @@ def evidence(
     if counted:
         floor = max(floor, math.sqrt(max(0.0, baseline.mean) / n + max(0.0, candidate.mean) / m))
     if paired and n == m:
-        return _paired(baseline.values, candidate.values, margin, family, floor)
+        return _evidence_of_pairs(baseline.values, candidate.values, margin, family, floor)
     if _constant(baseline) and _constant(candidate):
         return _constants(baseline, candidate, margin, floor, counted=counted)
-    return _repeated(baseline, candidate, margin, family, floor, dependence, scatters)
+    return _evidence_of_repeats(baseline, candidate, margin, family, floor, dependence, scatters)
 
 
 def exact(baseline: Sample, candidate: Sample, margin: float, method: str) -> Evidence:
@@ -150,7 +150,7 @@ def exact(baseline: Sample, candidate: Sample, margin: float, method: str) -> Ev
     )  # fmt: skip
 
 
-def _paired(
+def _evidence_of_pairs(
     baseline: FloatArray, candidate: FloatArray, margin: float, family: int, floor: float
 ) -> Evidence:
     differences = candidate - baseline
@@ -158,17 +158,17 @@ def _paired(
     mean, spread = float(differences.mean()), float(differences.std(ddof=1))
     error = max(wider_of_pairs(baseline, candidate) * spread / math.sqrt(n), floor)
     believed = StudentMixture.one(mean, max(error, _TINY), n - 1.0)
-    tests, method = _believed(believed), "Student's t of the pairs"
+    tests, method = _tests_of(believed), "Student's t of the pairs"
     if spread > 0.0 and 2.0 * permutation.smallest_paired_p(n) <= ALPHA / family:
         method = "permutation and Student's t of the pairs"
         tests = tests.and_also(
             lambda bound: permutation.p_greater_paired(differences - bound),
             lambda bound: permutation.p_greater_paired(bound - differences),
         )
-    return _judged(tests, believed, mean, margin, max(spread, error), method)
+    return _evidence_of_tests(tests, believed, mean, margin, max(spread, error), method)
 
 
-def _repeated(
+def _evidence_of_repeats(
     baseline: Sample,
     candidate: Sample,
     margin: float,
@@ -189,7 +189,7 @@ def _repeated(
         shown = found.shown_ratio(prior, scatters=scatters, share=SEEN)
         wider = wider_of_samples(first, second, shown)
     believed = found.difference(prior, scatters=scatters, wider=wider)
-    tests = _believed(believed)
+    tests = _tests_of(believed)
     if min(n, m) > 1 and 2.0 * permutation.smallest_p(n, m) <= ALPHA / family:
         method = f"permutation and {method}"
         tests = tests.and_also(
@@ -202,7 +202,7 @@ def _repeated(
     difference = candidate.mean - baseline.mean
     spreads = [sample.variance for sample in (baseline, candidate) if len(sample) > 1]
     scatter = wider * math.sqrt(sum(spreads) / len(spreads))
-    return _judged(tests, believed, difference, margin, scatter, method, note)
+    return _evidence_of_tests(tests, believed, difference, margin, scatter, method, note)
 
 
 def _constants(
@@ -220,7 +220,7 @@ def _constants(
         error = max(own, floor, _TINY)
         believed = StudentMixture.one(difference, error, n + m - 2.0)
         method = "values without scatter, Student's t by their own intervals"
-        return _judged(_believed(believed), believed, difference, margin, error, method)
+        return _evidence_of_tests(_tests_of(believed), believed, difference, margin, error, method)
     least = permutation.smallest_p(n, m)
     tests = _Tests(
         lambda bound: least if difference > bound else 1.0,
@@ -228,7 +228,7 @@ def _constants(
     )
     believed = StudentMixture.one(difference, max(floor, _TINY), n + m - 2.0)
     method = "values without scatter, permutation"
-    return _judged(tests, believed, difference, margin, math.nan, method)
+    return _evidence_of_tests(tests, believed, difference, margin, math.nan, method)
 
 
 def _own_error(sample: Sample) -> float:
@@ -271,11 +271,11 @@ class _Tests:
         )
 
 
-def _believed(believed: StudentMixture) -> _Tests:
+def _tests_of(believed: StudentMixture) -> _Tests:
     return _Tests(believed.below, believed.above)
 
 
-def _judged(
+def _evidence_of_tests(
     tests: _Tests,
     believed: StudentMixture,
     difference: float,

@@ -79,7 +79,7 @@ def sequential(
     )
 
 
-def spent(p_values: Sequence[float], looks: Sequence[float]) -> float:
+def any_time_p_value(p_values: Sequence[float], looks: Sequence[float]) -> float:
     """Return a p-value that holds at any time one may have stopped.
 
     Args:

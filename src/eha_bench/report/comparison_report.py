@@ -96,7 +96,7 @@ def verdict_of(comparison: Comparison) -> tuple[str, str]:
         plural = "" if missed == 1 else "s"
         return "warned", f"{word}, but {missed} limit{plural} newly missed"
     open_ones = comparison.of(ComparisonVerdict.UNDECIDED)
-    if len(open_ones) == comparison.compared and comparison.status == "no_regression":
+    if len(open_ones) == comparison.metric_count and comparison.status == "no_regression":
         return "undecided", f"{word} shown"  # nor its absence
     return look, word
 
@@ -183,7 +183,7 @@ def headline(comparison: Comparison) -> str:
             word = "the same" if verdict is ComparisonVerdict.SAME else verdict.value
             verb = "" if verdict is ComparisonVerdict.CHANGED else ("is " if count == 1 else "are ")
             parts.append((count, f"{verb}{word}"))
-    total = comparison.compared
+    total = comparison.metric_count
     listed = ", ".join(f"{count} {predicate}" for count, predicate in parts)
     text = f"Of {total} metric{'' if total == 1 else 's'} {listed}" if parts else ""
     if total > 1 and len(parts) == 1:
