@@ -122,7 +122,7 @@ class BatchDecoder:
         fields = next((decoder.wanted.fields for decoder in decoders), ())
         kinds: dict[str, str] = {}
         for index, path in enumerate(fields if inner else ()):
-            if not any(index in one.found() for one in inner):
+            if not any(index in one.found_paths() for one in inner):
                 hint = next((text for one in inner if (text := one.hint(path))), "")
                 raise UnreadableTopic(f"no message has an element {path}" + (hint and f"; {hint}"))
             for one in inner:

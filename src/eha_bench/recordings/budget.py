@@ -65,8 +65,8 @@ class ReadingBudget:
         """
         if count > self.memory:
             raise OverBudget(
-                f"{what} would take {_written(count)} of memory, more than the "
-                f"{_written(self.memory)} that a file of this size may take",
+                f"{what} would take {_size_text(count)} of memory, more than the "
+                f"{_size_text(self.memory)} that a file of this size may take",
                 where=self._where,
                 hint="if you trust the file, allow more with --max-memory",
             )
@@ -134,5 +134,5 @@ def _size(path: Path) -> int:
         return 0  # whoever opens it says what is wrong
 
 
-def _written(count: int) -> str:
+def _size_text(count: int) -> str:
     return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"

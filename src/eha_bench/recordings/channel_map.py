@@ -169,7 +169,7 @@ class Repair(StrictModel):
     gaps: Gaps = Gaps.NAN
 
 
-def _listed(value: object) -> object:
+def _as_list(value: object) -> object:
     return [value] if isinstance(value, str) else value
 
 
@@ -184,7 +184,7 @@ class ChannelMapFile(StrictModel):
         default=None, description="of a table without a time column"
     )
     repair: Repair = Repair()
-    dbc: Annotated[tuple[str, ...], BeforeValidator(_listed)] = Field(
+    dbc: Annotated[tuple[str, ...], BeforeValidator(_as_list)] = Field(
         default=(), description="DBC that decodes the CAN frames of an MDF, or a list of them"
     )
     channels: dict[str, ChannelEntry] = Field(json_schema_extra={"minProperties": 1})

@@ -25,12 +25,12 @@ def open_file(path: Path, head: bytes) -> Source:
     """
     for fits, place in _FORMATS:
         if fits(path, head):
-            return _opened(place, path)
+            return _open_as(place, path)
     raise_for_relatives(path, head)
     if _JSON.match(head):
-        return _opened("tables.json_source:JsonSource", path)
+        return _open_as("tables.json_source:JsonSource", path)
     if b"\0" not in head or head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return _opened("tables.csv_source:CsvSource", path)
+        return _open_as("tables.csv_source:CsvSource", path)
     raise RecordingError(
         "this is not a recording that eha-bench knows",
         where=Place(file=str(path)),
@@ -38,7 +38,7 @@ def open_file(path: Path, head: bytes) -> Source:
     )
 
 
-def _opened(place: str, path: Path) -> Source:
+def _open_as(place: str, path: Path) -> Source:
     # imported only now: each format brings its own library
     module, _, name = place.partition(":")
     source = getattr(import_module(f"eha_bench.recordings.{module}"), name)(path)

@@ -118,10 +118,10 @@ def info(path: str | Path) -> RecordingInformation:
         RecordingError: missing, empty, or no recording.
     """
     with spending(Path(path)):
-        return _described(Path(path))
+        return _information_of(Path(path))
 
 
-def _described(file: Path) -> RecordingInformation:
+def _information_of(file: Path) -> RecordingInformation:
     source = open_source(file)
     if isinstance(source, TableSource):
         return _of_table(file, source)
@@ -147,7 +147,7 @@ def _described(file: Path) -> RecordingInformation:
     notes = (
         *source.notes,
         *beyond,
-        *source.skipped(),
+        *source.skipped_notes(),
         *([problem] if problem else []),
         *late,
         *([f"the values of {unseen} of {len(topics)} topics were not read"] * bool(unseen)),

@@ -176,7 +176,7 @@ class LiveWriter:
         """Add text by key, such as how the run ended; a key that is there is replaced."""
         with self._lock:
             self._flush()
-            self._guarded(lambda: self._sink.metadata(sample.METADATA, dict(metadata)))
+            self._try_to_write(lambda: self._sink.metadata(sample.METADATA, dict(metadata)))
 
     def close(self) -> None:
         """Write what waits and the index, and close the file; a second call does nothing.
@@ -191,9 +191,9 @@ class LiveWriter:
         self._flusher.join()
         with self._lock:
             self._flush()
-            self._guarded(self._sink.finish)
+            self._try_to_write(self._sink.finish)
             if self._fsync:
-                self._guarded(lambda: os.fsync(self._stream.fileno()))
+                self._try_to_write(lambda: os.fsync(self._stream.fileno()))
             with suppress(OSError):
                 self._stream.close()
         if self._failure is not None:
@@ -236,7 +236,7 @@ class LiveWriter:
         self._waiting = 0
         self._written += count
         times = self._records["log_time"][:count]
-        self._guarded(
+        self._try_to_write(
             lambda: self._sink.chunk(
                 self._bytes[: count * self._size],
                 {self._channel: (times, self._offsets[:count])},
@@ -244,7 +244,7 @@ class LiveWriter:
             )
         )
 
-    def _guarded(self, act: object) -> None:
+    def _try_to_write(self, act: object) -> None:
         """Do something with the file; after a failure nothing more is written."""
         if self._failure is not None or not callable(act):
             return

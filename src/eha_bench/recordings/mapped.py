@@ -123,14 +123,14 @@ def _read(source: Source, mapping: ChannelMap, span: TimeSpan) -> _SourceRead:
     if isinstance(source, TableSource):
         mapping = source.in_columns(mapping)
     mapping, left_out = _of_kind(source, mapping)
-    keys, wanted = _wanted(source, mapping)
+    keys, wanted = _keys_and_requests(source, mapping)
     tracks, zero = _tracks(source, mapping, wanted, span)
     _refuse_lost(source, tracks)
     beyond: list[str] = []
     if not isinstance(source, TableSource) and mapping.clock is not Clock.HEADER:
         found = (beyond_range(topic, track.stamps) for topic, track in tracks.items())
         beyond = [note for note in found if note]
-    notes = [*source.notes, *source.skipped(), *beyond, *strangers, *left_out]
+    notes = [*source.notes, *source.skipped_notes(), *beyond, *strangers, *left_out]
     return _SourceRead(mapping, tracks, keys, zero, notes, sensors)
 
 
@@ -302,7 +302,7 @@ def _affine(values: Column, factor: float, offset: float) -> Column:
     return values
 
 
-def _wanted(
+def _keys_and_requests(
     source: Source, mapping: ChannelMap
 ) -> tuple[dict[str, tuple[str, str]], dict[str, TopicRequest]]:
     """Return channel -> (topic, column), and what to read of each topic."""

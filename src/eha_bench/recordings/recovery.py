@@ -88,7 +88,7 @@ def _recover(file: McapFile, goal: Path) -> RecoveryReport:
         sink = McapSink(stream, profile=profile)
         for record in file.metadata:
             sink.metadata(record.name, dict(record.metadata))
-        damaged = [name for name, sound in file.attached() if not sound]
+        damaged = [name for name, sound in file.attachment_checks() if not sound]
         for start, length in file.attachments:
             found = file.attachment(start, length)
             if found is not None:
@@ -108,7 +108,7 @@ def _recover(file: McapFile, goal: Path) -> RecoveryReport:
             sink.metadata(RECOVERY, {str(number): note for number, note in enumerate(problems)})
         # where it had no checksum, or a wrong one, a fresh one would prove nothing
         sink.finish(verified=file.data_crc != 0 and file.tear is None and not problems)
-    notes = (*damage(file), *problems, *reader.notes, *_unverified(tally))
+    notes = (*damage(file), *problems, *reader.notes, *_notes_of_unverified(tally))
     return _report(file, reader, goal, tally, tuple(dict.fromkeys(notes)))
 
 
@@ -150,7 +150,7 @@ def _problems(file: McapFile, reader: ChunkReader, damaged: list[str]) -> tuple[
     )
 
 
-def _unverified(tally: _Tally) -> list[str]:
+def _notes_of_unverified(tally: _Tally) -> list[str]:
     notes = []
     if tally.undeclared:
         notes.append(f"{tally.undeclared} messages were left out, since their type is not certain")

@@ -90,7 +90,7 @@ class WideMessage:
         return ("\n".join(lines) + "\n" + _HEADER).encode()
 
     @property
-    def declared(self) -> dict[str, str]:
+    def declared_units(self) -> dict[str, str]:
         """The units that the definition gives, by field."""
         return {
             field: _comment(unit or "1")
@@ -146,7 +146,7 @@ def description_problem(records: Mapping[str, Mapping[str, str]], schema: bytes)
         return "the names or units of its channels are damaged (their checksum is wrong)"
     if list(fields.values()) != list(units):
         return "the names of its channels are damaged: they are not those that have a unit"
-    written = WideMessage(tuple(units), tuple(fields), tuple(units.values())).declared
+    written = WideMessage(tuple(units), tuple(fields), tuple(units.values())).declared_units
     found = dict(_FIELD.findall(schema.decode("utf-8", "replace")))
     if {name: found.get(name) for name in written} != written:
         return "the names or units of its channels are damaged: the message's definition has others"

@@ -123,7 +123,7 @@ class Source(ABC):
         """Names of the files inside the log that are damaged, and left out."""
         return ()
 
-    def skipped(self) -> tuple[str, ...]:
+    def skipped_notes(self) -> tuple[str, ...]:
         """Say which topics are left out because of what they are."""
         names = [topic.name for topic in self.topics() if topic.skipped]
         return (f"skipped topics with service events: {printable(names)}",) if names else ()

@@ -46,7 +46,7 @@ class Decoder(ABC):
         """Return the NumPy types that the paths were seen with, by their number."""
 
     @abstractmethod
-    def found(self) -> Set[int]:
+    def found_paths(self) -> Set[int]:
         """Return the numbers of the paths that led to something in at least one message."""
 
     @abstractmethod
@@ -75,10 +75,10 @@ def number(value: Any) -> float:
             return float(value)
         except OverflowError as error:
             raise UnreadableTopic("a value is too large for a number") from error
-    raise UnreadableTopic(f"a value is not a number but {_called(value)}")
+    raise UnreadableTopic(f"a value is not a number but {_type_name(value)}")
 
 
-def _called(value: Any) -> str:
+def _type_name(value: Any) -> str:
     """Return what the author of a log would call a value."""
     match value:
         case str():

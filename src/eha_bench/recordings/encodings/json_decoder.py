@@ -26,7 +26,7 @@ class JsonDecoder(Decoder):
         """Return no types: JSON has only numbers."""
         return {}
 
-    def found(self) -> Set[int]:
+    def found_paths(self) -> Set[int]:
         """Return the numbers of the paths that led to something in at least one message."""
         return self._found
 

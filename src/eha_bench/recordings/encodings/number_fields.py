@@ -55,7 +55,7 @@ def number_fields(encoded: Encoded, example: bytes) -> tuple[str, ...]:
     decoder = make_decoder(encoded, tuple(FieldPath.parse(path) for path in paths))
     message = Payloads(np.frombuffer(example, dtype=np.uint8), 1, len(example))
     decoder.decode(message, [np.empty(1) for _ in paths])
-    there = decoder.found()
+    there = decoder.found_paths()
     return tuple(path for number, path in enumerate(paths) if number in there)
 
 

@@ -37,12 +37,12 @@ class Objects(ABC):
                     elements = self.elements(here)
                     here = elements[index] if index < len(elements) else None
                 case NamedElement(name):
-                    here = self._named(here, name, around)
+                    here = self._element_by_name(here, name, around)
             if here is None:
                 return None
         return here
 
-    def _named(self, value: Any, name: str, around: list[Any]) -> Any:
+    def _element_by_name(self, value: Any, name: str, around: list[Any]) -> Any:
         """Return an element by a key, by its own name, or by a list of names around it."""
         if isinstance(value, Mapping):
             return value.get(name)

@@ -33,7 +33,7 @@ class ProtobufDecoder(Decoder):
         """Return no types: Protobuf's integers do not wrap at a fixed number of bits."""
         return {}
 
-    def found(self) -> Set[int]:
+    def found_paths(self) -> Set[int]:
         """Return the numbers of the paths that led to something in at least one message."""
         return self._found
 

@@ -49,7 +49,7 @@ class RosDecoder(Decoder):
         """Return the NumPy types that the paths were seen with, by their number."""
         return self._kinds
 
-    def found(self) -> Set[int]:
+    def found_paths(self) -> Set[int]:
         """Return the numbers of the paths that led to something in at least one message."""
         return self._kinds.keys()
 

@@ -54,7 +54,7 @@ def layout_of(
             is another.
         DefinitionError: a nested type is not defined.
     """
-    walker = _walked(payload, definitions, name, paths, ros1)
+    walker = _walk(payload, definitions, name, paths, ros1)
     leaves = tuple(walker.leaves)
     # what stands behind the last wanted number does not matter, unless a number was not there
     last = max((leaf.offset for leaf in leaves if leaf), default=0)
@@ -62,7 +62,7 @@ def layout_of(
     return MessageLayout(leaves, (*lengths, *walker.names), frozenset(walker.labels))
 
 
-def _walked(
+def _walk(
     payload: memoryview,
     definitions: Definitions,
     name: str,

@@ -225,7 +225,7 @@ class Walker:
                 walked = min(count, last + 1)
                 self._each(element, walked, wanted, scope, depth)
                 start = self._position - self._origin
-                end = self._repeated(element, count - walked, start) + self._origin
+                end = self._end_of_repeated(element, count - walked, start) + self._origin
                 if end > len(self._payload):
                     raise self._too_many(count)
                 self._position = end
@@ -254,7 +254,7 @@ class Walker:
                 continue
             own = self._message(element.name, inner, scope, depth + 1).name
             for path, steps in named:
-                found[path].append(self._found(path))
+                found[path].append(self._take_found(path))
                 if own is not None and NamedElement(own) == steps[0]:
                     chosen.setdefault(path, found[path][-1])
         for path, steps in named:
@@ -291,11 +291,11 @@ class Walker:
                     position = self._past(inner, position)
                 return position
             case Array(element, length):
-                return self._repeated(element, length, position)
+                return self._end_of_repeated(element, length, position)
             case _:
                 raise PayloadError("a type of no fixed size")
 
-    def _repeated(self, element: Type, count: int, position: int) -> int:
+    def _end_of_repeated(self, element: Type, count: int, position: int) -> int:
         """Return where so many values of a fixed type end; takes as long for a million as for ten.
 
         How far a value reaches depends on where it begins within eight bytes only, so that their
@@ -317,7 +317,7 @@ class Walker:
             done += 1
         return position
 
-    def _found(self, path: int) -> _Found:
+    def _take_found(self, path: int) -> _Found:
         """Return what a path led to within an element, and forget it."""
         leaf, self.leaves[path] = self.leaves[path], None
         return self._pending.pop(path, leaf)

@@ -51,7 +51,7 @@ class ChunkReader:
     def splits(self, ids: Collection[int] | None, span: TimeSpan | None = None) -> Iterator[Split]:
         """Yield the records of every part that may hold one of the channels within the span."""
         splitter = Splitter()
-        for part in self.needed(ids, span):
+        for part in self.needed_parts(ids, span):
             if not isinstance(part, Chunk):
                 found = splitter.split(
                     self._file.buffer, part.start, part.stop, allowed=self._budget
@@ -112,7 +112,7 @@ class ChunkReader:
             elif opcode == Opcode.CHANNEL:
                 add_channel(self._file, start, length, found.buffer)
 
-    def needed(self, ids: Collection[int] | None, span: TimeSpan | None) -> list[Part]:
+    def needed_parts(self, ids: Collection[int] | None, span: TimeSpan | None) -> list[Part]:
         """Return the parts to open, in order of time."""
         known = self._file.channels.keys()
         parts = [

@@ -131,7 +131,7 @@ class Splitter:
                 position = taken or position
                 look = 2 if taken else min(look * 2, look + 2 * _LONGEST_PERIOD)
                 if not taken and index is not None and look > _PATIENCE:
-                    indexed = _indexed(buffer, start, stop, index())
+                    indexed = _split_by_index(buffer, start, stop, index())
                     if indexed is not None:
                         return indexed
                     index = None
@@ -176,7 +176,7 @@ def _period(kinds: list[tuple[int, int]]) -> int:
     return 0
 
 
-def _indexed(
+def _split_by_index(
     buffer: Bytes, start: int, stop: int, index: Mapping[int, NDArray[np.int64]]
 ) -> Split | None:
     """Return the records by their index, or None unless it names every message there is.

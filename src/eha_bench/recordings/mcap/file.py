@@ -125,7 +125,7 @@ class McapFile:
         found = self.parse(Attachment, start, length)
         return found if isinstance(found, Attachment) else None
 
-    def attached(self) -> Iterator[tuple[str, bool]]:
+    def attachment_checks(self) -> Iterator[tuple[str, bool]]:
         """Yield the name of every attachment, and whether its checksum is right or missing."""
         for start, length in self.attachments:
             found = self.attachment(start, length)

@@ -45,7 +45,7 @@ def summary_problems(file: McapFile) -> Iterator[str]:
             + (f"; {len(more)} others are" if more else "")
         )
     for what, declared, there in (
-        ("attachments", file.attachment_names, [name for name, _ in file.attached()]),
+        ("attachments", file.attachment_names, [name for name, _ in file.attachment_checks()]),
         ("metadata records", file.metadata_names, [record.name for record in file.metadata]),
     ):
         if declared and Counter(declared) != Counter(there):

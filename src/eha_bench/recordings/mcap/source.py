@@ -29,7 +29,9 @@ class McapSource(Source):
         self._file = open_mcap(path)
         self._reader = ChunkReader(self._file)
         self._wrong = list(summary_problems(self._file))
-        self._wrong_attachments = [name for name, sound in self._file.attached() if not sound]
+        self._wrong_attachments = [
+            name for name, sound in self._file.attachment_checks() if not sound
+        ]
         self._data_checked = False
         if not self._file.summary_channels:
             self._collect_channels()
@@ -91,7 +93,7 @@ class McapSource(Source):
         """The topics of the file."""
         found: dict[str, Topic] = {}
         for channel in self._file.channels.values():
-            encoded = self._encoded(channel.id)
+            encoded = self._encoding_of(channel.id)
             skipped = ""
             if channel.topic.endswith("/_service_event") or "/srv/" in encoded.schema_name:
                 skipped = "it holds service events"
@@ -109,7 +111,7 @@ class McapSource(Source):
         ids = self._ids(wanted)
         tracks = self._together(ids, wanted, span)
         if tracks is None:
-            readers = self._readers(wanted, {} if span else self._expected(ids))
+            readers = self._readers(wanted, {} if span else self._expected_counts(ids))
             for part in self._reader.splits(ids, span):
                 self._collect(part, ids, readers)
                 del part  # or there would be three chunks in memory
@@ -189,11 +191,11 @@ class McapSource(Source):
         self, ids: Mapping[int, str], wanted: Mapping[str, TopicRequest], span: TimeSpan | None
     ) -> dict[str, Track] | None:
         """Read on several cores, if nothing is out of the ordinary."""
-        parts = self._reader.needed(ids, span)
+        parts = self._reader.needed_parts(ids, span)
         chunks = [part for part in parts if isinstance(part, Chunk)]
         if len(chunks) < len(parts):
             return None
-        return ParallelReader(chunks, ids, wanted, self._encoded, self._reader.open).tracks()
+        return ParallelReader(chunks, ids, wanted, self._encoding_of, self._reader.open).tracks()
 
     def _readers(
         self, wanted: Mapping[str, TopicRequest], expected: Mapping[str, int]
@@ -216,14 +218,14 @@ class McapSource(Source):
             readers[topic] = TopicReader(
                 topic,
                 what,
-                self._encoded,
+                self._encoding_of,
                 expected.get(topic, 0),
                 arena,
                 partial(follow, topic, what.clock),
             )
         return readers
 
-    def _encoded(self, channel: int) -> Encoded:
+    def _encoding_of(self, channel: int) -> Encoded:
         record = self._file.channels[channel]
         schema = self._file.schemas.get(record.schema_id)
         return Encoded(
@@ -255,7 +257,7 @@ class McapSource(Source):
         except UnreadableTopic as error:
             raise self.refuse(topic, error) from error
 
-    def _expected(self, ids: Mapping[int, str]) -> dict[str, int]:
+    def _expected_counts(self, ids: Mapping[int, str]) -> dict[str, int]:
         """Count messages by topic as the chunks' indexes have it, to take memory once.
 
         Where the last chunk is torn and has none, there is room for another one like the largest.

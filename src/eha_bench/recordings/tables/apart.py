@@ -167,19 +167,19 @@ class ApartTable(GroupedTable):
         until = time.monotonic() + _PATIENCE + 10 * self._allowed.seconds
         while not select.select([stream], [], [], max(until - time.monotonic(), 0.0))[0]:
             if time.monotonic() >= until:
-                raise self._ended(
+                raise self._end_with(
                     OverBudget("it takes too long to read", where=Place(file=self.path))
                 )
         line = stream.readline(_LONGEST)
         try:
             answer_head = json.loads(line)
         except ValueError:
-            raise self._crashed() from None
+            raise self._crash_error() from None
         size = int(answer_head.get("bytes", 0))
         self._allowed.hold(size, "a column")
         raw = stream.read(size) if size else b""
         if len(raw) < size:
-            raise self._crashed()
+            raise self._crash_error()
         if "error" in answer_head:
             self._torn |= bool(answer_head["torn"])
             kind = next(
@@ -189,7 +189,7 @@ class ApartTable(GroupedTable):
             raise kind(answer_head["error"], where=Place(**place), hint=answer_head["hint"])
         return answer_head, raw
 
-    def _ended(self, how: RecordingError) -> RecordingError:
+    def _end_with(self, how: RecordingError) -> RecordingError:
         """End the other process; whatever else is asked has the same answer."""
         self._failure = how
         self._torn = True
@@ -197,12 +197,12 @@ class ApartTable(GroupedTable):
         _end(self._process)
         return how
 
-    def _crashed(self) -> RecordingError:
+    def _crash_error(self) -> RecordingError:
         _end(self._process)
         code = self._process.returncode
         late = code in (-signal.SIGXCPU, -signal.SIGKILL)
         how = "was stopped: it took more than a file of this size may take" if late else "crashed"
-        return self._ended(
+        return self._end_with(
             RecordingError(
                 f"the file is damaged: the library that reads {self.kind} files {how}",
                 where=Place(file=self.path),
@@ -299,7 +299,7 @@ def serve(kind: str, path: Path, questions: BinaryIO, answers: BinaryIO) -> None
             return
         assert source is not None
         for line in iter(questions.readline, b""):
-            attempt(partial(_answered, source, json.loads(line)))
+            attempt(partial(_answer_to, source, json.loads(line)))
 
 
 def _limit(allowed: ReadingBudget) -> None:
@@ -325,21 +325,23 @@ def _holds(source: GroupedTable) -> dict[str, Any]:
     }
 
 
-def _answered(source: GroupedTable, question: Mapping[str, Any]) -> tuple[Mapping[str, Any], bytes]:
+def _answer_to(
+    source: GroupedTable, question: Mapping[str, Any]
+) -> tuple[Mapping[str, Any], bytes]:
     budget().tick()
     match question:
         case {"dbc": files}:
             source.in_columns(_only_dbc(files))
             return _holds(source), b""
         case {"values": int(place)}:
-            return _written(source.series[place].values())
+            return _serialise(source.series[place].values())
         case {"clock of": str(name)}:
-            return _written(source.clock(name))
+            return _serialise(source.clock(name))
         case {"stamps": str(group)}:
-            answer_head, raw = _written(source.clocks[group]())
+            answer_head, raw = _serialise(source.clocks[group]())
             return {**answer_head, "exact": group in source.exact_seconds}, raw
         case {"seconds": str(group)}:
-            return _written(source.exact_seconds[group])
+            return _serialise(source.exact_seconds[group])
         case _:
             raise RecordingError("unknown request")
 
@@ -349,7 +351,7 @@ def _only_dbc(files: list[str]) -> ChannelMap:
     return ChannelMap.model_construct(dbc=tuple(files), channels={})
 
 
-def _written(values: NDArray[Any]) -> tuple[dict[str, Any], bytes]:
+def _serialise(values: NDArray[Any]) -> tuple[dict[str, Any], bytes]:
     if values.dtype.kind in "OSU":
         texts = [
             v.decode("utf-8", "replace") if isinstance(v, bytes) else v for v in values.tolist()

@@ -66,7 +66,7 @@ class GroupedTable(TableSource):
         for series in self._series:
             name = series.name if often[series.name] == 1 else series.path
             if name in found:
-                name = _numbered(name, found)
+                name = _free_name(name, found)
             found[name] = series
         return found
 
@@ -212,7 +212,7 @@ class GroupedTable(TableSource):
             return None
         inside = rest[:-1].strip().strip("\"'")
         owner = self._by_name.get(stem) or self._by_path.get(_plain(stem))
-        index = int(inside) if inside.isdecimal() else self._labelled(stem, inside)
+        index = int(inside) if inside.isdecimal() else self._number_of_label(stem, inside)
         if index is None:
             return None
         if owner is None:
@@ -222,7 +222,7 @@ class GroupedTable(TableSource):
         values = owner.values()
         return (owner, index) if values.ndim == 2 and index < values.shape[1] else None
 
-    def _labelled(self, column: str, label: str) -> int | None:
+    def _number_of_label(self, column: str, label: str) -> int | None:
         """Return the number of the element that goes by a name, None where nothing names them."""
         del column, label
         return None
@@ -233,7 +233,7 @@ def _plain(path: str) -> str:
     return path.strip("/").replace("/", ".")
 
 
-def _numbered(name: str, taken: Mapping[str, Any]) -> str:
+def _free_name(name: str, taken: Mapping[str, Any]) -> str:
     number = 1
     while f"{name}.{number}" in taken:
         number += 1

@@ -64,7 +64,7 @@ class Records:
         if kind is float or kind is int or kind is bool:
             self._number(path, value)
         elif kind is dict:
-            self._nested(path, value, depth)
+            self._add_nested(path, value, depth)
         elif kind is list:
             self._list(path, value, depth)
         elif kind is str:
@@ -85,7 +85,7 @@ class Records:
         except OverflowError as error:
             raise TooManyValues(f"'{path[:80]}' holds a number of too many digits") from error
 
-    def _nested(self, path: str, value: dict[str, Any], depth: int) -> None:
+    def _add_nested(self, path: str, value: dict[str, Any], depth: int) -> None:
         if depth > _DEEPEST:
             raise TooManyValues(f"it is nested deeper than {_DEEPEST} levels")
         for key, inner in value.items():

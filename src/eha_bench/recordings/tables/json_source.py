@@ -249,7 +249,7 @@ class JsonSource(GroupedTable):
         for name, values in columns.items():
             lies = values.ndim == 2 and len(values) != usual == values.shape[1]
             upright = values.T if lies else values
-            self._series.append(Series(group, name, partial(_given, upright)))
+            self._series.append(Series(group, name, partial(_as_they_are, upright)))
 
     def _keep_labels(self, group: str, records: Records) -> None:
         for path, names in records.labels.items():
@@ -258,7 +258,7 @@ class JsonSource(GroupedTable):
             else:
                 self._labels[f"{group}/{path.rpartition('.')[0]}".strip("/")] = names
 
-    def _labelled(self, column: str, label: str) -> int | None:
+    def _number_of_label(self, column: str, label: str) -> int | None:
         """Return the place of a name in the nearest list of names around a column."""
         groups = dict.fromkeys(series.group for series in self._series)
         paths = [f"{group}/{column}".strip("/").replace("/", ".") for group in ("", *groups)]
@@ -320,5 +320,5 @@ def _number(value: Any) -> float:
     raise TypeError
 
 
-def _given(values: NDArray[Any]) -> NDArray[Any]:
+def _as_they_are(values: NDArray[Any]) -> NDArray[Any]:
     return values

@@ -58,17 +58,17 @@ class MatSource(TableSource):
 
     def clock(self, name: str) -> NDArray[Any]:
         """Return a column of times, shape (n,)."""
-        return self._checked(name)
+        return self._checked_column(name)
 
     def has(self, name: str) -> bool:
         """Whether there is such an array, or a matrix with such a column."""
         try:
-            self._checked(name)
+            self._checked_column(name)
         except RecordingError:
             return False
         return True
 
-    def _checked(self, name: str) -> NDArray[Any]:
+    def _checked_column(self, name: str) -> NDArray[Any]:
         if name in self._columns:
             return self._columns[name]
         if name in self._others:

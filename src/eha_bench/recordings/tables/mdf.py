@@ -100,7 +100,7 @@ class MdfSource(GroupedTable):
         """Keep the channels of a log."""
         taken: set[str] = {series.group for series in self._series}
         for number, group in enumerate(log.groups):
-            name = _called(group, number)
+            name = _group_name(group, number)
             while name in taken:
                 name = f"{name} ({number})"
             taken.add(name)
@@ -134,8 +134,9 @@ class MdfSource(GroupedTable):
             if stored is not None and stored // record > head.cycles_nr:
                 self._torn = True
                 self._notes.append(
-                    f"the group '{_called(group, number)[:80]}' declares {head.cycles_nr} samples, "
-                    f"its data hold {stored // record}: what is beyond the count was not read"
+                    f"the group '{_group_name(group, number)[:80]}' declares {head.cycles_nr} "
+                    f"samples, its data hold {stored // record}: what is beyond the count was "
+                    "not read"
                 )
 
     def _samples(self, log: Any, group: int, index: int, rows: int) -> NDArray[Any]:
@@ -179,7 +180,7 @@ class MdfSource(GroupedTable):
     def _stamps_of(self, log: Any, group: int, rows: int) -> Stamps:
         seconds = self._seconds_of(log, group, rows)
         stamps: Stamps = np.rint(seconds * 1e9).astype(np.int64)
-        self.exact_seconds[_called(log.groups[group], group)] = seconds
+        self.exact_seconds[_group_name(log.groups[group], group)] = seconds
         return stamps + np.int64(self._start if 0 <= self._start < 2**62 else 0)
 
 
@@ -203,7 +204,7 @@ def _metadata(text: str) -> dict[str, str]:
         return {}
 
 
-def _called(group: Any, number: int) -> str:
+def _group_name(group: Any, number: int) -> str:
     """Return the name of a channel group: of its message, its own, its comment, or its number."""
     head = group.channel_group
     comment = str(getattr(head, "comment", "") or "").strip()

@@ -134,7 +134,7 @@ class ParquetSource(TableSource):
         where = Place(file=self.path, key=name)
         owner = name if name in self.names() else self._owner(name)
         steps = FieldPath.parse(name).steps[1:] if owner != name else ()
-        stored = self._stored(owner, steps, where)
+        stored = self._stored_path(owner, steps, where)
         self._hold(stored, name, where)
         try:
             column = self._file.read(columns=[stored]).column(owner)
@@ -150,14 +150,14 @@ class ParquetSource(TableSource):
                 column = column.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.duration("ns"))
             found: NDArray[Any] = column.to_numpy()
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-            raise self._damaged(
+            raise self._damage_error(
                 f"cannot be read ({' '.join(str(error).split())[:200]})", where
             ) from error
         if not found.size:
             raise RecordingError("the table is empty", where=where, hint="record it again")
         return found
 
-    def _stored(self, owner: str, steps: Sequence[Step], where: Place) -> str:
+    def _stored_path(self, owner: str, steps: Sequence[Step], where: Place) -> str:
         """Return the path under which the file stores a field or element of a column.
 
         Raises:
@@ -217,12 +217,12 @@ class ParquetSource(TableSource):
             try:
                 found = pages_of(self._content, chunk.start, chunk.end)
             except MissingPage as error:
-                raise self._damaged(f"its pages are damaged: {error}", where) from error
+                raise self._damage_error(f"its pages are damaged: {error}", where) from error
             if found.values != chunk.values or (
                 chunk.rows is not None and chunk.rows != chunk.values
             ):
                 rows = chunk.values if chunk.rows is None else chunk.rows
-                raise self._damaged(
+                raise self._damage_error(
                     f"its pages hold {found.values} values, not the {rows} that the file's index "
                     "declares",
                     where,
@@ -230,7 +230,7 @@ class ParquetSource(TableSource):
             size += found.size
         budget().hold(_NUMBER * values + size, f"'{owner}'")
 
-    def _damaged(self, what: str, where: Place) -> RecordingError:
+    def _damage_error(self, what: str, where: Place) -> RecordingError:
         self._torn = True
         return RecordingError(what, where=where, hint="the file is damaged: record it again")
 

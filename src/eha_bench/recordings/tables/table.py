@@ -141,7 +141,7 @@ class TableSource(Source):
         kinds = {}
         taken = 0
         for name in columns:
-            raw = self._checked(name)
+            raw = self._checked_column(name)
             taken += _NUMBER * raw.size
             budget().hold(taken, "its columns")
             kinds[name] = raw.dtype.str if raw.dtype.kind in "iuf" else ""
@@ -179,7 +179,7 @@ class TableSource(Source):
     def _kinds(self, kinds: dict[str, str]) -> dict[str, str]:
         return kinds
 
-    def _checked(self, name: str) -> NDArray[Any]:
+    def _checked_column(self, name: str) -> NDArray[Any]:
         self._check(name)
         return self.column(name)
 

@@ -101,10 +101,10 @@ class UlogSource(GroupedTable):
         self._clocks[group] = partial(_nanoseconds, stamps, group)
         for name, values in fields.items():
             if name != "timestamp" and values.dtype.kind in "iufb":
-                self._series.append(Series(group, name, partial(_given, values)))
+                self._series.append(Series(group, name, partial(_as_they_are, values)))
 
 
-def _given(values: NDArray[Any]) -> NDArray[Any]:
+def _as_they_are(values: NDArray[Any]) -> NDArray[Any]:
     return values
 
 
