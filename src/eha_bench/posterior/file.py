@@ -196,7 +196,7 @@ def _check_same(component: Component, model: Model, file: Path) -> None:
             raise refuse(key, f"it has {key}, which this one does not")
         if owner in {item.id for item in layout.effects} - declared:
             raise refuse(key, f"it has the effect {owner}, which this one does not")
-    theirs = Component(component.id, model, component.keys, component.covariance).fitted
-    for key, ours, given in zip(component.keys, component.fitted, theirs, strict=True):
+    theirs = Component(component.id, model, component.keys, component.covariance).fitted_values
+    for key, ours, given in zip(component.keys, component.fitted_values, theirs, strict=True):
         if not math.isclose(ours, given, rel_tol=_SAME, abs_tol=1e-300):
             raise refuse(key, f"{key} is {ours:.6g} there and {given:.6g} in this one")

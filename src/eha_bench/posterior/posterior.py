@@ -37,7 +37,7 @@ class Component:
     covariance: FloatArray
 
     @property
-    def fitted(self) -> FloatArray:
+    def fitted_values(self) -> FloatArray:
         """What was fitted, (p,) SI."""
         vector = self.model.vector()
         return np.array([vector[place] for place in self._places], dtype=np.float64)
@@ -51,13 +51,13 @@ class Component:
             found.append(index[name] + (int(number[:-1]) if number else 0))
         return found
 
-    def drawn(self, generator: np.random.Generator) -> FloatArray:
+    def draw(self, generator: np.random.Generator) -> FloatArray:
         """Return one draw of what was fitted, (p,) SI, within the bounds of each."""
         known = self.model.plant.layout.by_key
         own = [known[key.partition("[")[0]] for key in self.keys]
         low, high = np.array([item.low for item in own]), np.array([item.high for item in own])
         root = root_of(self.covariance)
-        centre = self.fitted
+        centre = self.fitted_values
         for _ in range(_TRIES):
             found = centre + root @ generator.standard_normal(len(self.keys))
             if np.all((found >= low) & (found <= high)):
@@ -135,7 +135,7 @@ class Posterior:
     def _draw(self, number: int, seed: int) -> Draw:
         generator = np.random.default_rng([seed, number])
         component = self.components[number % len(self.components)]
-        drawn = component.drawn(generator)
+        drawn = component.draw(generator)
         values = dict(zip(component.keys, drawn.tolist(), strict=True))
         model = component.at(drawn)
         if self.per_run:
