@@ -119,7 +119,7 @@ def test_a_refit_that_gains_less_than_was_predicted_goes_on(
     monkeypatch.setattr(stepwise, "polish_at_rest", polish)
     rough = [(RIGHT, 800.0), (RIVAL, 690.0), (THIRD, 200.0)]
     trials = [trial(search, name, cost - gain) for name, gain in rough]
-    done = stepwise._finished(search, trials, promised, afresh=True)
+    done = stepwise._refit_promising(search, trials, promised, afresh=True)
     assert {item.candidate for item in done} == {RIGHT, RIVAL, THIRD}
     assert started == list(ended)
     gains = {item.candidate: cost - item.fit.cost for item in done if item.candidate in started}

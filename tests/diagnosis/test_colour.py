@@ -9,7 +9,12 @@ from hypothesis import strategies as st
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from eha_bench.diagnosis.data.colour import Colour, _chosen, _standard_errors, colour_of
+from eha_bench.diagnosis.data.colour import (
+    Colour,
+    _affordable_stretches,
+    _standard_errors,
+    colour_of,
+)
 from eha_bench.diagnosis.data.noise import noise_of
 from eha_bench.diagnosis.fit.whitening import whitening
 
@@ -130,8 +135,8 @@ def test_all_of_the_noise_is_seen_once_its_colour_is_known() -> None:
 def test_long_stretches_are_fitted_in_parts_and_not_all_of_many() -> None:
     generator = np.random.default_rng(6)
     long = [*_noise(generator, 0.9, (8, 1280))]
-    assert {part.size for part in _chosen(long)} == {256}
-    assert len(_chosen([np.arange(32.0)] * 1000)) == 300
+    assert {part.size for part in _affordable_stretches(long)} == {256}
+    assert len(_affordable_stretches([np.arange(32.0)] * 1000)) == 300
     found = colour_of(long)
     assert found is not None
     assert found.correlations(2)[1] == pytest.approx(0.9, abs=0.02)

@@ -17,4 +17,4 @@ def test_no_other_channel_makes_no_case_against_a_sensor():
     place = SuspectPlace(
         "measurement", "additive", "pressures", ("time",), ("pressure_a", "pressure_b")
     )
-    assert locator._left(place, np.zeros(4)) == 1.0
+    assert locator._remaining_excess(place, np.zeros(4)) == 1.0

@@ -14,7 +14,7 @@ from eha_bench.diagnosis.data.dataset import Run, Use
 from eha_bench.diagnosis.data.gate import admit
 from eha_bench.diagnosis.data.lost_inputs import LostValues, guess_lost
 from eha_bench.diagnosis.data.windows import cut_windows
-from eha_bench.diagnosis.fit.lost_inputs import at_their_best, lost
+from eha_bench.diagnosis.fit.lost_inputs import at_their_best, lost_input_noise
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.plants.model import load_model
 from eha_bench.plants.plant import Drive
@@ -78,7 +78,7 @@ def test_what_lost_messages_do_is_what_each_alone_does() -> None:
         np.array([100, 900, 905]), np.array([101, 901, 908]), np.array([2.0, 1.0, 3.0])
     )
     drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
-    found = lost(drive, {"current_command": unsure}, 0, TIME, np.ones(1), residual)
+    found = lost_input_noise(drive, {"current_command": unsure}, 0, TIME, np.ones(1), residual)
     expected = np.zeros((3, TIME.size))
     for row, tick, stop, spread in zip(
         expected, unsure.ticks, unsure.stops, unsure.spread, strict=True
@@ -94,7 +94,7 @@ def test_what_lost_messages_do_is_what_each_alone_does() -> None:
 def test_what_does_next_to_nothing_is_left_out() -> None:
     unsure = LostValues(np.arange(10, 1990, 10), np.arange(11, 1991, 10), np.full(198, 1e-4))
     drive = Drive(TIME, {"current_command": np.zeros(TIME.size)})
-    found = lost(drive, {"current_command": unsure}, 0, TIME, np.ones(1),
+    found = lost_input_noise(drive, {"current_command": unsure}, 0, TIME, np.ones(1),
                  lambda d: d.inputs["current_command"])  # fmt: skip
     assert found.columns.shape == (TIME.size, 0)
     assert found.simulations == 2

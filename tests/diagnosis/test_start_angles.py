@@ -148,7 +148,7 @@ def test_a_search_begins_apart_also_a_run_that_had_no_say() -> None:
         assert off(angle, ANGLES[name]) < 0.3
     # nothing turns yet, so nothing has changed
     assert np.array_equal(search.problem.residual(search.fit.vector), before)
-    best = found.turned(cogging(search))[0]
+    best = found.refit_periodic(cogging(search))[0]
     assert best.fit.values()["cogging_torque.amplitude"] == pytest.approx(AMPLITUDE, rel=0.1)
 
 

@@ -73,7 +73,7 @@ def test_a_balance_is_preferred_to_a_sensor(support: float, left: float) -> None
 class _Describing:
     """Describes by any variable, worth the place's support."""
 
-    def described(self, items: Sequence[SupportedPlace]) -> list[LocatedCurve]:
+    def best_curves(self, items: Sequence[SupportedPlace]) -> list[LocatedCurve]:
         return [
             LocatedCurve(
                 Template(o.place.equation, o.place.form, o.place.at, v), o.support, EMPTY, EMPTY

@@ -102,21 +102,21 @@ def diagnose_points(dataset: Dataset, progress: ProgressHook) -> Diagnosis:
     declared = dataset.model.vector()
     own = [layout.index[key] for key in dict.fromkeys(dataset.model.calibrate)]
     with np.errstate(over="ignore"):
-        beyond = not np.isfinite(np.sum(_weighted(plant, training, declared) ** 2))
+        beyond = not np.isfinite(np.sum(_weighted_residual(plant, training, declared) ** 2))
     if beyond:
         raise InputError(
             "the points are beyond what can be computed",
             where=Place(file=dataset.source),
             hint="check unit, scale and offset in channels.yaml",
         )
-    base = _fitted(plant, training, declared, None, own)
+    base = _fit_candidate(plant, training, declared, None, own)
     named = [item.id for item in dataset.model.effects]
     starts = [*all_starts(layout, base.vector, named, dataset.model.calibrate),
               *_parameters(plant, base.vector, own)]  # fmt: skip
     tried: dict[str, TriedCandidate] = {}
     for number, start in enumerate(starts):
         progress("search", number / len(starts))
-        found = _fitted(plant, training, base.vector, start, own)
+        found = _fit_candidate(plant, training, base.vector, start, own)
         best = tried.get(start.candidate)
         if best is None or _cost(found) < _cost(best):
             tried[start.candidate] = found
@@ -171,14 +171,16 @@ def _parameters(plant: StaticPlant, vector: FloatArray, own: Sequence[int]) -> l
     return found
 
 
-def _weighted(plant: StaticPlant, runs: Sequence[Points], vector: FloatArray) -> FloatArray:
+def _weighted_residual(
+    plant: StaticPlant, runs: Sequence[Points], vector: FloatArray
+) -> FloatArray:
     parts = [
         ((item.measured - plant.respond(vector, item.inputs)) / item.sigma).ravel() for item in runs
     ]
     return np.concatenate(parts)
 
 
-def _fitted(
+def _fit_candidate(
     plant: StaticPlant,
     runs: Sequence[Points],
     vector: FloatArray,
@@ -217,7 +219,9 @@ def _fitted(
         def residual(values: FloatArray) -> FloatArray:
             full = filled(values)
             pulled = _FAINT * (values[held] - first[held]) / size[held]
-            return np.concatenate((_weighted(plant, runs, full), pulled, [stretched(full)]))
+            return np.concatenate(
+                (_weighted_residual(plant, runs, full), pulled, [stretched(full)])
+            )
 
         fit = least_squares(residual, first, bounds=(low, high), x_scale=np.maximum(scale, 1e-30))
         # the solver stays inside its bounds by the last digits
@@ -231,7 +235,7 @@ def _fitted(
         dead[held] |= deviation[held] > _LOOSE
         deviation = np.where(dead, np.inf, deviation * size)
         spread = {keys[at]: float(deviation[k]) for k, at in enumerate(free)}
-    rest = _weighted(plant, runs, done)
+    rest = _weighted_residual(plant, runs, done)
     left = float(rest @ rest)
     # what no point tells takes none of their freedom
     freedom = rest.size - sum(np.isfinite(size) for size in spread.values())
@@ -296,7 +300,7 @@ def _diagnosis(
     after = revised_model(model, final.vector, keys, added)
     held_out = [_points(run, plant) for run in dataset.held_out]
     models = (model, recalibrated, after)
-    replays = tuple(_replayed(plant, item, models) for item in (*training, *held_out))
+    replays = tuple(_replay(plant, item, models) for item in (*training, *held_out))
     sigma = np.concatenate([item.sigma for item in (*training, *held_out)])
     floors = {name: float(np.sqrt(np.mean(sigma[:, k] ** 2)))
               for k, name in enumerate(plant.outputs)}  # fmt: skip
@@ -317,13 +321,13 @@ def _diagnosis(
         holdout=errors[Use.HOLDOUT],
         unseen=errors[Use.UNSEEN],
         calibrated={key: _estimate(plant, key, final) for key in keys if key in final.spread},
-        undetermined=_undetermined(own, final),
+        undetermined=_undetermined_parameters(own, final),
         notes=tuple(notes),
         replays=replays,
     )
 
 
-def _replayed(plant: StaticPlant, item: Points, models: Sequence[Model]) -> Replay:
+def _replay(plant: StaticPlant, item: Points, models: Sequence[Model]) -> Replay:
     measured = {name: item.measured[:, k] for k, name in enumerate(plant.outputs)}
     simulated = []
     for model in models:
@@ -361,7 +365,7 @@ def _estimate(plant: StaticPlant, key: str, item: TriedCandidate) -> Estimate:
     return Estimate(value, low, high, parameter.unit)
 
 
-def _undetermined(own: Sequence[str], item: TriedCandidate) -> tuple[str, ...]:
+def _undetermined_parameters(own: Sequence[str], item: TriedCandidate) -> tuple[str, ...]:
     """Return, in words, which calibrated parameters the points do not determine."""
     loose = [key for key in own if np.isinf(item.spread.get(key, 0.0))]
     if not loose:

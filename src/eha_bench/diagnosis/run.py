@@ -180,10 +180,10 @@ def calibrate(
             hint="diagnose fits its parameters under `calibrate` with every candidate",
         )
     with raised_again(kept=out is not None):
-        return _calibrated(loaded, out, progress)
+        return _calibrate(loaded, out, progress)
 
 
-def _calibrated(loaded: Dataset, out: str | Path | None, progress: ProgressHook) -> Calibration:
+def _calibrate(loaded: Dataset, out: str | Path | None, progress: ProgressHook) -> Calibration:
     """Return the estimates, as far as the fit came."""
     started, complete = time.perf_counter(), True
     with one_thread_of_algebra(), Interruption() as asked:
@@ -194,12 +194,12 @@ def _calibrated(loaded: Dataset, out: str | Path | None, progress: ProgressHook)
             base, complete = stop.baseline, False
         groups = groups_of(base.problem)
         ended = with_friction_at_rest(base, groups, units_of(loaded.model))
-        found = replace(_estimated(base, ended, groups), complete=False)
+        found = replace(_estimates(base, ended, groups), complete=False)
         _write(found, out)
         stage = "intervals"
         try:
             if complete:
-                found = _profiled(base.problem, ended.end.fit, found, progress)
+                found = _with_profiles(base.problem, ended.end.fit, found, progress)
             stage = "score"
             found = _with_errors(found, base, ended.end.fit, progress)
         except Exception as error:
@@ -215,7 +215,7 @@ def _calibrated(loaded: Dataset, out: str | Path | None, progress: ProgressHook)
     return found
 
 
-def _estimated(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration:
+def _estimates(base: Baseline, ended: Calibrated, groups: Groups) -> Calibration:
     """Return what a fit has estimated, without errors: no run is replayed here."""
     model, end, places = base.dataset.model, ended.end, base.problem.places
     vector = end.fit.vector
@@ -272,7 +272,7 @@ def _ended_in(found: Calibration, stage: str, error: Exception) -> Calibration:
     return replace(found, failed=failed, notes=(*found.notes, failed.note))
 
 
-def _profiled(
+def _with_profiles(
     problem: Problem, fit: Fit, found: Calibration, progress: ProgressHook
 ) -> Calibration:
     """Return a calibration with the profile's intervals where they reach further."""
@@ -328,9 +328,11 @@ def diagnose(
         closing = _Closing(loaded, base, Path(out) if out is not None else None, progress)
         closing.keep(complete=False)
         try:
-            found = closing.interrupted() if interrupted else closing.ended(asked, workers)
+            found = (
+                closing.conclude_interrupted() if interrupted else closing.conclude(asked, workers)
+            )
         except Exception as error:
-            found = closing.failed(error)
+            found = closing.conclude_failed(error)
             if isinstance(error, EhaBenchError):
                 _write(replace(found, seconds=time.perf_counter() - started), out)
                 raise
@@ -369,20 +371,20 @@ class _Closing:
         self.search = begin(base)
         note = "no effect was tried yet, so the verdict is open"
         self.decision = self._open(note)
-        self.found = _unsearched(dataset, base, self.decision)
+        self.found = _calibration_alone(dataset, base, self.decision)
 
-    def ended(self, asked: Interruption, workers: Workers) -> Diagnosis:
+    def conclude(self, asked: Interruption, workers: Workers) -> Diagnosis:
         """Search, decide, and score; or as far as that goes until a stop is asked for."""
         try:
             with checkpoints(asked), fits_by(workers):
-                self._decided()
+                self._decide()
                 if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
                     self.base, self.search = slow, begin(slow)
-                    self._decided()
+                    self._decide()
         except KeyboardInterrupt:
-            self.decision = self._stopped()
-            return self._scored(complete=False)
-        found = self._scored(complete=True)
+            self.decision = self._decision_so_far()
+            return self._assemble(complete=False)
+        found = self._assemble(complete=True)
         while found.complete and found.verdict is Verdict.EFFECT and (why := worse(found)):
             found = self._without_the_weakest(why)
         if found.complete and self.decision.learned and (why := curve_is_worse(found)):
@@ -395,7 +397,7 @@ class _Closing:
                 found = self._unknown_in_held_out()
         return self._with_rivals(found, asked, workers) if found.complete else found
 
-    def _decided(self) -> None:
+    def _decide(self) -> None:
         """Search, and decide upon what was found."""
         stepwise.run(self.search, self._on_progress)
         if (own := with_own_noise(self.base, self.search)) is not None:
@@ -424,13 +426,13 @@ class _Closing:
             self.found = replace(found, rivals=(*found.rivals, *rivals))
         return self.found
 
-    def interrupted(self) -> Diagnosis:
+    def conclude_interrupted(self) -> Diagnosis:
         """Return what there is where the calibration was interrupted."""
         note = "interrupted while calibrating: no effect was tried, so the verdict is open"
         self.decision = self._open(note)
-        return self._scored(complete=False)
+        return self._assemble(complete=False)
 
-    def failed(self, error: Exception) -> Diagnosis:
+    def conclude_failed(self, error: Exception) -> Diagnosis:
         """Return what was found before the stage that failed."""
         failed = failed_stage(self.stage, error)
         unknown = self.found.unknown
@@ -455,7 +457,7 @@ class _Closing:
     def _open(self, note: str) -> Decision:
         return Decision(Verdict.UNKNOWN, self.search.fit, (note,), Unknown(None, (), note))
 
-    def _stopped(self) -> Decision:
+    def _decision_so_far(self) -> Decision:
         note = "interrupted during the search: it names the causes found until then"
         verdict = Verdict.EFFECT if self.search.effects else Verdict.UNKNOWN
         if self.search.excess_base.significance < _NOTHING:
@@ -463,7 +465,7 @@ class _Closing:
         unknown = Unknown(None, (), note) if verdict is Verdict.UNKNOWN else None
         return Decision(verdict, self.search.fit, (note,), unknown)
 
-    def _scored(self, *, complete: bool) -> Diagnosis:
+    def _assemble(self, *, complete: bool) -> Diagnosis:
         """Assemble what was decided, and replay all runs."""
         self.stage = "assemble"
         self.found = assemble(self.dataset, self.base, self.search, self.decision)
@@ -488,7 +490,7 @@ class _Closing:
         drop(search, weakest, without(search, weakest))
         self.refused.append(f"{weakest.start.candidate} is not accepted: {why}")
         self.decision = decide(search, COARSE, self._on_progress, self.refused)
-        return self._scored(complete=True)
+        return self._assemble(complete=True)
 
     def _unknown_in_held_out(self) -> Diagnosis:
         """Say that something acts in held-out runs alone, and in which balance."""
@@ -512,10 +514,10 @@ class _Closing:
             learned=False,
             notes=(*self.decision.notes, note),
         )
-        return self._scored(complete=True)
+        return self._assemble(complete=True)
 
 
-def _unsearched(dataset: Dataset, base: Baseline, decision: Decision) -> Diagnosis:
+def _calibration_alone(dataset: Dataset, base: Baseline, decision: Decision) -> Diagnosis:
     """Return what a calibration alone says, without intervals: no run is simulated here."""
     model = revised_model(dataset.model, base.fit.vector, base.keys)
     return Diagnosis(

@@ -122,7 +122,7 @@ def colour_of(stretches: Sequence[FloatArray]) -> Colour | None:
         return None
     if _standard_errors(stretches) < _NOT_BY_CHANCE:
         return None
-    return _fitted(stretches)
+    return _fit_colour(stretches)
 
 
 def beside_parabola(values: FloatArray) -> FloatArray:
@@ -169,10 +169,10 @@ def _step_of(values: FloatArray) -> float:
     return float(np.median(steps[steps > 1e-9 * np.ptp(levels)])) if steps.size else np.inf
 
 
-def _fitted(stretches: Sequence[FloatArray]) -> Colour:
+def _fit_colour(stretches: Sequence[FloatArray]) -> Colour:
     """Return the colour by restricted maximum likelihood, of the order that is worth it."""
     by_size: dict[int, list[FloatArray]] = {}
-    for values in _chosen(stretches):
+    for values in _affordable_stretches(stretches):
         by_size.setdefault(values.size, []).append(values)
     tables = [np.column_stack(own) for own in by_size.values()]
 
@@ -192,7 +192,7 @@ def _fitted(stretches: Sequence[FloatArray]) -> Colour:
     return best[1]
 
 
-def _chosen(stretches: Sequence[FloatArray]) -> list[FloatArray]:
+def _affordable_stretches(stretches: Sequence[FloatArray]) -> list[FloatArray]:
     """Return stretches of a length and a number that a fit can afford, evenly chosen."""
     parts = [
         part for values in stretches for part in np.array_split(values, -(-values.size // _LONGEST))

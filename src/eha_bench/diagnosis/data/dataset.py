@@ -254,7 +254,7 @@ def load_dataset(source: str | Path | Mapping[str, Any]) -> Dataset:
     fewest = 1 if isinstance(model.plant, StaticPlant) else _FEWEST
     given = file.channels
     shared = existing(given, "channels") if isinstance(given, str) else None
-    computed = _computed(given, place) if isinstance(given, dict) else {}
+    computed = _computed_channels(given, place) if isinstance(given, dict) else {}
     runs: list[Run] = []
     read: list[_LogPart] = []
     for number, entry in enumerate(file.runs):
@@ -353,7 +353,7 @@ def _refuse_own(model: Model, file: DatasetFile, place: Callable[..., Place]) ->
         )
 
 
-def _computed(
+def _computed_channels(
     channels: Mapping[str, ComputedChannel], place: Callable[..., Place]
 ) -> Mapping[str, ComputedChannel]:
     """Return computed channels whose units and order have been checked."""
@@ -389,7 +389,7 @@ def _reader(
         recording = read_recording(part.log, channels=part.channels)
         if computed:
             recording = with_computed(recording, computed, where)
-        return _checked(_cut(recording, part), part, fewest)
+        return _comparable(_window_of(recording, part), part, fewest)
 
     return read
 
@@ -400,16 +400,16 @@ def _topics_reader(part: _LogPart, fewest: int) -> Callable[[], tuple[Recording,
 
         topics = read_topics(part.log, channels=part.channels)
         if len(topics) == 1:
-            return (_checked(_cut(topics[0], part), part, fewest),)
+            return (_comparable(_window_of(topics[0], part), part, fewest),)
         first = min(float(item.time[0]) for item in topics if len(item))
-        cut = tuple(_cut(item, part, first) for item in topics)
-        _checked(max(cut, key=len), part, fewest)
+        cut = tuple(_window_of(item, part, first) for item in topics)
+        _comparable(max(cut, key=len), part, fewest)
         return cut
 
     return read
 
 
-def _checked(recording: Recording, part: _LogPart, fewest: int) -> Recording:
+def _comparable(recording: Recording, part: _LogPart, fewest: int) -> Recording:
     """Return a recording that a model can be compared with.
 
     Raises:
@@ -431,7 +431,7 @@ def _checked(recording: Recording, part: _LogPart, fewest: int) -> Recording:
     return recording
 
 
-def _cut(recording: Recording, part: _LogPart, first: float | None = None) -> Recording:
+def _window_of(recording: Recording, part: _LogPart, first: float | None = None) -> Recording:
     """Return the window of a recording that a run asks for, counted from its log's first sample."""
     if not len(recording) or (part.start == 0.0 and part.stop is None):
         return recording

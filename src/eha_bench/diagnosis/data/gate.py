@@ -241,10 +241,10 @@ def _noise_of_column(measured: Measured, name: str, column: FloatArray) -> float
 def _own_parted(time: FloatArray, values: FloatArray) -> FloatArray:
     """Return a channel's own samples with NaN in gaps between them."""
     good = np.isfinite(values)
-    return _parted(time[good], values[good])
+    return _gaps_as_nan(time[good], values[good])
 
 
-def _parted(time: FloatArray, values: FloatArray) -> FloatArray:
+def _gaps_as_nan(time: FloatArray, values: FloatArray) -> FloatArray:
     """Return a channel with NaN in gaps of the clock: what its signal does there is no noise."""
     if time.size < 2:
         return values
@@ -296,7 +296,7 @@ def admit(
             )
         )
         time = regular
-    driven = _driven(run, sampled, time, inputs, roles, where, notes)
+    driven = _driving_inputs(run, sampled, time, inputs, roles, where, notes)
     names, columns, masks = [], [], []
     held: dict[str, float] = {}
     unmoved: dict[str, FloatArray] = {}
@@ -390,7 +390,7 @@ class _Driven:
     missing: BoolArray
 
 
-def _driven(
+def _driving_inputs(
     run: Run,
     sampled: Sampled,
     time: FloatArray,

@@ -97,7 +97,7 @@ def on_ticks(
         driving = [max(placed, key=lambda item: item.time.size)]
         beside = [item for item in placed if item is not driving[0]]
     period = min(_usual(item.time) for item in placed)
-    ticks = _driven(driving, _SAME * period)
+    ticks = _driving_ticks(driving, _SAME * period)
     reach = min(0.5 * _usual(ticks), _FURTHEST)
     for item in sorted(beside, key=lambda item: -item.time.size):
         ticks = _with_own(ticks, item.time, reach)
@@ -120,7 +120,7 @@ def on_ticks(
             values[name][at] = item.part.values[name]
         if item in driving:
             there = np.zeros(ticks.size, dtype=np.bool_)
-            there[nearest(ticks, _filled(item.time))] = True
+            there[nearest(ticks, _with_lost_ticks(item.time))] = True
             there[at] = False
             lost |= dict.fromkeys(item.names, there)
         firsts.append(int(at[0]))
@@ -190,18 +190,18 @@ def _usual(time: FloatArray) -> float:
     return float(np.median(np.diff(time))) if time.size > 1 else np.inf
 
 
-def _driven(driving: Sequence[_Topic], same: float) -> FloatArray:
+def _driving_ticks(driving: Sequence[_Topic], same: float) -> FloatArray:
     """Return the ticks of all that drives a model, lost ones included, the fastest's first."""
     ticks = np.zeros(0)
     for item in sorted(driving, key=lambda item: -item.time.size):
-        time = _filled(item.time)
+        time = _with_lost_ticks(item.time)
         if ticks.size:
             time = time[np.abs(time - ticks[nearest(ticks, time)]) > same]
         ticks = np.sort(np.concatenate([ticks, time]))
     return ticks
 
 
-def _filled(time: FloatArray) -> FloatArray:
+def _with_lost_ticks(time: FloatArray) -> FloatArray:
     """Return a topic's instants with those of lost messages, if it ticks regularly."""
     if time.size < 3:
         return time

@@ -77,7 +77,7 @@ def cut_windows(
     bounded = measured.run.locked or measured.run.bypass_open or _follows(measured)
     # what an elastic joint holds in the midst of a motion is only known from the run's start on
     whole = (bounded or bool(measured.roles.bent)) and not shaken
-    allowed = None if whole else _allowed(measured, noise)
+    allowed = None if whole else _permitted_starts(measured, noise)
     forced = set(measured.breaks)
     for k in range(1, n):
         long_enough = measured.time[k] - measured.time[starts[-1]] >= length
@@ -134,7 +134,7 @@ def from_another_angle(window: Window, measured: Measured) -> Window:
     return replace(window, measured=measured, initial=state, spread=spread)
 
 
-def _allowed(measured: Measured, noise: Mapping[str, float]) -> BoolArray:
+def _permitted_starts(measured: Measured, noise: Mapping[str, float]) -> BoolArray:
     """Where a window may start: command without jumps, rod and shaft well under way."""
     time = measured.time
     n = time.size

@@ -231,7 +231,7 @@ def calibrated_baseline(dataset: Dataset, progress: ProgressHook = no_progress) 
     best = [dataset.model.vector()]
     try:
         measured, windows = _at_their_angles(dataset, measured, windows, noise)
-        found = _calibrated(dataset, measured, windows, noise, best, progress)
+        found = _calibrate(dataset, measured, windows, noise, best, progress)
     except KeyboardInterrupt as stop:
         with checkpoints(lambda: False):
             reached = _as_far_as(dataset, measured, windows, noise, best[-1])
@@ -239,7 +239,7 @@ def calibrated_baseline(dataset: Dataset, progress: ProgressHook = no_progress) 
     return replace(found, notes=(*notes, *found.notes))
 
 
-def _calibrated(
+def _calibrate(
     dataset: Dataset,
     measured: tuple[Measured, ...],
     windows: list[Window],

@@ -157,7 +157,7 @@ def _slope_along(
     problem: Problem, fit: Fit, direction: FloatArray, length: float, sizes: FloatArray
 ) -> FloatArray | None:
     """Return the residual's slope between two ends about a fit, (N,); None where bounds hold it."""
-    ends = [_moved(fit, side * length * direction) for side in (1.0, -1.0)]
+    ends = [_vector_after(fit, side * length * direction) for side in (1.0, -1.0)]
     apart = np.array([ends[0][f.at] - ends[1][f.at] for f in fit.free]) / sizes
     reached = float(apart @ (direction / sizes))
     if reached < length:
@@ -165,7 +165,7 @@ def _slope_along(
     return (problem.residual(ends[0]) - problem.residual(ends[1])) / reached
 
 
-def _moved(fit: Fit, step: FloatArray) -> FloatArray:
+def _vector_after(fit: Fit, step: FloatArray) -> FloatArray:
     vector = fit.vector.copy()
     for item, change in zip(fit.free, step, strict=True):
         vector[item.at] = min(max(vector[item.at] + float(change), item.low), item.high)

@@ -239,7 +239,7 @@ def levenberg_marquardt(
     """
     at = _Descent(problem, vector.copy(), tuple(free), known)
     if not at.free:
-        return at.ended(0)
+        return at.fit_after(0)
     taken = 0
     for _ in range(iterations):
         before = at.cost
@@ -259,7 +259,7 @@ def levenberg_marquardt(
             refresh -= 1
         elif gain:
             at.fresh = False
-    return at.ended(taken)
+    return at.fit_after(taken)
 
 
 class _Descent:
@@ -296,7 +296,7 @@ class _Descent:
         self._matrix = jacobian(self.problem, self.vector, self.free, self._residual)
         self.fresh, self._damping = True, 1e-3
 
-    def ended(self, taken: int) -> Fit:
+    def fit_after(self, taken: int) -> Fit:
         """Return the fit as it is after some steps."""
         return Fit(self.vector, self.free, self._residual, self._matrix, self.cost, taken,
                    self.problem.soft, len(self.problem.beliefs))  # fmt: skip
@@ -318,7 +318,7 @@ class _Descent:
             step = _bounded_step(normal, gradient, self._damping, self.vector, self.free)
             if attempt == 0:
                 promised = -float(step @ (2.0 * gradient + normal @ step))
-            trial = _moved(self.vector, self.free, step)
+            trial = _vector_after(self.vector, self.free, step)
             done = np.array([trial[item.at] - self.vector[item.at] for item in self.free])
             done = done / self._scales
             length = float(done @ done)
@@ -353,7 +353,7 @@ class _Descent:
             self._matrix[:, k] += unforeseen * shares[k]
 
 
-def _moved(vector: FloatArray, free: Sequence[Free], step: FloatArray) -> FloatArray:
+def _vector_after(vector: FloatArray, free: Sequence[Free], step: FloatArray) -> FloatArray:
     """Return a vector after a step, inside its bounds."""
     trial = vector.copy()
     for item, move in zip(free, step, strict=True):

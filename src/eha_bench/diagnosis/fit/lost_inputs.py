@@ -37,7 +37,7 @@ class _Pulse:
     spread: float
 
 
-def lost(
+def lost_input_noise(
     drive: Drive,
     unsure: Mapping[str, LostValues],
     begin: int,

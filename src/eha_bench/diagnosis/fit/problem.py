@@ -37,7 +37,7 @@ from eha_bench.diagnosis.fit.effort import note_simulated_time
 from eha_bench.diagnosis.fit.groups import WindowGroup, groups_of
 from eha_bench.diagnosis.fit.input_noise import input_noise_of
 from eha_bench.diagnosis.fit.instants import instants_of
-from eha_bench.diagnosis.fit.lost_inputs import lost
+from eha_bench.diagnosis.fit.lost_inputs import lost_input_noise
 from eha_bench.diagnosis.fit.own_parameters import places_of
 from eha_bench.diagnosis.fit.prepared import Prepared, best_start
 from eha_bench.diagnosis.fit.start_state import starts_of
@@ -301,7 +301,7 @@ class Problem:
             )
             further = part.shaken.simulations * part.length
         if (unsure := part.window.measured.unsure) and part.lost is None:
-            part.lost = lost(
+            part.lost = lost_input_noise(
                 part.drive,
                 unsure,
                 part.window.first - part.drive.first,
@@ -345,8 +345,10 @@ class Problem:
         found = []
         for part in parts:
             at = in_run(part)
-            base = self._compared(part, at, next(simulated))
-            moved_by = [self._compared(part, at, next(simulated)) - base for _ in part.starts]
+            base = self._weighted_residual(part, at, next(simulated))
+            moved_by = [
+                self._weighted_residual(part, at, next(simulated)) - base for _ in part.starts
+            ]
             columns = np.array(moved_by).T / 0.2 if moved_by else np.zeros((base.size, 0))
             found.append((base, columns))
         return found
@@ -408,7 +410,7 @@ class Problem:
 
     def raw(self, vector: FloatArray) -> FloatArray:
         """Return the weighted residual as it is, start states and all, (size,)."""
-        return np.concatenate(self._each(vector, self._compared))
+        return np.concatenate(self._each(vector, self._weighted_residual))
 
     def residual(self, vector: FloatArray) -> FloatArray:
         """Return the whitened weighted residual: white, variance 1 where the model is complete.
@@ -417,7 +419,7 @@ class Problem:
         """
 
         def one(part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
-            return part.white(part.from_start(self._compared(part, at, simulated)))
+            return part.white(part.from_start(self._weighted_residual(part, at, simulated)))
 
         found = np.concatenate([*self._each(vector, one), believed_residual(self.beliefs, vector)])
         return found if self._defect is None else found + self._defect
@@ -429,7 +431,7 @@ class Problem:
         """
 
         def one(part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
-            return part.at_best(part.from_start(self._compared(part, at, simulated)))
+            return part.at_best(part.from_start(self._weighted_residual(part, at, simulated)))
 
         return self.in_readings(np.concatenate(self._each(vector, one)))
 
@@ -441,7 +443,7 @@ class Problem:
                 out[rows] = spsolve(part.whitening, residual[rows])
         return out
 
-    def fitted(self, vector: FloatArray) -> list[FloatArray]:
+    def corrected_outputs(self, vector: FloatArray) -> list[FloatArray]:
         """Return each window's simulated outputs with the start state's best correction, SI.
 
         Each is (ticks, outputs of the plant).
@@ -568,9 +570,9 @@ class Problem:
     def _of_drive(self, part: Prepared, drive: Drive, at: _At) -> FloatArray:
         """Return a window's weighted residual under another drive, (N,)."""
         (start,) = self._starts([part], Drives((drive,)), at.plant)
-        return self._compared(part, at, at.plant.simulate(drive, start, self.step))
+        return self._weighted_residual(part, at, at.plant.simulate(drive, start, self.step))
 
-    def _compared(self, part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
+    def _weighted_residual(self, part: Prepared, at: _At, simulated: FloatArray) -> FloatArray:
         """Return the weighted residual of a window of which this was simulated, (N,)."""
         out = simulated.ravel()[part.places]
         if part.instants is not None:

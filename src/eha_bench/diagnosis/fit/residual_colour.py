@@ -68,10 +68,12 @@ def noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:
     Args:
         problem: the runs' windows. vector: of the fitted model.
     """
-    return _seen(problem, _stretches(problem, vector))
+    return _seen_noise(problem, _stretches(problem, vector))
 
 
-def _seen(problem: Problem, stretches: Mapping[str, Mapping[str, list[FloatArray]]]) -> SeenNoise:
+def _seen_noise(
+    problem: Problem, stretches: Mapping[str, Mapping[str, list[FloatArray]]]
+) -> SeenNoise:
     colours, levels = {}, {}
     for name, by_run in stretches.items():
         level, colour = noise_of_stretches([own for run in by_run.values() for own in run])
@@ -94,7 +96,7 @@ def steady_noise_of_residual(problem: Problem, vector: FloatArray) -> SeenNoise:
         problem: the runs' windows. vector: of the fitted model.
     """
     stretches = _stretches(problem, vector)
-    seen = _seen(problem, stretches)
+    seen = _seen_noise(problem, stretches)
     at_rest = _at_rest(problem)
     samples = _samples(problem)
     steady = {
@@ -147,7 +149,7 @@ def same_noise(runs: Sequence[Sequence[FloatArray]], colour: Colour | None) -> b
     squares = [_mean_squares(run) for run in runs if len(run) >= _FEWEST]
     if len(squares) < 2:
         return True
-    _, freedom = _expected(colour)
+    _, freedom = _expected_square(colour)
     usual = float(np.median(np.concatenate(squares)))
     for own in squares:
         # of a median: pi / 2 times the variance of a mean
@@ -171,7 +173,7 @@ def noise_of_stretches(stretches: Sequence[FloatArray]) -> tuple[float, Colour |
     kept = squares <= np.quantile(squares, _QUIET)
     for _ in range(_ROUNDS):
         colour = colour_of([own for own, keep in zip(stretches, kept, strict=True) if keep])
-        usual, freedom = _expected(colour)
+        usual, freedom = _expected_square(colour)
         quartile = float(np.quantile(squares, _LOW))
         variance = quartile / (usual * float(chdtri(freedom, 1.0 - _LOW)) / freedom)
         kept = squares <= variance * usual * float(chdtri(freedom, 1.0 - _ALL)) / freedom
@@ -217,7 +219,7 @@ def _mean_squares(stretches: Sequence[FloatArray]) -> FloatArray:
     return np.array([float(np.mean(beside_parabola(own) ** 2)) for own in stretches])
 
 
-def _expected(colour: Colour | None) -> tuple[float, float]:
+def _expected_square(colour: Colour | None) -> tuple[float, float]:
     """Return the mean square of a stretch about its parabola, for noise of 1, and its freedom.
 
     Without a colour the noise is white.

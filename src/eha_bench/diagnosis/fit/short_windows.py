@@ -56,10 +56,14 @@ def aligned_problem(problem: Problem, vector: FloatArray, knots: int) -> tuple[P
     length = max(WINDOW, _FEWEST_TICKS * tick)
     period = length * knots / (knots - 1.0)
     most = max(2, round(_budget(runs) / len(runs) / length))
-    windows = [w for measured in runs for w in _aligned(problem, measured, period, length, most)]
+    windows = [
+        w for measured in runs for w in _aligned_windows(problem, measured, period, length, most)
+    ]
     whole = Problem(problem.plant, windows, problem.noise, problem.step)
     whole.prepare(vector)
-    left = np.minimum(_left(whole, vector, windows), _left(problem, vector, windows))
+    left = np.minimum(
+        _mean_squares(whole, vector, windows), _mean_squares(problem, vector, windows)
+    )
     count = most * len(runs)
     if count >= len(windows):
         return whole, period
@@ -69,7 +73,7 @@ def aligned_problem(problem: Problem, vector: FloatArray, knots: int) -> tuple[P
     return Problem(problem.plant, [windows[k] for k in chosen], problem.noise, problem.step), period
 
 
-def _aligned(
+def _aligned_windows(
     problem: Problem, measured: Measured, period: float, length: float, most: int
 ) -> list[Window]:
     time = measured.time
@@ -82,7 +86,7 @@ def _aligned(
     return found
 
 
-def _left(problem: Problem, vector: FloatArray, windows: Sequence[Window]) -> FloatArray:
+def _mean_squares(problem: Problem, vector: FloatArray, windows: Sequence[Window]) -> FloatArray:
     """Return the mean soft square of a problem's residual during each of some windows, (W,)."""
     soft, _ = soften(problem.residual(vector))
     sums: dict[str, FloatArray] = {}

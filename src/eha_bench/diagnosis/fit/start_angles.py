@@ -138,7 +138,7 @@ def own_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     short = _short_windows(problem, vector)
     if short is None:
         return {}
-    starts, common, apart = _scanned(short, vector)
+    starts, common, apart = _scan_angles(short, vector)
     off = vector.copy()
     for effect in filter(is_periodic, layout.effects):
         off[layout.index[f"{effect.id}.{effect.strength.name}"]] = effect.neutral
@@ -147,7 +147,7 @@ def own_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     more = len(rows_of_runs(short))
     if not begin_apart(nothing - common, nothing - apart, more, level=level):
         return {}
-    return _settled(problem, short.at_angles(starts), vector)
+    return _refine_angles(problem, short.at_angles(starts), vector)
 
 
 def estimated_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAngle]:
@@ -161,7 +161,7 @@ def estimated_angles(problem: Problem, vector: FloatArray) -> dict[str, StartAng
     short = _short_windows(problem, vector)
     if short is None:
         return {}
-    return _settled(problem, short.at_angles(_scanned(short, vector)[0]), vector)
+    return _refine_angles(problem, short.at_angles(_scan_angles(short, vector)[0]), vector)
 
 
 def angles_note(starts: Mapping[str, StartAngle]) -> str:
@@ -170,7 +170,7 @@ def angles_note(starts: Mapping[str, StartAngle]) -> str:
     return f"the shaft's angle at the start of each run was estimated from the run, in rad: {each}"
 
 
-def _scanned(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle], float, float]:
+def _scan_angles(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle], float, float]:
     """Return the best of some angles for each run, and the cost with zero and with these.
 
     A run that fits equally well at every angle has no estimate. Short windows begin at measured
@@ -199,7 +199,7 @@ def _scanned(short: Problem, vector: FloatArray) -> tuple[dict[str, StartAngle],
     return starts, costs[0], sum(cost for cost, _ in best.values())
 
 
-def _settled(problem: Problem, short: Problem, vector: FloatArray) -> dict[str, StartAngle]:
+def _refine_angles(problem: Problem, short: Problem, vector: FloatArray) -> dict[str, StartAngle]:
     """Return the angles refined over short windows, and then over the problem's own."""
     long = problem.at_angles(starts_of(with_refined_angles(short, vector)))
     long.prepare(vector)

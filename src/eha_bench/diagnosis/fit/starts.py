@@ -86,10 +86,10 @@ def best_fit_of_starts(
     if calm is not first:
         problem.prepare(vector)  # starts that were moved for a fit that failed suit no other
     ends = [first]
-    grown, short = _grown(problem, vector, free)
+    grown, short = _fit_growing_windows(problem, vector, free)
     ends.append(_over_long(problem, grown, free))
     if _mean_square(short, grown) > _POOR:
-        spread = _spread(short, vector, free)
+        spread = _fits_from_spread_starts(short, vector, free)
         better = [fit for fit in spread if fit.cost < _BETTER * grown.cost]
         ends += side_by_side(lambda fit: _over_long(problem, fit, free), better)
     best = min(ends, key=lambda fit: fit.cost)
@@ -135,15 +135,17 @@ def _mean_square(problem: Problem, fit: Fit) -> float:
     return fit.cost / (SOFT_MEAN * max(problem.size, 1))
 
 
-def _grown(problem: Problem, vector: FloatArray, free: Sequence[Free]) -> tuple[Fit, Problem]:
+def _fit_growing_windows(
+    problem: Problem, vector: FloatArray, free: Sequence[Free]
+) -> tuple[Fit, Problem]:
     """Return a fit over windows that grow from the shortest ones, and the last of them."""
     tiny = medium_problem(problem, _SHORTEST)
-    fit = _settled(tiny, vector, free)
+    fit = _fit_until_settled(tiny, vector, free)
     short = medium_problem(problem, WINDOW)
-    return _settled(short, fit.vector, free), short
+    return _fit_until_settled(short, fit.vector, free), short
 
 
-def _settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
+def _fit_until_settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
     """Fit, and weigh start states and outliers again, until neither changes much any more."""
     before = np.inf
     for _ in range(_ROUNDS):
@@ -166,7 +168,7 @@ def _weigh(problem: Problem, vector: FloatArray) -> None:
     problem.scale_to(problem.residual(vector))
 
 
-def _spread(short: Problem, vector: FloatArray, free: Sequence[Free]) -> list[Fit]:
+def _fits_from_spread_starts(short: Problem, vector: FloatArray, free: Sequence[Free]) -> list[Fit]:
     """Return fits over short windows from the best of some starts about the declared values."""
     from scipy.stats import qmc
 

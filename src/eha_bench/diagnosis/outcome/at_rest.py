@@ -53,9 +53,9 @@ def with_friction_at_rest(base: Baseline, groups: Groups, units: dict[str, str])
         if key in found and _is_open(found[key], deviations[key], float(declared[at])):
             kept[key] = found[key]
         elif end.fit.vector[at] != declared[at]:
-            notes.append(_estimated(key, float(end.fit.vector[at]), found.get(key), units[key]))
+            notes.append(_estimate_note(key, float(end.fit.vector[at]), found.get(key), units[key]))
     if kept:
-        end = converged_fit(base.problem, _refitted(base, end.fit, tuple(kept)))
+        end = converged_fit(base.problem, _refit_as_declared(base, end.fit, tuple(kept)))
     for key, item in kept.items():
         value = f"{float(declared[layout.index[key]]):.3g} {units[key]}"
         notes.append(
@@ -76,7 +76,7 @@ def _is_open(item: Estimate, deviation: float, declared: float) -> bool:
     return item.low <= declared <= item.high or deviation > _LOOSE * abs(item.value)
 
 
-def _estimated(key: str, value: float, item: Estimate | None, unit: str) -> str:
+def _estimate_note(key: str, value: float, item: Estimate | None, unit: str) -> str:
     interval = f" ({item.low:.3g} to {item.high:.3g})" if item is not None else ""
     return (
         f"friction at rest was estimated, though not listed under `calibrate`: {key} = "
@@ -84,7 +84,7 @@ def _estimated(key: str, value: float, item: Estimate | None, unit: str) -> str:
     )
 
 
-def _refitted(base: Baseline, fit: Fit, kept: tuple[str, ...]) -> Fit:
+def _refit_as_declared(base: Baseline, fit: Fit, kept: tuple[str, ...]) -> Fit:
     """Return the fit of what is left where some of it is as declared."""
     declared = base.dataset.model.vector()
     vector = fit.vector.copy()

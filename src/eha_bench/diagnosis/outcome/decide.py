@@ -146,7 +146,7 @@ def _unknown(
         unknown = Unknown(equation or None, (), text)
         return Decision(Verdict.UNKNOWN, search.fit, notes, unknown)
     progress("learn", 0.0)
-    found = _learned(search, locator, located[0], step, notes)
+    found = _decision_with_curve(search, locator, located[0], step, notes)
     return replace(found, locator=locator, located=tuple(located))
 
 
@@ -164,7 +164,7 @@ def in_held_out(decision: Decision, equation: str) -> Decision:
     return replace(decision, verdict=Verdict.UNKNOWN, unknown=unknown)
 
 
-def _learned(
+def _decision_with_curve(
     search: Search, locator: Locator, best: LocatedCurve, step: float, notes: tuple[str, ...]
 ) -> Decision:
     _, fit = learn(search.problem, locator.short, search.fit, best, step)

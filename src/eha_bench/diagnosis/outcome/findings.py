@@ -42,7 +42,7 @@ def assemble(dataset: Dataset, base: Baseline, search: Search, decision: Decisio
     """Return what was found, without errors: no run is replayed here."""
     model = dataset.model
     layout = model.plant.layout
-    end = _finished(search, decision)
+    end = _converged_fit(search, decision)
     fit = end.fit
     added = [item.start.candidate for item in search.effects]
     if decision.unknown is not None and decision.learned:
@@ -157,7 +157,7 @@ def lateness_note(lateness: Mapping[str, Estimate]) -> list[str]:
     ]
 
 
-def _finished(search: Search, decision: Decision) -> ConvergedFit:
+def _converged_fit(search: Search, decision: Decision) -> ConvergedFit:
     """Return what was decided at the bottom of its cost; a learned curve stays as it is."""
     fit = decision.fit
     if decision.learned:

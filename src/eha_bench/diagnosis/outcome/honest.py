@@ -46,7 +46,7 @@ def prune(search: Search, limits: Thresholds | None = None) -> list[str]:
     limits = limits or Thresholds()
     if not search.effects:
         return []
-    _deepened(search, limits)
+    _deepen_base(search, limits)
     notes = []
     for item in reversed(search.effects):
         refit: Fit | None = None
@@ -102,7 +102,7 @@ def _beside_others(search: Search, item: Accepted, refit: Fit, limits: Threshold
     return _NOT_DISTINCT
 
 
-def _deepened(search: Search, limits: Thresholds) -> None:
+def _deepen_base(search: Search, limits: Thresholds) -> None:
     """Begin the fit without any effect where the one with them has ended, too.
 
     It may have been caught where it began, and a better place would take from what effects gain.

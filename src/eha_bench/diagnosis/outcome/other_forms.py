@@ -49,7 +49,7 @@ def other_forms(search: Search, item: Accepted, start: Start, fit: Fit) -> list[
         return []
     found = []
     for chosen, other in forms:
-        best = _fitted(search, item, other, start, fit)
+        best = _best_fit(search, item, other, start, fit)
         if is_as_good(best, search.fit, item.comparison.gain, search.groups):
             words = ", ".join(
                 f"{choices[at].name} {choices[at].choices[int(value)]}"
@@ -60,7 +60,7 @@ def other_forms(search: Search, item: Accepted, start: Start, fit: Fit) -> list[
     return sorted(found, key=lambda form: form[1].cost)[:_KEPT]
 
 
-def _fitted(search: Search, item: Accepted, other: Start, start: Start, fit: Fit) -> Fit:
+def _best_fit(search: Search, item: Accepted, other: Start, start: Start, fit: Fit) -> Fit:
     """Return the best fit of a form, from its own size and from that of the form that was found."""
     fixed = {*item.start.keys, *start.keys} - set(other.keys)
     free = tuple(

@@ -31,11 +31,11 @@ def revised_model(
         if ours:
             out = out.with_values(item.id, ours)
     for name in effects:
-        out = out.with_effect(_declared(model, vector, name))
+        out = out.with_effect(_declared_effect(model, vector, name))
     return out
 
 
-def _declared(model: Model, vector: FloatArray, name: str) -> DeclaredEffect:
+def _declared_effect(model: Model, vector: FloatArray, name: str) -> DeclaredEffect:
     layout = model.plant.layout
     values: dict[str, float | str | list[float]] = {}
     for parameter in layout.effect(name).parameters:

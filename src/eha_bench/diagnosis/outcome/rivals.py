@@ -90,7 +90,7 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
     others = [other for other in search.effects if other is not item]
     for trial in look:
         if trial.candidate in item.equivalent:
-            fit = _swapped(search, item, trial)
+            fit = _fit_with_swap(search, item, trial)
             added = [*(other.start.candidate for other in others), trial.candidate]
             behind = fit.cost - search.fit.cost
             yield _rival(search, fit, model, added, Standing.EQUIVALENT, behind)
@@ -113,7 +113,7 @@ def _in_place_of(search: Search, item: Accepted, found: Diagnosis) -> Iterator[R
         yield _rival(search, trial.fit, model, added, Standing.RUNNER_UP, behind)
 
 
-def _swapped(search: Search, item: Accepted, trial: Refit) -> Fit:
+def _fit_with_swap(search: Search, item: Accepted, trial: Refit) -> Fit:
     """Return the fit with a candidate in the place of what was added."""
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral
@@ -166,19 +166,19 @@ def _other_curves(search: Search, decision: Decision, found: Diagnosis) -> Itera
     if decision.locator is None or not decision.located:
         return
     best, *rest = decision.located
-    tried = {_followed(best)}
+    tried = {_variable_of(best)}
     for item in rest:
         if item.share < _NEARLY * best.share or len(tried) > _CURVES:
             break
-        if _followed(item) in tried:
+        if _variable_of(item) in tried:
             continue
-        tried.add(_followed(item))
+        tried.add(_variable_of(item))
         _, fit = learn(search.problem, decision.locator.short, search.fit, item, COARSE)
         behind = fit.cost - decision.fit.cost
         yield _rival(search, fit, found.revised, [LEARNED], Standing.EQUIVALENT, behind)
 
 
-def _followed(item: LocatedCurve) -> str:
+def _variable_of(item: LocatedCurve) -> str:
     return item.template.variable
 
 

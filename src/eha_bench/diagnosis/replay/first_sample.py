@@ -58,7 +58,7 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
     determined = plant.determined_outputs(tuple(measured.inputs))
     needed = [n for n in plant.states if n in determined and n not in measured.inputs]
     locked = measured.run.locked
-    first = _trusted(measured)
+    first = _trusted_readings(measured)
     readings, notes = {}, []
     for name in needed:
         if name not in first or (locked and name in roles.locked):
@@ -88,7 +88,7 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
                 "which is assumed"
             )
     state = _state(measured, model, readings)
-    assumed = [_assumed(name, state, model) for name in needed if name not in known]
+    assumed = [_assumption(name, state, model) for name in needed if name not in known]
     if assumed:
         notes.append(
             f"the log does not hold the start values of all states; assumed: {', '.join(assumed)}"
@@ -96,7 +96,7 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
     return FirstSample(state, tuple(f"{measured.run.name}: {note}" for note in notes))
 
 
-def _trusted(measured: Measured) -> dict[str, float]:
+def _trusted_readings(measured: Measured) -> dict[str, float]:
     """Return the first readings, without those of channels that are dead."""
     dead = {n for n, item in measured.first.items() if item.frozen and measured.outputs}
     if dead.intersection(measured.roles.pair):
@@ -105,7 +105,7 @@ def _trusted(measured: Measured) -> dict[str, float]:
     return {n: item.value for n, item in measured.first.items() if n not in dead}
 
 
-def _assumed(name: str, state: Mapping[str, float], model: Model) -> str:
+def _assumption(name: str, state: Mapping[str, float], model: Model) -> str:
     """Say at what a state begins that no reading tells."""
     plant = model.plant
     rest = _rest_pressure(model) if name in plant.roles.pressures else 0.0

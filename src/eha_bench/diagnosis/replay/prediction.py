@@ -185,7 +185,7 @@ def predict(
             run, sampled, dataset.inputs, determined, strict=False, roles=model.plant.roles
         )
         measured = _with_its_own(measured, model)
-        prediction = _predicted(_at_its_angle(measured, model), recording, sampled, model)
+        prediction = _prediction_of(_at_its_angle(measured, model), recording, sampled, model)
         if out is not None:
             folder = Path(out)
             folder.mkdir(parents=True, exist_ok=True)
@@ -198,7 +198,7 @@ def predict(
     return tuple(found)
 
 
-def _predicted(
+def _prediction_of(
     measured: Measured, recording: Recording, sampled: Sampled, model: Model
 ) -> Prediction:
     """Return the prediction of a run that passed the gate, at the stamps of its recording."""
@@ -256,7 +256,7 @@ def _errors(
     """
     found = {}
     for name, values in columns.items():
-        column = _believed(name, measured, recording)
+        column = _comparable_values(name, measured, recording)
         if column is None or not (there := np.isfinite(column)).any():
             continue
         taken = measured.as_taken(name, values, {})[there]
@@ -266,7 +266,7 @@ def _errors(
     return found
 
 
-def _believed(name: str, measured: Measured, recording: Recording) -> FloatArray | None:
+def _comparable_values(name: str, measured: Measured, recording: Recording) -> FloatArray | None:
     """Return what of a channel may be compared with its prediction, (n,) with NaN, or None."""
     if name in measured.outputs:
         return measured.column(name)

@@ -144,12 +144,12 @@ def _one(
     )  # fmt: skip
     starts = [first_state(run, model) for run, model in zip(runs, models, strict=True)]
     started = [
-        _simulated(run, model, start, STEP)
+        _simulate(run, model, start, STEP)
         for run, model, start in zip(runs, models, starts, strict=True)
     ]
     predicted = [
         values if (first := first_sample(run, model).state) == start
-        else _simulated(run, model, first, STEP)
+        else _simulate(run, model, first, STEP)
         for run, model, start, values in zip(runs, models, starts, started, strict=True)
     ]  # fmt: skip
     if measured.unsure:
@@ -158,10 +158,10 @@ def _one(
             for run, model, start in zip(runs, models, starts, strict=True)
         ]
         started = [
-            _simulated(run, model, start, STEP)
+            _simulate(run, model, start, STEP)
             for run, model, start in zip(runs, models, starts, strict=True)
         ]
-    moved = _moved(runs[-1], models[-1], starts[-1], own, noise)
+    moved = _start_sensitivity(runs[-1], models[-1], starts[-1], own, noise)
     loose = any(value > _LOOSE * noise[name] for name, value in moved.items() if name in noise)
     simulated = [
         _from_best_start(run, model, start, values, own, noise) if loose else values
@@ -196,8 +196,8 @@ def _with_lost_inputs(
     times = np.concatenate([measured.time[np.isfinite(own[name])] for name in weights])
 
     def residual(drive: Drive) -> FloatArray:
-        values = _simulated(replace(measured, inputs=drive.inputs), model, start, COARSE)
-        left = _stacked(own, values, weights)
+        values = _simulate(replace(measured, inputs=drive.inputs), model, start, COARSE)
+        left = _weighted_difference(own, values, weights)
         return left if np.isfinite(left).all() else np.zeros(left.size)
 
     drive = measured.drive(0, measured.time.size)
@@ -213,7 +213,7 @@ def _spreads(
     return {name: size for name, size in found.items() if name not in still}
 
 
-def _moved(
+def _start_sensitivity(
     measured: Measured,
     model: Model,
     start: Mapping[str, float],
@@ -228,8 +228,8 @@ def _moved(
     shaken = dict(start)
     for (name, size), sign in zip(spreads.items(), signs, strict=True):
         shaken[name] += float(sign) * size
-    other = _simulated(measured, model, shaken, COARSE)
-    base = _simulated(measured, model, start, COARSE)
+    other = _simulate(measured, model, shaken, COARSE)
+    base = _simulate(measured, model, start, COARSE)
     moved = {}
     for name, column in own.items():
         change = (other[name] - base[name])[np.isfinite(column)]
@@ -251,7 +251,7 @@ def _from_best_start(
     phase makes many minima. Gauss-Newton steps, a tenth of the run and then more of it.
     """
     weights = {name: size for name, size in noise.items() if name in own and size > 0.0}
-    target = _stacked(own, values, weights)
+    target = _weighted_difference(own, values, weights)
     if not weights or not np.isfinite(target).all():
         return values
     spreads = _spreads(measured, start, noise)
@@ -261,14 +261,14 @@ def _from_best_start(
         moved = dict(start)
         for (name, size), share in zip(spreads.items(), shares, strict=True):
             moved[name] += float(share) * size
-        return _simulated(measured, model, moved, step)
+        return _simulate(measured, model, moved, step)
 
     shares, best, least = np.zeros(len(spreads)), values, float(target @ target)
     for part in _PARTS:
         rows = times - measured.time[0] <= part * (measured.time[-1] - measured.time[0])
         base = off(shares, COARSE)
-        left = _stacked(own, base, weights)[rows]
-        columns = [_stacked(off(shares + unit, COARSE), base, weights, where=own)[rows]
+        left = _weighted_difference(own, base, weights)[rows]
+        columns = [_weighted_difference(off(shares + unit, COARSE), base, weights, where=own)[rows]
                    for unit in np.eye(len(spreads))]  # fmt: skip
         matrix = np.column_stack(columns)
         if not (np.isfinite(matrix).all() and np.isfinite(left).all()):
@@ -278,20 +278,20 @@ def _from_best_start(
         change = np.linalg.solve(normal, matrix.T @ left - shares)
         for length in (1.0, 0.3):
             trial = np.clip(shares + length * change, -_FURTHEST, _FURTHEST)
-            there = _stacked(own, off(trial, COARSE), weights)[rows]
+            there = _weighted_difference(own, off(trial, COARSE), weights)[rows]
             if there @ there + trial @ trial < left @ left + shares @ shares:
                 shares = trial
                 break
         else:
             continue
         found = off(shares, STEP)
-        after = _stacked(own, found, weights)
+        after = _weighted_difference(own, found, weights)
         if float(after @ after) < least:
             best, least = found, float(after @ after)
     return best
 
 
-def _stacked(
+def _weighted_difference(
     one: Columns, other: Columns, weights: Mapping[str, float], where: Columns | None = None
 ) -> FloatArray:
     """Return the difference of some channels where they were measured, in their noise, (N,)."""
@@ -303,9 +303,7 @@ def _stacked(
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _simulated(
-    measured: Measured, model: Model, start: Mapping[str, float], step: float
-) -> Columns:
+def _simulate(measured: Measured, model: Model, start: Mapping[str, float], step: float) -> Columns:
     values = simulate_from(measured, model, start, step)
     return _columns(values, measured, model.plant)
 

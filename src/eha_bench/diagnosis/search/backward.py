@@ -52,7 +52,7 @@ def deviations_off(search: Search, start: Start) -> float:
 
     Infinite where its strength was not fitted.
     """
-    spread = _spread(search, start)
+    spread = _strength_spread(search, start)
     if spread is None:
         return math.inf
     size = abs(float(search.fit.vector[start.strength_at]) - start.neutral)
@@ -75,12 +75,12 @@ def is_within_disagreement(search: Search, item: Accepted, fall: float) -> bool:
     Args:
         search: with it. item: of its effects. fall: of the cost by it, the others refitted.
     """
-    spread = _spread(search, item.start)
+    spread = _strength_spread(search, item.start)
     little = fall < _LITTLE * search.excess_base.total
     return spread is not None and little and fall < spread.least_fall
 
 
-def _spread(search: Search, start: Start) -> Spread | None:
+def _strength_spread(search: Search, start: Start) -> Spread | None:
     keys = {free.at: free.key for free in search.fit.free}
     key = keys.get(start.strength_at)
     return spreads(search.fit, search.groups)[key] if key is not None else None

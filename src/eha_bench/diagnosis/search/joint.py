@@ -76,7 +76,7 @@ def _best(search: Search) -> Nearby | None:
     seen = {trial.candidate for trials in search.looks for trial in trials}
     own = [start for start in starts if start.candidate in turning and start.candidate in seen]
     still = near.promising([s for s in starts if s.candidate not in turning], _STARTS)
-    turned = {item.starts[-1].candidate: item for item in reversed(near.turned(own))}
+    turned = {item.starts[-1].candidate: item for item in reversed(near.refit_periodic(own))}
     firsts = sorted([*near.fits(_FIRSTS), *turned.values()], key=_cost)[:_FIRSTS]
     if not firsts or near.fit.cost - _cost(firsts[0]) < _LARGER * near.excess:
         return None

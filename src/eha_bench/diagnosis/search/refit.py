@@ -238,10 +238,10 @@ class Near:
             most: how many candidates will be asked for.
         """
         if most not in self._fits:
-            self._fits[most] = self._fitted(most)
+            self._fits[most] = self._best_of_forms(most)
         return self._fits[most]
 
-    def _fitted(self, most: int) -> list[Nearby]:
+    def _best_of_forms(self, most: int) -> list[Nearby]:
         tried = {name: [item for item in own if item.gain > 0.0]
                  for name, own in self._screened.items() if own[0].gain > 0.0}  # fmt: skip
         chosen = [
@@ -287,7 +287,7 @@ class Near:
         other._turned = {}
         return other
 
-    def adopted(self, starts: Mapping[str, StartAngle]) -> Near:
+    def adopt_angles(self, starts: Mapping[str, StartAngle]) -> Near:
         """Return it where runs begin at other angles, by name, as its search does from now on."""
         search, other, before = self.search, self.at_angles(starts), angles_of(self.problem)
         after = angles_of(other.problem)
@@ -316,7 +316,7 @@ class Near:
             found += self._waves[name][1]
         return found
 
-    def turned(self, starts: Sequence[Start]) -> list[Nearby]:
+    def refit_periodic(self, starts: Sequence[Start]) -> list[Nearby]:
         """Return what is periodic in the shaft's angle refitted over the short windows.
 
         Args:
@@ -326,7 +326,7 @@ class Near:
         own = {name: [s for s in starts if s.candidate == name] for name in names}
         new = [n for n in names if n not in self._turned or self._turned[n][0] != own[n]]
         scanned = [start for name in new for start in best_counts(self.waves(own[name]))]
-        fits = side_by_side(lambda start: self.refitted((start,), start.apply(self.fit.vector)),
+        fits = side_by_side(lambda start: self.fit_together((start,), start.apply(self.fit.vector)),
                             scanned)  # fmt: skip
         for name in new:
             fitted = [item for item in fits if item.starts[0].candidate == name]
@@ -340,7 +340,7 @@ class Near:
         Args:
             starts: of one effect or several. most: how many are taken to the long windows.
         """
-        fits = self.turned(starts)
+        fits = self.refit_periodic(starts)
         best = self.fit.cost - fits[0].fit.cost if fits else 0.0
         least = max(_WORTH * self.excess, _HOPEFUL * best)
         hopeful = [item for item in fits if self.fit.cost - item.fit.cost > least][:most]
@@ -361,11 +361,11 @@ class Near:
 
         def fitted(item: Screened) -> Nearby:
             vector = starting_point(self.problem, item, first.fit)
-            return self.refitted((*first.starts, item.start), vector, first.fit.columns)
+            return self.fit_together((*first.starts, item.start), vector, first.fit.columns)
 
         return side_by_side(fitted, list(best.values())[:most])
 
-    def refitted(
+    def fit_together(
         self,
         starts: tuple[Start, ...],
         vector: FloatArray,
@@ -380,7 +380,7 @@ class Near:
         return Nearby(starts, fit)
 
     def _refitted_from(self, item: Screened) -> Nearby:
-        return self.refitted((item.start,), starting_point(self.problem, item, self.fit))
+        return self.fit_together((item.start,), starting_point(self.problem, item, self.fit))
 
     def _trial(self, item: Nearby) -> Refit:
         return Refit(item.starts[-1], self.long(item), NOT_COMPARED)

@@ -117,10 +117,10 @@ class Screen:
             parameter = places.get(at)
             if parameter is None or at == item.start.strength_at or value <= 0.0:
                 continue
-            item = self._moved(item, at, parameter)
+            item = self._best_setting(item, at, parameter)
         return item
 
-    def _moved(self, item: Screened, at: int, parameter: Parameter) -> Screened:
+    def _best_setting(self, item: Screened, at: int, parameter: Parameter) -> Screened:
         for step in _STEPS:
             for factor in (step, 1.0 / step):
                 while True:

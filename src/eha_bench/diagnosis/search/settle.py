@@ -27,7 +27,7 @@ def settle(search: Search) -> None:
     for number in range(_ROUNDS):
         refine(search, search.fit.vector)
         search.problem = with_refined_angles(search.problem, search.fit.vector)
-        residual = _reweighted(search, search.fit.vector)
+        residual = _reweight(search, search.fit.vector)
         soft, _ = soften(residual, search.problem.soft)
         here = replace(search.fit, residual=residual, cost=float(soft @ soft))
         # friction at rest is asked for once: later rounds change less than tells its forms apart
@@ -63,7 +63,7 @@ def refine(search: Search, vector: FloatArray) -> None:
     search.excess_left = excess(problem, search.fit)
 
 
-def _reweighted(search: Search, vector: FloatArray) -> FloatArray:
+def _reweight(search: Search, vector: FloatArray) -> FloatArray:
     """Take noise, outliers and start states from a better fit, and return its residual.
 
     What an effect leaves in a residual reads as noise and as outliers until the effect is there.

@@ -64,10 +64,10 @@ def with_own_angles(search: Search, near: Near, starts: Sequence[Start]) -> Near
     level = max(1.0, 1.0 + (near.excess - best) / near.floor)
     if not begin_apart(common, best, more, level=level, tries=len(waves)):
         return near
-    tried = side_by_side(lambda pair: _fitted(near, *pair), pairs[:_TRIED])
+    tried = side_by_side(lambda pair: _fit_phases(near, *pair), pairs[:_TRIED])
     angles, found = min(tried, key=lambda item: item[1].fit.cost)
     beside = best_counts(waves)[0]
-    alike = near.refitted((beside,), beside.apply(near.fit.vector))
+    alike = near.fit_together((beside,), beside.apply(near.fit.vector))
     apart, common = near.gain(found), near.gain(alike)
     if not begin_apart(common, apart, more, level=level):
         return near
@@ -76,7 +76,7 @@ def with_own_angles(search: Search, near: Near, starts: Sequence[Start]) -> Near
     if unseen:
         others = estimated_angles(search.problem, found.fit.vector)
         angles = {**angles, **{name: others[name] for name in sorted(unseen & others.keys())}}
-    return near.adopted(angles)
+    return near.adopt_angles(angles)
 
 
 def _is_an_angle(wave: Wave, apart: Wave, excess: float) -> bool:
@@ -84,7 +84,7 @@ def _is_an_angle(wave: Wave, apart: Wave, excess: float) -> bool:
     return apart.gain > max(_MOST * excess, _THROUGHOUT * wave.gain_in_halves())
 
 
-def _fitted(near: Near, wave: Wave, apart: Wave) -> tuple[Starts, Nearby]:
+def _fit_phases(near: Near, wave: Wave, apart: Wave) -> tuple[Starts, Nearby]:
     """Return where runs begin, and a fit there, for the phases that one count has in each run."""
     before = angles_of(near.problem)
     starts = {
@@ -92,8 +92,8 @@ def _fitted(near: Near, wave: Wave, apart: Wave) -> tuple[Starts, Nearby]:
         for name, turn in wave.turns().items()
     }
     here = near.at_angles(starts)
-    found = here.refitted((apart.start,), apart.start.apply(near.fit.vector))
+    found = here.fit_together((apart.start,), apart.start.apply(near.fit.vector))
     for _ in range(_ROUNDS):
         here = near.at_angles(starts_of(with_refined_angles(here.problem, found.fit.vector)))
-        found = here.refitted(found.starts, found.fit.vector, found.fit.columns)
+        found = here.fit_together(found.starts, found.fit.vector, found.fit.columns)
     return starts_of(here.problem), found

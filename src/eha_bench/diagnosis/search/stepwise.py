@@ -98,7 +98,7 @@ def _grow(search: Search, limits: Thresholds, progress: ProgressHook) -> None:
         if search.looks and not (_worth_a_look(search) or _refused_for_its_share(search, limits)):
             return
         progress("search", len(search.accepted) / (MOST_EFFECTS + 1))
-        trials = _looked(search)
+        trials = _look(search)
         chosen = _choose(search, trials, limits)
         if chosen is None:
             return
@@ -153,7 +153,7 @@ def _much_stays(search: Search, finals: Sequence[Refit]) -> bool:
     return reached > floor + max(_MOSTLY * left.total, _LEAST_EXCESS)
 
 
-def _looked(search: Search) -> list[Refit]:
+def _look(search: Search) -> list[Refit]:
     """Return a look from where the search is, or the last one where nothing has changed since."""
     if search.looks and search.looked_from is search.fit:
         return search.looks[-1]
@@ -180,25 +180,27 @@ def look(search: Search, *, first: bool) -> list[Refit]:
     screen = Screen(search.problem.at_step(SCREENING) if much else coarse, search.fit)
     screened = screen.all(still)
     if near is None:
-        screened = _sharpened(screen, screened, layout)
+        screened = _refine_promising(screen, screened, layout)
     finals = _confirm(search, coarse, screened, near)
     if _much_stays(search, finals):
         own = [start for start in starts if start.candidate in turning]
         if own:
             near = with_own_angles(search, near or Near.of(search, coarse), own)
             turned = _best_of_each(near.turning(own, _TURNING))
-            finals += _finished(search, turned, {}, afresh=False)
+            finals += _refit_promising(search, turned, {}, afresh=False)
     best: dict[str, Screened] = {}
     for item in screened:
         best.setdefault(item.start.candidate, item)
-    finals = [_compared(search, item) for item in _settled(search, finals)]
+    finals = [_with_comparison(search, item) for item in _fit_rivals_further(search, finals)]
     finals.sort(key=lambda item: item.fit.cost)
     if first:
         search.ranking = _ranking(best, finals, search)
     return finals
 
 
-def _sharpened(screen: Screen, screened: Sequence[Screened], layout: Layout) -> list[Screened]:
+def _refine_promising(
+    screen: Screen, screened: Sequence[Screened], layout: Layout
+) -> list[Screened]:
     """Return the same, the most promising ones at better settings, the best first."""
     by_name: dict[str, list[Screened]] = {}
     for item in screened:
@@ -241,16 +243,16 @@ def _confirm(
     refits = side_by_side(lambda item: refit(search, coarse, item), shortlist)
     trials = _best_of_each([*trials, *refits])
     promised = {name: item.gain for name, item in best.items()} if near is None else {}
-    found = _finished(search, trials, promised, afresh=near is None)
+    found = _refit_promising(search, trials, promised, afresh=near is None)
     reached = max((search.fit.cost - item.fit.cost for item in found), default=0.0)
     tried = {item.candidate for item in found}
     # a prediction is less than a refit gains: what promises more than was reached may yet win
     left = [best[name] for name in order if name not in tried and best[name].gain > reached]
     more = side_by_side(lambda item: refit(search, coarse, item), left[:_SHORTLIST])
-    return [*found, *_finished(search, _best_of_each(more), promised, afresh=near is None)]
+    return [*found, *_refit_promising(search, _best_of_each(more), promised, afresh=near is None)]
 
 
-def _finished(
+def _refit_promising(
     search: Search, trials: Sequence[Refit], promised: Mapping[str, float], *, afresh: bool
 ) -> list[Refit]:
     """Refit those to the end that may win, the best first.
@@ -277,7 +279,7 @@ def _finished(
     return done
 
 
-def _settled(search: Search, finals: Sequence[Refit]) -> list[Refit]:
+def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
     """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
     order = sorted(finals, key=lambda item: item.fit.cost)
     top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
@@ -326,13 +328,13 @@ def _best_of_each(trials: Sequence[Refit]) -> list[Refit]:
     return sorted(best.values(), key=lambda item: item.fit.cost)
 
 
-def _compared(search: Search, trial: Refit) -> Refit:
+def _with_comparison(search: Search, trial: Refit) -> Refit:
     found = compare(search.fit, trial.fit, search.groups, search.excess_left.total)
     return replace(trial, comparison=found)
 
 
 def _choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refit | None:
-    good = [item for item in trials if _believed(search, item.comparison, limits)]
+    good = [item for item in trials if _is_acceptable(search, item.comparison, limits)]
     if not good:
         return None
     chosen = good[0]
@@ -348,7 +350,7 @@ def _choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refi
     return min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
 
 
-def _believed(search: Search, found: Improvement, limits: Thresholds) -> bool:
+def _is_acceptable(search: Search, found: Improvement, limits: Thresholds) -> bool:
     enough = limits.is_enough(found, search.excess_left, len(search.effects))
     return enough and limits.allow(found)
 

@@ -92,7 +92,7 @@ class Curves:
             columns[piece.rows] = influence[piece.rows] @ weights
         return columns
 
-    def described(
+    def best_curve(
         self, place: SuspectPlace, variable: str, influence: FloatArray, size: float
     ) -> LocatedCurve:
         """Return the best curve of a variable at a place.

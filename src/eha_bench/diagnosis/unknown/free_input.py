@@ -68,7 +68,7 @@ class FreeInput:
     def nothing(self) -> float:
         """Marginal log likelihood where nothing acts."""
         table = np.column_stack([self.matrix, self.soft])
-        return _integrated(table.T @ table, self.matrix.shape[1], 1.0)[0]
+        return _marginal_likelihood(table.T @ table, self.matrix.shape[1], 1.0)[0]
 
     def support(self, influence: FloatArray) -> Support:
         """Return what speaks for an input that follows nothing.
@@ -126,7 +126,7 @@ class FreeInput:
             gain = spread @ np.linalg.inv(inner)
             left = (known - cross @ gain @ np.swapaxes(cross, 1, 2)).sum(axis=0)
             for size in sizes:
-                log, step = _integrated(left, p, scale / size)
+                log, step = _marginal_likelihood(left, p, scale / size)
                 log -= 0.5 * volume
                 if best is None or log > best[0]:
                     best = (log, variances, step)
@@ -153,7 +153,7 @@ def _covariance(count: int, constant: float, rough: float) -> FloatArray:
     return np.asarray(np.kron(np.eye(count // KNOTS), one), dtype=np.float64)
 
 
-def _integrated(left: FloatArray, p: int, precision: float) -> tuple[float, FloatArray]:
+def _marginal_likelihood(left: FloatArray, p: int, precision: float) -> tuple[float, FloatArray]:
     """Return the log likelihood with parameters and curve integrated out, and their best values.
 
     Args:

@@ -47,7 +47,7 @@ def learn(
             Free(f"{LEARNED}.period", at, 0.5 * located.period, 2 * located.period, located.period),
         )
     # without the curve the parameters had been bent to imitate it; short windows straighten them
-    near = _settled(short.apart(), vector, free)
+    near = _fit_until_settled(short.apart(), vector, free)
     long = problem.at_step(step)
     long.soft = 1.0
     done = levenberg_marquardt(long, near.vector, free, iterations=10, refresh=1)
@@ -70,7 +70,7 @@ def learn(
     return start, done
 
 
-def _settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
+def _fit_until_settled(short: Problem, vector: FloatArray, free: Sequence[Free]) -> Fit:
     """Fit, and weigh again by what is left, until that no longer falls much.
 
     What the curve left before it was there reads as outliers and as wrong starts.

@@ -110,7 +110,7 @@ class Locator:
         self.curves = Curves(self.short, self.period, here)
         self.channels = np.concatenate([piece.channels for piece in self.short.pieces])
 
-    def offered(self, progress: ProgressHook) -> list[SupportedPlace]:
+    def supported_places(self, progress: ProgressHook) -> list[SupportedPlace]:
         """Return every place that can act at all, the one with most support first."""
         found: list[SupportedPlace] = []
         places = places_of(self.plant)
@@ -121,12 +121,12 @@ class Locator:
             size = usual_size(place, self.plant, self.short.noise, self.curves.span)
             influence = self._influence(place, size)
             if float(np.abs(influence).max()) > 1e-6:
-                found.append(self._weighed(place, size, influence))
+                found.append(self._support_of(place, size, influence))
         own = set(self.plant.roles.volumes)
         volumes = [item for item in found if item.place.at in own]
         if len(volumes) > 1:
             together = np.hstack([item.influence for item in volumes])
-            found.append(self._weighed(_VOLUMES, 1.0, together))
+            found.append(self._support_of(_VOLUMES, 1.0, together))
         return sorted(self._with_curves(found), key=lambda item: -item.support)
 
     def _influence(self, place: SuspectPlace, size: float) -> FloatArray:
@@ -143,13 +143,20 @@ class Locator:
             columns.append(np.clip(change, -self.limit, self.limit))
         return np.column_stack(columns)
 
-    def _weighed(self, place: SuspectPlace, size: float, influence: FloatArray) -> SupportedPlace:
+    def _support_of(
+        self, place: SuspectPlace, size: float, influence: FloatArray
+    ) -> SupportedPlace:
         free = self.input.support(influence)
         return SupportedPlace(
-            place, size, influence, free, free.log - self.nothing, self._left(place, free.rest)
+            place,
+            size,
+            influence,
+            free,
+            free.log - self.nothing,
+            self._remaining_excess(place, free.rest),
         )
 
-    def _left(self, place: SuspectPlace, rest: FloatArray) -> float:
+    def _remaining_excess(self, place: SuspectPlace, rest: FloatArray) -> float:
         """Return what stays of the excess in the channels that a sensor's fault cannot reach."""
         names = self.plant.outputs
         others = ~np.isin(self.channels, [names.index(name) for name in place.sensors])
@@ -180,10 +187,10 @@ class Locator:
                 out.append(item)
                 continue
             places.add(item.place.at)
-            out.append(self._curved(item))
+            out.append(self._with_curve(item))
         return out
 
-    def _curved(self, item: SupportedPlace) -> SupportedPlace:
+    def _with_curve(self, item: SupportedPlace) -> SupportedPlace:
         """Return a place with what speaks for its best curve, simulated, where that is more."""
         best: tuple[Support, str] | None = None
         for variable in item.place.variables:
@@ -201,21 +208,21 @@ class Locator:
         vector = self.vector
         amplitudes = np.zeros(knots.size)
         for _ in range(_ROUNDS):
-            vector = self._moved(vector, found.step[:p])
+            vector = self._vector_after(vector, found.step[:p])
             amplitudes = found.step[p:]
-            again = self._simulated(item, template, vector, knots, amplitudes)
+            again = self._simulated_support(item, template, vector, knots, amplitudes)
             last, found = found.log, again
             if found.log - self.nothing > item.support:
                 item = replace(
                     item,
                     support=found.log - self.nothing,
-                    left=self._left(item.place, found.rest),
+                    left=self._remaining_excess(item.place, found.rest),
                 )
             if abs(found.log - last) < _SETTLED * abs(found.log - self.nothing):
                 break
         return item
 
-    def _simulated(
+    def _simulated_support(
         self,
         item: SupportedPlace,
         template: Template,
@@ -244,16 +251,16 @@ class Locator:
             item.influence, np.column_stack(columns), item.free, amplitudes
         )
 
-    def _moved(self, vector: FloatArray, step: FloatArray) -> FloatArray:
+    def _vector_after(self, vector: FloatArray, step: FloatArray) -> FloatArray:
         out = vector.copy()
         for item, share in zip(self.free, np.clip(step, -_FURTHEST, _FURTHEST), strict=True):
             out[item.at] = min(max(out[item.at] + float(share) * item.scale, item.low), item.high)
         return out
 
-    def described(self, offered: Sequence[SupportedPlace]) -> list[LocatedCurve]:
+    def best_curves(self, offered: Sequence[SupportedPlace]) -> list[LocatedCurve]:
         """Return curves of one variable at some places, the one that explains most first."""
         found = [
-            self.curves.described(item.place, variable, item.influence, item.size)
+            self.curves.best_curve(item.place, variable, item.influence, item.size)
             for item in offered
             for variable in item.place.variables
             if self.curves.varies(variable)
@@ -275,7 +282,7 @@ def locate(
     they could depend on is measured.
     """
     locator = Locator(problem, fit, step)
-    offered = locator.offered(progress)
+    offered = locator.supported_places(progress)
     if not offered:
         return locator, "", []
     best = believed_place(offered).place.equation
@@ -298,8 +305,8 @@ def described_places(locator: Locator, offered: Sequence[SupportedPlace]) -> lis
     # both chambers at once have no curve: each of them has
     anywhere = [item for item in offered if item.place.equation == best.place.equation]
     return by_what_it_follows(
-        locator.described(drive),
-        locator.described(machine) or ([] if best in drive else locator.described(anywhere)),
+        locator.best_curves(drive),
+        locator.best_curves(machine) or ([] if best in drive else locator.best_curves(anywhere)),
         best.place,
     )
 
