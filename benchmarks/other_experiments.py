@@ -60,7 +60,7 @@ class OtherPlanners:
             drawn = neighbour_of(drawn, self.rng, self.plan).lasting(self.seconds)
             safe = self._largest(drawn)
             if safe is not None:
-                return self._suite(safe.sized(safe.size * float(self.rng.uniform(0.3, 1.0))))
+                return self._suite(safe.at_size(safe.size * float(self.rng.uniform(0.3, 1.0))))
         return None
 
     def d_optimal(self) -> Suite | None:

@@ -48,7 +48,7 @@ class Experiment:
     seconds: float = 4.0
     pattern: str = ""
 
-    def sized(self, size: float) -> Experiment:
+    def at_size(self, size: float) -> Experiment:
         """Return the same at another size."""
         return replace(self, size=size)
 

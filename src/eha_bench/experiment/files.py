@@ -100,7 +100,7 @@ def _dataset(proposal: Proposal, question: Question, suite: Path) -> dict[str, A
     old = Path(question.covered.dataset)
     if question.covered.dataset and old.is_file():
         content = yaml_file.plain(yaml_file.load(old))
-        moved = _moved(content, old.resolve().parent, folder)
+        moved = _rebase_files(content, old.resolve().parent, folder)
         inputs = moved.get("inputs", [plant.command])
         if plant.command in inputs:
             return {**moved, "runs": [*moved["runs"], *new]}
@@ -109,7 +109,7 @@ def _dataset(proposal: Proposal, question: Question, suite: Path) -> dict[str, A
     return {"model": os.path.relpath(model, folder), "inputs": [plant.command], "runs": new}
 
 
-def _moved(content: Mapping[str, Any], before: Path, after: Path) -> dict[str, Any]:
+def _rebase_files(content: Mapping[str, Any], before: Path, after: Path) -> dict[str, Any]:
     """Return a dataset whose files are named from another folder; channels stand in each run."""
 
     def named(name: str) -> str:

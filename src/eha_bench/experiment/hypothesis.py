@@ -150,7 +150,7 @@ def read_question(path: str | Path) -> Question:
         )
     try:
         rivals = tuple(_hypothesis(item, file.parent) for item in content["rivals"])
-        covered = _covered(content["covered"])
+        covered = _covered_from(content["covered"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"its rivals cannot be read ({error!r})", where=where) from error
     found = [item for item in rivals if item.standing is not Standing.RUNNER_UP]
@@ -183,7 +183,7 @@ def _hypothesis(content: Mapping[str, Any], folder: Path) -> Hypothesis:
     )
 
 
-def _covered(content: Mapping[str, Any]) -> Covered:
+def _covered_from(content: Mapping[str, Any]) -> Covered:
     def pair(ends: list[float]) -> tuple[float, float]:
         return float(ends[0]), float(ends[1])
 

@@ -101,7 +101,7 @@ def rank(
     for number, (run, inputs) in enumerate(runs):
         progress("recordings", number / len(runs))
         try:
-            found.append(_ranked(question, rivals, run, inputs, bench, within, seed))
+            found.append(_rank_recording(question, rivals, run, inputs, bench, within, seed))
         except EhaBenchError as error:
             found.append(RankedRecording(run.log.name, np.nan, np.nan, np.nan, -1.0, str(error)))
     return tuple(sorted(found, key=lambda item: (
@@ -145,7 +145,7 @@ def _setup(log: Path) -> dict[str, str]:
     return {"piston": Piston(piston).value, "bypass": Bypass(bypass).value}
 
 
-def _ranked(
+def _rank_recording(
     question: Question,
     rivals: Sequence[Hypothesis],
     run: Run,

@@ -95,7 +95,7 @@ class _Tried:
     ticks: tuple[int, ...]
     grams: FloatArray
 
-    def cut(self, part: int, rate: float) -> Experiment:
+    def cut_after(self, part: int, rate: float) -> Experiment:
         return self.candidate.lasting(self.ticks[part] / rate)
 
 
@@ -124,7 +124,7 @@ def propose(
     """
     began = time.perf_counter()
     question = read_question(diagnosis)
-    found = _ExperimentSearch(question, budget, safety, probability, within, seed, progress).ended()
+    found = _ExperimentSearch(question, budget, safety, probability, within, seed, progress).run()
     return replace(found, seconds=time.perf_counter() - began, source=question.source)
 
 
@@ -168,7 +168,7 @@ class _ExperimentSearch:
         self.tried = 0
         self.refused = 0
 
-    def ended(self) -> Proposal:
+    def run(self) -> Proposal:
         """Search, and say how it ended."""
         if self._nothing_open():
             return self._ending(ProposalEnding.NOTHING_OPEN, self._why_nothing_open())
@@ -178,7 +178,7 @@ class _ExperimentSearch:
                 f"{self.permitted.words}, and they leave the command no room: "
                 "give a --safety file that permits more",
             )
-        screened = self._screened()
+        screened = self._best_experiments()
         if not screened:
             return self._ending(
                 ProposalEnding.NONE_PERMITTED,
@@ -245,7 +245,7 @@ class _ExperimentSearch:
         for _ in range(2):
             if responses.safe:
                 break
-            item = item.sized(0.7 * item.size)
+            item = item.at_size(0.7 * item.size)
             responses = self._respond(item, self.layout)
         if not responses.safe:
             self.refused += 1
@@ -261,7 +261,7 @@ class _ExperimentSearch:
 
     # --- search ------------------------------------------------------------------------------
 
-    def _screened(self) -> list[_Tried]:
+    def _best_experiments(self) -> list[_Tried]:
         """Return the best experiments, after variation, the cheapest first."""
         every = list(candidates(self.plan, min(self.budget, _LONGEST)))
         found = []
@@ -299,13 +299,13 @@ class _ExperimentSearch:
 
     def _price(self, item: _Tried) -> float:
         """Return the bench time after which an experiment would decide, s."""
-        reached = self._reached(item.grams)
+        reached = self._shares_reached(item.grams)
         enough = np.flatnonzero(reached >= 1.0)
         if enough.size:
             return item.ticks[int(enough[0])] / self.bench.rate
         return item.candidate.seconds / max(float(reached[-1]), 1e-9)
 
-    def _reached(self, grams: FloatArray) -> FloatArray:
+    def _shares_reached(self, grams: FloatArray) -> FloatArray:
         """Return what is reached by the end of each block, as a share of what is needed."""
         if len(self.causes) > 1:
             return shares_of_a_decision(self.layout, grams)
@@ -321,7 +321,7 @@ class _ExperimentSearch:
         drawn: list[_Tried] = []
         for number, item in enumerate(screened):
             self.progress("draws", number / len(screened))
-            if (again := self._drawn(item.candidate, layout, number)) is not None:
+            if (again := self._simulate_draws(item.candidate, layout, number)) is not None:
                 drawn.append(again)
         if not drawn:
             return self._ending(
@@ -345,13 +345,13 @@ class _ExperimentSearch:
             )
         if len(chosen) == 1:
             chosen = [self._gentlest(chosen[0], layout, expected)]
-        return self._proposed(self._confirmed(chosen))
+        return self._proposal_of(self._lengthen_until_confirmed(chosen))
 
     def _suffices(self, found: Odds) -> bool:
         """Whether the right rival is named as surely as asked for."""
         return found.right >= self.probability and found.wrong <= MOST_WRONG
 
-    def _confirmed(self, chosen: list[Experiment]) -> list[Experiment]:
+    def _lengthen_until_confirmed(self, chosen: list[Experiment]) -> list[Experiment]:
         """Return an experiment made longer until draws that did not choose it confirm its worth.
 
         The shortest of many that seem to suffice is one that few draws flatter.
@@ -360,7 +360,7 @@ class _ExperimentSearch:
         for number in range(_LONGER):
             self.progress("confirm", number / _LONGER)
             layout = layout_of(self.rivals, _FRESH, np.random.default_rng([self.seed, 4, number]))
-            parts = [self._drawn(item, layout, 60 + k) for k, item in enumerate(chosen)]
+            parts = [self._simulate_draws(item, layout, 60 + k) for k, item in enumerate(chosen)]
             drawn = [item for item in parts if item is not None]
             if len(drawn) < len(parts):
                 break
@@ -398,7 +398,7 @@ class _ExperimentSearch:
         longest = max(chosen.seconds, min(_LONGEST, self.budget))
         while chosen.size > _SMALLEST:
             self.progress("gentler", 0.0)
-            item = chosen.sized(_GENTLER * chosen.size).lasting(longest)
+            item = chosen.at_size(_GENTLER * chosen.size).lasting(longest)
             responses = self._respond(item, layout)
             if not responses.safe:
                 break
@@ -415,7 +415,9 @@ class _ExperimentSearch:
             chosen = item.lasting(max(enough[0] / self.bench.rate, chosen.seconds))
         return chosen
 
-    def _drawn(self, candidate: Experiment, layout: DrawRows, number: int) -> _Tried | None:
+    def _simulate_draws(
+        self, candidate: Experiment, layout: DrawRows, number: int
+    ) -> _Tried | None:
         """Simulate with draws of the posteriors, smaller where one of them breaks a limit."""
         for _ in range(4):
             responses = self._respond(candidate, layout)
@@ -423,7 +425,7 @@ class _ExperimentSearch:
                 ticks = self._ticks(candidate)
                 grams = self._products(responses, layout, ticks, 10 + number)
                 return _Tried(candidate, ticks, grams)
-            candidate = candidate.sized(0.75 * candidate.size)
+            candidate = candidate.at_size(0.75 * candidate.size)
         return None
 
     def _shortest(self, drawn: list[_Tried], layout: DrawRows) -> tuple[list[Experiment], Odds]:
@@ -449,7 +451,7 @@ class _ExperimentSearch:
                     break
                 short = 0.0 if self._suffices(found) else 1.0 - found.worth
                 if best is None or (short, seconds) < best[0]:
-                    cut = [*(item.candidate for item in first), last.cut(part, rate)]
+                    cut = [*(item.candidate for item in first), last.cut_after(part, rate)]
                     best = (short, seconds), cut, found
         assert best is not None
         return best[1], best[2]
@@ -458,7 +460,7 @@ class _ExperimentSearch:
     def _before(self) -> float:
         return self.question.covered.seconds
 
-    def _proposed(self, chosen: list[Experiment]) -> Proposal:
+    def _proposal_of(self, chosen: list[Experiment]) -> Proposal:
         """Return a proposal with what fresh draws say of it."""
         self.progress("predict", 0.0)
         layout = layout_of(self.rivals, _FRESH, np.random.default_rng([self.seed, 3]))
@@ -471,7 +473,7 @@ class _ExperimentSearch:
             for _ in range(4):
                 if responses.safe:
                     break
-                candidate = candidate.sized(0.85 * candidate.size)
+                candidate = candidate.at_size(0.85 * candidate.size)
                 responses = self._respond(candidate, layout)
             if not responses.safe:
                 continue
@@ -553,7 +555,7 @@ class _ExperimentSearch:
                 worst = self._worst(posterior_after(self.rivals[0], self.layout, gram, 0))
                 order = (max(worst - self.within, 0.0), seconds)
                 if best is None or order < best[0]:
-                    cut = [*(item.candidate for item in first), last.cut(part, rate)]
+                    cut = [*(item.candidate for item in first), last.cut_after(part, rate)]
                     best = order, cut
         assert best is not None
         before = self._worst(self.rivals[0].covariance)
@@ -565,7 +567,7 @@ class _ExperimentSearch:
                 f"no permitted experiment of {self.budget:g} s narrows the interval of {name} "
                 f"below its present {per_cent(before)}",
             )
-        return self._proposed(best[1])
+        return self._proposal_of(best[1])
 
     def _widths(self, layout: DrawRows, gram: FloatArray) -> tuple[Width, ...]:
         rival = self.rivals[0]

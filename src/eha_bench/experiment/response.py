@@ -149,7 +149,7 @@ def largest(
         plan: what all trials have in common.
     """
     for size in _SIZES:
-        item = candidate.sized(size * candidate.size)
+        item = candidate.at_size(size * candidate.size)
         trial = plan.trials([item], ["t"])[0]
         if respond(rivals, draws, trial, bench, limits).safe:
             return item
