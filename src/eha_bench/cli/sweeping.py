@@ -76,14 +76,14 @@ def sweep(
         words += ["--target", target] if target else []
         say(f"interrupted; to go on: {shlex.join([*words, '--out', str(found.folder)])} --resume")
         raise typer.Exit(INTERRUPTED)
-    if not found.passed:
+    if not found.passing_points:
         raise typer.Exit(1)
 
 
 def _say(found: SweepResult) -> None:
     """Print how many points pass, the best one, and what keeps the others from it."""
     done, kept = len(found.results), found.margins >= 0.0
-    say(f"{len(found.passed)} of {done} points keep all limits")
+    say(f"{len(found.passing_points)} of {done} points keep all limits")
     best = found.best
     if best is not None:
         named = ", ".join(
@@ -92,7 +92,7 @@ def _say(found: SweepResult) -> None:
         )
         word = "most margin" if found.results[best].passed else "nearest miss"
         say(f"{word}: point {best} ({named}), least margin {found.results[best].margin:+.3f}")
-    if done and not found.passed:
+    if done and not found.passing_points:
         for place, limit in enumerate(found.limits):
             if not kept[:, place].any():
                 say(f"  no point keeps {limit.key} ({limit.text})")

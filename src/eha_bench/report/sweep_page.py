@@ -123,7 +123,7 @@ def write_sweep_page(sweep: SweepResult, command: tuple[str, ...]) -> Path:
 
 
 def _axis(factor: Factor, sweep: SweepResult, places: list[int], column: int) -> Axis:
-    values = [factor.shown(sweep.points[place][column]) for place in places]
+    values = [factor.in_file_unit(sweep.points[place][column]) for place in places]
     log = isinstance(factor.span, Range) and factor.span.log
     if any(isinstance(value, str) for value in values):
         words = tuple(dict.fromkeys(str(value) for value in values))
@@ -137,7 +137,7 @@ def _axis(factor: Factor, sweep: SweepResult, places: list[int], column: int) ->
 def _headline(sweep: SweepResult, margins: FloatArray) -> str:
     if not sweep.complete:
         return f"Stopped after {len(sweep.results)} of {len(sweep.points)} points."
-    if sweep.passed:
+    if sweep.passing_points:
         best = sweep.best
         assert best is not None
         least = number(sweep.results[best].margin, 3, sign=True)
@@ -154,7 +154,7 @@ def _best(sweep: SweepResult, place: int) -> dict[str, Any]:
     found = sweep.results[place]
     rows = []
     for factor, value in zip(sweep.space.factors, sweep.points[place], strict=True):
-        now = factor.declared(sweep.space.case)
+        now = factor.declared_value(sweep.space.case)
         rows.append(
             (
                 factor.key,

@@ -32,9 +32,13 @@ class Conditions:
 
     def met_by(self, draws: Sequence[Draw], seed: int) -> tuple[Draw, ...]:
         """Return machines in different conditions; the same seed gives the same."""
-        return tuple(self._met(draw, seed) for draw in draws) if self.factors else tuple(draws)
+        return (
+            tuple(self._with_conditions(draw, seed) for draw in draws)
+            if self.factors
+            else tuple(draws)
+        )
 
-    def _met(self, draw: Draw, seed: int) -> Draw:
+    def _with_conditions(self, draw: Draw, seed: int) -> Draw:
         shares = np.random.default_rng([seed, draw.number, _STREAM]).random(len(self.factors))
         drawn = {
             factor.key: float(factor.span.at(float(share)))

@@ -42,11 +42,11 @@ class Factor(ABC):
 
     kind: ClassVar[str]
 
-    def written(self, value: Value) -> Value:
+    def as_applied(self, value: Value) -> Value:
         """Return a value as `applied` takes it."""
         return value
 
-    def shown(self, value: Value) -> Value:
+    def in_file_unit(self, value: Value) -> Value:
         """Return a value in the unit that the file writes it in."""
         if isinstance(value, str) or not self.shown_in:
             return value
@@ -55,7 +55,7 @@ class Factor(ABC):
 
     def formatted(self, value: Value) -> str:
         """Return a value with its unit, for people."""
-        shown = self.shown(value)
+        shown = self.in_file_unit(value)
         number = shown if isinstance(shown, str) else f"{shown:.5g}"
         return f"{number} {self.shown_in or self.unit}".rstrip()
 
@@ -68,7 +68,7 @@ class Factor(ABC):
         return f"{self.key} {', '.join(self.formatted(level) for level in self.span.levels)}"
 
     @abstractmethod
-    def declared(self, case: Case) -> Value | None:
+    def declared_value(self, case: Case) -> Value | None:
         """Return the value that a case has as it stands; None where it is unknown."""
 
     @staticmethod
@@ -82,7 +82,7 @@ class Gain(Factor):
 
     kind = "gains"
 
-    def declared(self, case: Case) -> Value | None:
+    def declared_value(self, case: Case) -> Value | None:
         """Return the gain of the case's controller."""
         return gains_of(case.simulator.controllers)[self.key]
 
@@ -99,7 +99,7 @@ class ModelParameter(Factor):
 
     kind = "parameters"
 
-    def declared(self, case: Case) -> Value | None:
+    def declared_value(self, case: Case) -> Value | None:
         """Return the model's value."""
         return case.simulator.model.value(self.key)
 
@@ -117,12 +117,12 @@ class TrialKey(Factor):
 
     kind = "trials"
 
-    def declared(self, case: Case) -> Value | None:
+    def declared_value(self, case: Case) -> Value | None:
         """Nothing: a key may stand there with a unit, by a name of the matrix, or not at all."""
         del case
         return None
 
-    def written(self, value: Value) -> Value:
+    def as_applied(self, value: Value) -> Value:
         """Return the value with its unit."""
         return with_unit(value, self.unit)
 

@@ -31,7 +31,7 @@ class Space:
         case = self.case
         for kind in KINDS.values():
             values = {
-                factor.key: factor.written(value)
+                factor.key: factor.as_applied(value)
                 for factor, value in zip(self.factors, point, strict=True)
                 if type(factor) is kind
             }
@@ -39,7 +39,7 @@ class Space:
                 case = kind.applied(case, values)
         return case
 
-    def named(self, point: Sequence[Value]) -> dict[str, Value]:
+    def values_by_key(self, point: Sequence[Value]) -> dict[str, Value]:
         """Return a point's values by their factors' keys."""
         return {factor.key: value for factor, value in zip(self.factors, point, strict=True)}
 

@@ -58,7 +58,7 @@ class SweepResult:
         return len(self.results) == len(self.points)
 
     @property
-    def passed(self) -> tuple[int, ...]:
+    def passing_points(self) -> tuple[int, ...]:
         """Places of the points that keep all limits."""
         return tuple(place for place, found in sorted(self.results.items()) if found.passed)
 
@@ -88,10 +88,10 @@ class SweepResult:
             "status": _status(self).value,
             "points": len(self.points),
             "done": len(self.results),
-            "passed": len(self.passed),
+            "passed": len(self.passing_points),
             "best": None if best is None else {
                 "point": best,
-                "values": self.space.named(self.points[best]),
+                "values": self.space.values_by_key(self.points[best]),
                 "margin": finite_or_none(self.results[best].margin),
                 "passed": self.results[best].passed,
             },
@@ -117,7 +117,7 @@ class SweepResult:
 def _status(sweep: SweepResult) -> Status:
     if not sweep.complete:
         return Status.INCOMPLETE
-    return Status.PASSED if sweep.passed else Status.FAILED
+    return Status.PASSED if sweep.passing_points else Status.FAILED
 
 
 def prepared_sweep(case: Case, file: SweepFile) -> tuple[Space, tuple[Point, ...]]:

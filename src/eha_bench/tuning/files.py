@@ -51,14 +51,14 @@ def controller_text(found: Tuned, out: Path) -> str:
         block = blocks.setdefault(mode, {})
         for word in path:
             block = block.setdefault(word, {})
-        block[last] = _written(factor, value)
+        block[last] = _gain_as_written(factor, value)
     content = {"description": _about(found), "extends": named, **blocks}
     return yaml_file.to_text(content)
 
 
-def _written(factor: Factor, value: float | str) -> str | float:
+def _gain_as_written(factor: Factor, value: float | str) -> str | float:
     """Return a gain as a file takes it: in the unit of the range, to all its digits."""
-    shown = factor.shown(value)
+    shown = factor.in_file_unit(value)
     unit = factor.shown_in or factor.unit
     return f"{shown!r} {unit}" if unit and not isinstance(shown, str) else shown
 

@@ -120,14 +120,14 @@ class GainSearch:
         if self.stop():
             return np.full(len(columns), np.inf)
         points = [at(self.trying.space, column) for column in columns]
-        for column, point, found in zip(columns, points, self._raced(points), strict=True):
+        for column, point, found in zip(columns, points, self._race(points), strict=True):
             place = tuple(float(share) for share in column)
             worth = self.aim.most(found, len(self.machines))
             self.tried.append(TriedGains(place, point, worth, found))
         self.tell(self)
         return np.array([-item.worth for item in self.tried[-len(columns) :]])
 
-    def _raced(self, points: Sequence[Point]) -> list[FloatArray]:
+    def _race(self, points: Sequence[Point]) -> list[FloatArray]:
         """Return margins of candidates, each (machines, limits): of all machines if it can win."""
         first = math.ceil(_FIRST * len(self.machines))
         standing = self._standing

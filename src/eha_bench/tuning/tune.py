@@ -164,7 +164,7 @@ class _Tuning:
     def run(self) -> Tuned:
         space, effort = self.trying.space, self.effort
         size = max(8, 4 * len(space.factors))
-        before = tuple(_declared(space))
+        before = tuple(_declared_gains(space))
         first = self._search([Machine(_AS_FITTED, space.case.simulator.model)], Worst())
         whole = self.posterior is None
         candidates = max(size, round(effort.candidates * (1.0 if whole else _SHARE_AT_FITTED)))
@@ -177,7 +177,7 @@ class _Tuning:
             raise KeyboardInterrupt
         self._check_scored(first)
         if self.posterior is None:
-            return self._tuned(first, first.best, before, None, None)
+            return self._tuned_result(first, first.best, before, None, None)
         return self._over_draws(first, before, self.posterior)
 
     def _over_draws(self, first: GainSearch, before: Point, posterior: Posterior) -> Tuned:
@@ -196,7 +196,7 @@ class _Tuning:
             chosen = second.best if second.tried else chosen
             if second.tried and not self.interrupted():
                 chosen, after, declared = self._proven(second, before, draws)
-        return self._tuned(first, chosen, before, after, declared, second)
+        return self._tuned_result(first, chosen, before, after, declared, second)
 
     def _proven(
         self, second: GainSearch, before: Point, draws: Sequence[Draw]
@@ -258,7 +258,7 @@ class _Tuning:
             hint="remove the limit, or widen the ranges",
         )
 
-    def _explained(self, first: GainSearch) -> Contradiction:
+    def _contradiction(self, first: GainSearch) -> Contradiction:
         """Return why nothing passes; a limit not kept so far is searched for alone first."""
         tried = [*first.tried]
         asked: set[tuple[int, ...]] = set()
@@ -278,7 +278,7 @@ class _Tuning:
             found = contradiction(np.concatenate([item.margins for item in tried]))
         return found
 
-    def _tuned(
+    def _tuned_result(
         self,
         first: GainSearch,
         chosen: TriedGains,
@@ -316,16 +316,16 @@ class _Tuning:
             tried,
             after,
             declared,
-            None if passes else self._explained(first),
+            None if passes else self._contradiction(first),
             tuple(notes),
             not self.interrupted(),
         )
 
 
-def _declared(space: Space) -> list[float]:
+def _declared_gains(space: Space) -> list[float]:
     found = []
     for factor in space.factors:
-        value = factor.declared(space.case)
+        value = factor.declared_value(space.case)
         assert value is not None
         found.append(float(value))
     return found
