@@ -65,7 +65,7 @@ def test_a_number_reads_back_to_three_digits(value: float) -> None:
 )
 def test_showing_is_invertible(value: float, si: str) -> None:
     unit = display_unit(si, (value,))
-    assert (unit.shown(value) - unit.offset) / unit.factor == pytest.approx(value, abs=1e-6)
+    assert (unit.from_si(value) - unit.offset) / unit.factor == pytest.approx(value, abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def write_before_after(content: BeforeAfter, path: Path) -> Path:
         "suite": tuning["suite"],
         "target": after.target if after else _NOTHING,
         "notes": content.notes,
-        "covered": _covered(diagnosis),
+        "covered": _covered_facts(diagnosis),
         "cause": _cause(diagnosis),
         "errors_of": _RUNS[kind],
         "is_revised": diagnosis["verdict"] != "none",
@@ -129,7 +129,7 @@ def _summary(content: BeforeAfter, rows: Sequence[LimitChange]) -> tuple[str, st
     kept = sum(row.status == "passed" for row in rows)
     sentence = f"With the tuned gains the machine keeps {kept} of {len(rows)} limits"
     if content.before is not None:
-        earlier = list(_judged(content.before).values())
+        earlier = list(_limited_scores(content.before).values())
         count = sum(not scores[0].status.rejects for scores in earlier)
         sentence += f"; with the previous gains it kept {count} of {len(earlier)}"
     status = content.after.status
@@ -137,7 +137,7 @@ def _summary(content: BeforeAfter, rows: Sequence[LimitChange]) -> tuple[str, st
     return status.value, f"{word} on the machine", f"{sentence}. {amount}"
 
 
-def _covered(diagnosis: Mapping[str, Any]) -> list[Fact]:
+def _covered_facts(diagnosis: Mapping[str, Any]) -> list[Fact]:
     covered = diagnosis["covered"] or {}
     found = []
     if covered.get("seconds"):
@@ -206,9 +206,9 @@ def _estimate(item: Mapping[str, Any]) -> tuple[str, str]:
     interval = _NOTHING
     if isinstance(low, (int, float)) and isinstance(high, (int, float)):
         shown = display_unit(str(unit or ""), (value,))
-        digits = decimals_for(shown.shown(value), shown.difference(0.5 * (high - low)))
-        interval = " … ".join(number(shown.shown(end), digits) for end in (low, high))
-        return number(shown.shown(value), digits) + shown.suffix, interval
+        digits = decimals_for(shown.from_si(value), shown.difference(0.5 * (high - low)))
+        interval = " … ".join(number(shown.from_si(end), digits) for end in (low, high))
+        return number(shown.from_si(value), digits) + shown.suffix, interval
     return quantity(float(value), str(unit or "")), interval
 
 
@@ -232,11 +232,11 @@ def _chance(item: Mapping[str, Any] | None) -> str:
     return f"{item['value']:.3f} ({item['low']:.3f} … {item['high']:.3f})"
 
 
-def _judged(result: Result) -> dict[tuple[str, str, str], list[Score]]:
+def _limited_scores(result: Result) -> dict[tuple[str, str, str], list[Score]]:
     """Return the scores that have a limit, by trial, metric and limit, the worst repeat first."""
     found: dict[tuple[str, str, str], list[Score]] = {}
     for run in result.trials:
-        for score in _limited(run):
+        for score in _scores_with_limit(run):
             found.setdefault((run.id, score.metric, score.limit), []).append(score)
     return {
         key: sorted(scores, key=lambda item: -_RANK.index(item.status))
@@ -244,7 +244,7 @@ def _judged(result: Result) -> dict[tuple[str, str, str], list[Score]]:
     }
 
 
-def _limited(run: TrialResult) -> list[Score]:
+def _scores_with_limit(run: TrialResult) -> list[Score]:
     return [score for score in run.scores if score.limit]
 
 
@@ -259,9 +259,9 @@ def _limit_rows(content: BeforeAfter) -> list[LimitChange]:
             LimitChange(key, limit_text(text), _NOTHING, _NOTHING, _chance(chance), "undecided")
             for (key, text), chance in stated.items()
         ]
-    before = _judged(content.before) if content.before else {}
+    before = _limited_scores(content.before) if content.before else {}
     rows = []
-    for (trial, metric, limit), scores in _judged(content.after).items():
+    for (trial, metric, limit), scores in _limited_scores(content.after).items():
         chance = next(
             (
                 item

@@ -32,7 +32,7 @@ def cause_svg(trend: CauseTrend, wear: Wear | None, *, number: int) -> Markup:
     line = unit.factor * trend.line + unit.offset
     crossing = wear.crossing if wear is not None else None
     low, high = _range(values, half, line, math.nan if crossing is None else
-                       unit.shown(crossing.value))  # fmt: skip
+                       unit.from_si(crossing.value))  # fmt: skip
     count = values.size
     wide = max(1, count - 1)
     names = [moment(night.started) or night.path for night in trend.nights]
@@ -53,7 +53,7 @@ def cause_svg(trend: CauseTrend, wear: Wear | None, *, number: int) -> Markup:
         axes(low, high, y, names, x),
     ]
     if crossing is not None and math.isfinite(crossing.value):
-        at = y(unit.shown(crossing.value))
+        at = y(unit.from_si(crossing.value))
         label = f"first limit: {crossing.trial}, {metric_name(crossing.metric)}"
         parts.append(
             f'<line x1="{_LEFT}" x2="{WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}" '

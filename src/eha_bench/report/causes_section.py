@@ -99,8 +99,8 @@ def _row(trend: CauseTrend, *, alarmed: bool) -> WearingCauseView:
         look, sign = ("failed", "↗") if alarmed else ("undecided", "↗")
     return WearingCauseView(
         trend.name,
-        number(unit.shown(trend.healthy)),
-        number(unit.shown(newest)),
+        number(unit.from_si(trend.healthy)),
+        number(unit.from_si(newest)),
         f"± {number(unit.difference(half))}",
         unit.symbol,
         len(trend.nights),

@@ -22,7 +22,7 @@ def wear_sentence(wear: Wear) -> str:
     unit, trend = unit_of_cause(wear.trend), wear.trend
     now = trend.healthy + wear.moved.value
     parts = [
-        f"{trend.name}: {number(unit.shown(trend.healthy))} → {number(unit.shown(now))}"
+        f"{trend.name}: {number(unit.from_si(trend.healthy))} → {number(unit.from_si(now))}"
         f"{unit.suffix} since {_day(wear)}"
     ]
     if wear.rate is not None:

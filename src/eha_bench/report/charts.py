@@ -73,7 +73,7 @@ def chart_data(scene: Scene) -> ChartData:
 
 def _mark(mark: Mark, unit: DisplayUnit, recording: Recording) -> dict[str, Any]:
     data: dict[str, Any] = {"kind": type(mark).__name__, **asdict(mark)}
-    shown = unit.difference if isinstance(mark, Tube) else unit.shown
+    shown = unit.difference if isinstance(mark, Tube) else unit.from_si
     for name in ("value", "low", "high"):
         if name in data:
             data[name] = shown(data[name])

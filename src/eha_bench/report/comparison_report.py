@@ -109,8 +109,8 @@ def limits_turned(comparison: Comparison) -> tuple[tuple[str, ...], tuple[str, .
     """
     before, after = (_limits(side) for side in (comparison.baseline, comparison.candidate))
     both = [(key, before[key], after[key]) for key in after if key in before]
-    newly = tuple(_turned(*item) for item in both if item[2].missed and not item[1].missed)
-    again = tuple(_turned(*item) for item in both if item[1].missed and not item[2].missed)
+    newly = tuple(_limit_text(*item) for item in both if item[2].missed and not item[1].missed)
+    again = tuple(_limit_text(*item) for item in both if item[1].missed and not item[2].missed)
     return newly, again
 
 
@@ -136,7 +136,7 @@ def _limits(side: Side) -> dict[_Key, _SideLimit]:
     return found
 
 
-def _turned(key: _Key, before: _SideLimit, after: _SideLimit) -> str:
+def _limit_text(key: _Key, before: _SideLimit, after: _SideLimit) -> str:
     trial, metric, _ = key
     text = f"{trial}: {metric_name(metric)}, {after.text}"
     return text if before.text == after.text else f"{text} (in the baseline {before.text})"

@@ -92,7 +92,7 @@ def row_of(item: Compared) -> Row:
     known = [value for side in (item.baseline, item.candidate) for value in side.values]
     unit = display_unit(item.unit, known, metric=item.metric)
     half = (item.high - item.low) / 2.0
-    places = decimals_for(unit.shown(item.baseline.mean), unit.difference(half))
+    places = decimals_for(unit.from_si(item.baseline.mean), unit.difference(half))
     if item.metric in COUNTS and all(value == round(value) for value in known):
         places = 0
     return Row(
@@ -138,7 +138,7 @@ def note_of(item: Compared) -> str:
 
 
 def _side(side: Values, unit: DisplayUnit, places: int) -> str:
-    return number(unit.shown(side.mean), places) if side.values else number(math.nan)
+    return number(unit.from_si(side.mean), places) if side.values else number(math.nan)
 
 
 def _difference(value: float, unit: DisplayUnit, places: int) -> str:

@@ -78,13 +78,13 @@ def curve_view(curve: DrawnCurve, *, key: str, title: str) -> FigureView:
             across.factor * curve.at + across.offset, along.factor * curve.values,
             color=SHADES["blue"], marker="o", markersize=3.0,
         )  # fmt: skip
-        axes.set_title(_labelled(curve.amount[0], along))
+        axes.set_title(_axis_label(curve.amount[0], along))
         once = " (one period)" if curve.periodic else ""
-        axes.set_xlabel(_labelled(curve.variable[0], across) + once)
+        axes.set_xlabel(_axis_label(curve.variable[0], across) + once)
         return FigureView(key, render_svg(figure, key, title=title))
 
 
-def _labelled(name: str, unit: DisplayUnit) -> str:
+def _axis_label(name: str, unit: DisplayUnit) -> str:
     return f"{name} / {unit.symbol}" if unit.symbol else name
 
 

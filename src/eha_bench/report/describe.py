@@ -44,12 +44,12 @@ def _reference(trial: Trial) -> str:
 
 def _step(edge: Edge, si: str) -> str:
     unit = display_unit(si, (edge.before, edge.after))
-    return f"{_short(unit.shown(edge.before))} → {_short(unit.shown(edge.after))}{unit.suffix}"
+    return f"{_short(unit.from_si(edge.before))} → {_short(unit.from_si(edge.after))}{unit.suffix}"
 
 
 def _tone(tone: Tone, si: str) -> str:
     unit = display_unit(si, (tone.offset, tone.amplitude))
-    around = f"{_short(unit.shown(tone.offset))} " if tone.offset else ""
+    around = f"{_short(unit.from_si(tone.offset))} " if tone.offset else ""
     return (
         f"{around}± {_short(unit.difference(tone.amplitude))}{unit.suffix} "
         f"at {_short(tone.frequency)}\N{NO-BREAK SPACE}Hz"
@@ -58,7 +58,7 @@ def _tone(tone: Tone, si: str) -> str:
 
 def _quantity(value: float, si: str) -> str:
     unit = display_unit(si, (value,))
-    return _short(unit.shown(value)) + unit.suffix
+    return _short(unit.from_si(value)) + unit.suffix
 
 
 def _short(value: float) -> str:

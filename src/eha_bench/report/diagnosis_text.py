@@ -83,10 +83,10 @@ def _verdict(found: Diagnosis) -> str:
         return "Nothing is missing from the model"
     if found.verdict is Verdict.EFFECT:
         names = [f"{words_of(item.id)} (in {where(item.equation)})" for item in found.effects]
-        return f"The model lacks {_listed(names)}"
+        return f"The model lacks {_enumeration(names)}"
     if found.unknown is None or found.unknown.equation is None:
         return "Something is missing from the model; what it is remains open"
-    on = _listed([words_of(name) for name in found.unknown.variables])
+    on = _enumeration([words_of(name) for name in found.unknown.variables])
     depends = f" and depends on {on}" if on else ""
     return f"Something unknown acts in {where(found.unknown.equation)}{depends}"
 
@@ -143,10 +143,10 @@ def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
         rows.append(
             ErrorRow(
                 channel_name(name) + (f" / {unit.symbol}" if unit.symbol else ""),
-                _shown(item.uncalibrated, unit),
-                _shown(item.before, unit),
-                _shown(item.after, unit),
-                _shown(item.noise_floor, unit),
+                _error_text(item.uncalibrated, unit),
+                _error_text(item.before, unit),
+                _error_text(item.after, unit),
+                _error_text(item.noise_floor, unit),
                 times_floor if math.isfinite(ratio) else _NOTHING,
                 amount(item.after_windows, item.unit) if apart else "",
                 item.after > 1.05 * item.before,
@@ -155,7 +155,7 @@ def error_rows(errors: dict[str, ChannelError]) -> tuple[ErrorRow, ...]:
     return tuple(rows)
 
 
-def _shown(value: float, unit: DisplayUnit) -> str:
+def _error_text(value: float, unit: DisplayUnit) -> str:
     """Write an error in a unit that stands elsewhere, with three digits."""
     if math.isinf(value):
         return "diverges"
@@ -190,8 +190,8 @@ def parameter_row(
     interval = why or "not determined by these data"
     if known and spread > 0.0:
         unit = display_unit(item.unit, (item.value,))
-        digits = decimals_for(unit.shown(item.value), unit.difference(spread))
-        low, high = (number(unit.shown(end), digits) for end in (item.low, item.high))
+        digits = decimals_for(unit.from_si(item.value), unit.difference(spread))
+        low, high = (number(unit.from_si(end), digits) for end in (item.low, item.high))
         interval = f"{low} … {high}"
     elif known:
         interval = "exact"
@@ -263,7 +263,7 @@ def unknown_text(found: Unknown) -> str:
     return " ".join(named)
 
 
-def _listed(words: list[str]) -> str:
+def _enumeration(words: list[str]) -> str:
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} and {words[-1]}"

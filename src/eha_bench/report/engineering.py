@@ -26,7 +26,7 @@ class DisplayUnit:
     factor: float = 1.0
     offset: float = 0.0
 
-    def shown(self, value: float) -> float:
+    def from_si(self, value: float) -> float:
         """Convert an SI value to this unit."""
         return self.factor * value + self.offset
 
@@ -178,7 +178,7 @@ def _written_unit(si: str, written: str) -> DisplayUnit | None:
     if si == "":
         return PERCENT if written.rstrip().endswith("%") else None
     if si not in _SCALES:
-        return _composed(si, written)
+        return _composed_unit(si, written)
     known = {unit.symbol: unit for _, unit in _SCALES.get(si, ())} | _WRITTEN.get(si, {})
     for word in reversed(re.findall(r"[^\s\d.,;()<>=±]+", written)):
         if word in known:
@@ -186,7 +186,7 @@ def _written_unit(si: str, written: str) -> DisplayUnit | None:
     return None
 
 
-def _composed(si: str, written: str) -> DisplayUnit | None:
+def _composed_unit(si: str, written: str) -> DisplayUnit | None:
     """Return the unit of a limit whose SI unit is none of ours: `<= 0.3 MPa*s` of Pa*s."""
     for unit in reversed(_AFTER_NUMBER.findall(written)):
         try:
@@ -263,6 +263,6 @@ def quantity(
     if not math.isfinite(value):
         return number(value)
     unit = display_unit(si, (value,), metric=metric, written=written)
-    shown = unit.shown(value)
+    shown = unit.from_si(value)
     decimals = 0 if metric in COUNTS else decimals_for(shown, unit.difference(spread))
     return number(shown, decimals) + unit.suffix

@@ -56,13 +56,13 @@ def layout_for(source: Path | None = None) -> dict[str, Any]:
         return layout(own_series({name: c.unit for name, c in CHANNELS.items()}))
     if source.suffix.lower() not in (".yaml", ".yml"):
         units = read(source).units
-        return layout(own_series(units), followed=_followed(units))
+        return layout(own_series(units), followed=_followers(units))
     content = yaml_file.peek(source)
     if isinstance(content, dict) and "trials" in content:
         modes = dict.fromkeys(trial.channel for trial in load_suite(source).trials)
         series = own_series({name: c.unit for name, c in CHANNELS.items()})
         return layout(series, followed=tuple(modes))
-    return layout(_mapped(source))
+    return layout(_mapped_series(source))
 
 
 def own_series(units: Mapping[str, str]) -> tuple[PlottedSeries, ...]:
@@ -94,7 +94,7 @@ def layout(series: Sequence[PlottedSeries], followed: Sequence[str] = ()) -> dic
         "diffTopicPath": "",
         "showFullMessageForDiff": False,
     }
-    plots = _stacked([name for name in panels if name.startswith("Plot!")])
+    plots = _panel_tree([name for name in panels if name.startswith("Plot!")])
     return {
         "configById": panels,
         "globalVariables": {},
@@ -136,19 +136,19 @@ def _plot(items: Sequence[PlottedSeries], title: str) -> dict[str, Any]:
     }
 
 
-def _stacked(names: Sequence[str]) -> Any:
+def _panel_tree(names: Sequence[str]) -> Any:
     """The tree of panels one below the other, all of the same height."""
     if len(names) == 1:
         return names[0]
     return {
         "direction": "column",
         "first": names[0],
-        "second": _stacked(names[1:]),
+        "second": _panel_tree(names[1:]),
         "splitPercentage": round(100.0 / len(names), 3),
     }
 
 
-def _followed(units: Mapping[str, str]) -> tuple[str, ...]:
+def _followers(units: Mapping[str, str]) -> tuple[str, ...]:
     """What follows the reference of a recording, by the reference's unit."""
     unit = units.get("reference", "")
     known = [mode.channel for mode in MODES if mode.channel in units]
@@ -156,7 +156,7 @@ def _followed(units: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(name for name in (*known, *own) if unit and units[name] == unit)
 
 
-def _mapped(source: Path) -> tuple[PlottedSeries, ...]:
+def _mapped_series(source: Path) -> tuple[PlottedSeries, ...]:
     entries = load_channel_map(source).channels
     found = tuple(_fields(entries))
     if not found:

@@ -173,7 +173,7 @@ def _row(run: TrialResult, trial: Trial | None, score: Score) -> ScoreRow:
     near = [score.value, *((bounds.low, bounds.high) if bounds else ())]
     unit = display_unit(score.unit, near, metric=score.metric, written=score.limit)
     half_width = (measure.high - measure.low) / 2.0
-    shown = unit.shown(score.value)
+    shown = unit.from_si(score.value)
     counted = score.metric in COUNTS
     decimals = 0 if counted else decimals_for(shown, unit.difference(half_width))
     decided = math.isfinite(score.value) and score.status is not ScoreStatus.UNDECIDED
@@ -243,7 +243,7 @@ def _interval(measure: Measure, unit: DisplayUnit, decimals: int) -> str:
         return ""
     if abs(below - above) <= 0.05 * abs(below + above):
         return f"± {number((below + above) / 2.0, decimals)}"
-    return f"{number(unit.shown(low), decimals)} … {number(unit.shown(high), decimals)}"
+    return f"{number(unit.from_si(low), decimals)} … {number(unit.from_si(high), decimals)}"
 
 
 def _margin(

@@ -145,7 +145,7 @@ def marks_of(trial: Trial, run: TrialResult, steps: Sequence[StepMark]) -> tuple
         found += _limit(trial, limit, steps)
     # Of several edges a score is the worst one's; the plot cannot know which.
     if len(steps) == 1:
-        found += _measured(steps[0], run.scores, trial.channel)
+        found += _score_marks(steps[0], run.scores, trial.channel)
     return tuple(dict.fromkeys(found))
 
 
@@ -199,7 +199,7 @@ def _step_levels(
             yield LevelLine(limit.channel, value, start, step.until, Role.LIMIT, label)
 
 
-def _measured(step: StepMark, scores: Sequence[Score], followed: str) -> Iterator[Mark]:
+def _score_marks(step: StepMark, scores: Sequence[Score], followed: str) -> Iterator[Mark]:
     found = {(score.metric, score.channel): score for score in scores}
     for score in scores:
         if not math.isfinite(score.value):

@@ -46,7 +46,7 @@ def recording_html(recording: Recording) -> str:
         known = values[np.isfinite(values)]
         ends = (float(known.min()), float(known.max())) if known.size else (math.nan, math.nan)
         unit = display_unit(recording.unit(name), ends)
-        shown = [unit.shown(end) for end in ends]
+        shown = [unit.from_si(end) for end in ends]
         places = decimals_for(max(map(abs, shown)))
         cells = [number(round(end, places), places) for end in shown]
         gaps = len(values) - known.size

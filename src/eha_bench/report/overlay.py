@@ -42,7 +42,7 @@ def overlay(
     values: dict[str, FloatArray] = {}
     units: dict[str, str] = {}
     panels: list[Panel] = []
-    for heading, channels in _shared(scenes[0].panels, second):
+    for heading, channels in _shared_panels(scenes[0].panels, second):
         traces: list[Trace] = []
         if "reference" in channels:
             values["reference"] = first["reference"][inside]
@@ -74,7 +74,7 @@ def _trial(recordings: tuple[Recording, Recording]) -> Trial | None:
     return None
 
 
-def _shared(panels: tuple[Panel, ...], second: Recording) -> list[tuple[str, list[str]]]:
+def _shared_panels(panels: tuple[Panel, ...], second: Recording) -> list[tuple[str, list[str]]]:
     """Return heading and channels of each panel, as far as the other recording has them too."""
     found = []
     for panel in panels:

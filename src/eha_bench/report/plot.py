@@ -44,7 +44,7 @@ def plot_recording(recording: Recording, *channels: str) -> Figure:
     telling = [panel for panel in panels if channels or not panel.quiet] or panels
     if not telling or not len(recording):
         raise InputError("the recording holds no samples", where=Place(file=recording.source))
-    return _drawn(recording, telling, set(channels))
+    return _draw(recording, telling, set(channels))
 
 
 def plot_trial(result: Result, trial: str, repeat: int = 0) -> Figure:
@@ -53,7 +53,7 @@ def plot_trial(result: Result, trial: str, repeat: int = 0) -> Figure:
     Raises:
         InputError: there is no such trial, or its recording is not there.
     """
-    run = _run(result, trial, repeat)
+    run = _find_run(result, trial, repeat)
     if result.folder is None or not run.recording:
         raise InputError(f"trial '{trial}' has no recording", hint="give the run a folder: out=...")
     figure = plot_recording(read(result.folder / run.recording))
@@ -61,7 +61,7 @@ def plot_trial(result: Result, trial: str, repeat: int = 0) -> Figure:
     return figure
 
 
-def _run(result: Result, trial: str, repeat: int) -> TrialResult:
+def _find_run(result: Result, trial: str, repeat: int) -> TrialResult:
     from eha_bench.core.near_miss import suggest
 
     for run in result.trials:
@@ -73,7 +73,7 @@ def _run(result: Result, trial: str, repeat: int) -> TrialResult:
     raise InputError(f"no trial '{trial}' in the result", hint=suggest(trial, known))
 
 
-def _drawn(recording: Recording, panels: list[Panel], wanted: set[str]) -> Figure:
+def _draw(recording: Recording, panels: list[Panel], wanted: set[str]) -> Figure:
     # pyplot makes notebooks show the figure; closed there, it is not shown twice
     from matplotlib import pyplot
 

@@ -130,7 +130,7 @@ def band_svg(band: ResponseBand) -> Markup:
     height, left, right, top, bottom = 320, 70, 14, 12, 40
     unit = band_unit(band)
     curves = [
-        np.array([unit.shown(float(value)) for value in item])
+        np.array([unit.from_si(float(value)) for value in item])
         for item in (band.reference, band.low, band.middle, band.high)
     ]
     whole = np.concatenate(curves)
@@ -164,7 +164,7 @@ def band_svg(band: ResponseBand) -> Markup:
         'stroke-dasharray="5 3"/>',
     ]
     clock = display_unit("s", (start, stop))
-    moments = _ticks(clock.shown(start), clock.shown(stop), 8)
+    moments = _ticks(clock.from_si(start), clock.from_si(stop), 8)
     for place, (time, label) in enumerate(moments):
         between = "" if place in (0, len(moments) - 1) else ' class="between"'
         parts.append(

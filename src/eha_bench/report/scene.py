@@ -54,7 +54,7 @@ def scene_of(recording: Recording, run: TrialResult, trial: Trial | None) -> Sce
     except EhaBenchError:
         return Scene(recording, _panels(recording, trial.channel))
     steps = tuple(_steps(bound, trial))
-    placed = _cut(replace(bound, time=line.time), trial.duration)
+    placed = _shown_part(replace(bound, time=line.time), trial.duration)
     marks = marks_of(trial, run, steps)
     swing = swing_of(bound, trial, line)
     if swing is not None:
@@ -71,7 +71,7 @@ def _panels(recording: Recording, followed: str) -> tuple[Panel, ...]:
     return panels_of(recording, followed) if len(recording) > 1 else ()
 
 
-def _cut(recording: Recording, duration: float) -> Recording:
+def _shown_part(recording: Recording, duration: float) -> Recording:
     if not math.isfinite(duration):
         return recording
     part = recording.between(-_MARGIN * duration, (1.0 + _MARGIN) * duration)

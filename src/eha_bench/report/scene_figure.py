@@ -72,7 +72,7 @@ class TimeAxis:
     @property
     def ticks(self) -> Ticks:
         """Round instants, in the unit shown."""
-        return ticks_between(self.unit.shown(self.start), self.unit.shown(self.stop), 14)
+        return ticks_between(self.unit.from_si(self.start), self.unit.from_si(self.stop), 14)
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Area:
 
     def y(self, value: float) -> float:
         """Place of a value in SI."""
-        return self.y_shown(self.panel.unit.shown(value))
+        return self.y_shown(self.panel.unit.from_si(value))
 
     def y_shown(self, value: float) -> float:
         """Place of a value in the panel's unit."""
@@ -106,7 +106,7 @@ class Area:
 
     def holds(self, value: float) -> bool:
         """Whether a value (SI) lies within the area."""
-        return self.low <= self.panel.unit.shown(value) <= self.high
+        return self.low <= self.panel.unit.from_si(value) <= self.high
 
     def points(self, time: FloatArray, values: FloatArray) -> FloatArray:
         """Return the places (n, 2) of values in SI; what lies outside is cut to the edge."""
@@ -153,10 +153,10 @@ def scene_svg(scene: Scene, *, key: str, title: str, points: int = POINTS) -> Ma
 def _range(recording: Recording, panel: Panel, marks: Sequence[Mark]) -> tuple[float, float]:
     """The values (display unit) at the panel's edges: its curves, and the marks near to them."""
     unit = panel.unit
-    ends = [unit.shown(v) for name in panel.channels for v in _extremes(recording[name])]
+    ends = [unit.from_si(v) for name in panel.channels for v in _extremes(recording[name])]
     low, high = min(ends), max(ends)
     reach = REACH * max(high - low, unit.difference(panel.least_span))
-    near = [unit.shown(v) for mark in marks for v in _values(mark)]
+    near = [unit.from_si(v) for mark in marks for v in _values(mark)]
     near = [v for v in near if low - reach <= v <= high + reach]
     low, high = min([low, *near]), max([high, *near])
     least = unit.difference(panel.least_span) or (1.0 if low == high else 0.0)
@@ -200,7 +200,7 @@ def _draw_panel(
         values = recording[trace.channel]
         keep = envelope_indices(values, points)
         places = area.points(recording.time[keep], values[keep])
-        followed.append(_followed(places))
+        followed.append(_dense_points(places))
         width, dash = (1.1, (4.0, 2.0)) if trace.dashed else (1.4, ())
         drawing.curve(places, trace.colour, width=width, dash=dash)
     for mark in marks:
@@ -327,7 +327,7 @@ def _draw_labels(drawing: Drawing, area: Area, marks: Sequence[Mark], curves: Fl
         drawing.text(mark.label, box.left, -box.bottom - 2.0, shade, size=LABEL_SIZE)
 
 
-def _followed(places: FloatArray) -> FloatArray:
+def _dense_points(places: FloatArray) -> FloatArray:
     """Points of a curve no further apart than a letter is wide."""
     corners = places[np.isfinite(places).all(axis=1)]
     if len(corners) < 2:

@@ -88,7 +88,7 @@ def sine_marks(
             found += _limit(swing, limit)
     for score in own:
         if math.isfinite(score.value):
-            found += _measured(swing, score)
+            found += _score_marks(swing, score)
     if any(score.metric in ("phase_lag", "time_lag") for score in own):
         found.append(TimeLine(swing.channel, swing.crest, Role.LEVEL, "crest of the reference"))
     return found
@@ -106,7 +106,7 @@ def _limit(swing: SineSwing, limit: AcceptanceLimit) -> Iterator[Mark]:
             yield TimeLine(limit.channel, swing.crest + late, Role.LIMIT, text)
 
 
-def _measured(swing: SineSwing, score: Score) -> Iterator[Mark]:
+def _score_marks(swing: SineSwing, score: Score) -> Iterator[Mark]:
     spread = (score.measure.high - score.measure.low) / 2.0
     value = quantity(
         score.value, score.unit, metric=score.metric, written=score.limit, spread=spread

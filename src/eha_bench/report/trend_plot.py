@@ -43,8 +43,8 @@ def trend_svg(trend: Trend, names: Sequence[str], links: Sequence[str], *, title
     unit = unit_of(trend)
     values = unit.factor * trend.values + unit.offset
     line = unit.factor * trend.course.line + unit.offset
-    limits = [unit.shown(limit) for limit in trend.limits if math.isfinite(limit)]
-    bounds = [unit.shown(bound) for bound in trend.bounds if math.isfinite(bound)]
+    limits = [unit.from_si(limit) for limit in trend.limits if math.isfinite(limit)]
+    bounds = [unit.from_si(bound) for bound in trend.bounds if math.isfinite(bound)]
     low, high = _range(values, line, [*limits, *bounds])
     count = values.size
     wide = max(1, count - 1)
@@ -77,7 +77,7 @@ def trend_svg(trend: Trend, names: Sequence[str], links: Sequence[str], *, title
             f'<text x="{at:.1f}" y="{_TOP - 9}" text-anchor="middle" fill="var(--limit)">'
             f"{word}</text>"
         )
-    for bound, beyond in zip(bounds, _accepted(trend.bounds), strict=True):
+    for bound, beyond in zip(bounds, _accepted_sides(trend.bounds), strict=True):
         at = y(bound)
         places = _places(abs(float(f"{bound:.4g}")))
         label = f"accepted {beyond} {number(bound, places)}{unit.suffix}"
@@ -134,7 +134,7 @@ def _range(values: FloatArray, line: FloatArray, limits: Sequence[float]) -> tup
     return low - pad, high + pad
 
 
-def _accepted(bounds: tuple[float, float]) -> list[str]:
+def _accepted_sides(bounds: tuple[float, float]) -> list[str]:
     """Return on which side of each finite bound values are accepted."""
     sides = ("≥", "≤")
     return [side for side, bound in zip(sides, bounds, strict=True) if math.isfinite(bound)]

@@ -136,7 +136,7 @@ def write_site(out: Path, history: History, folder: Path, *, seen_at: Path | Non
     pages.mkdir(exist_ok=True)
     several = len({(trend.suite, trend.target) for trend in history.trends}) > 1
     reports = {night.id: _report(night, folder) for night in history.nights}
-    names = {night.id: _called(night) for night in history.nights}
+    names = {night.id: _night_name(night) for night in history.nights}
     from_site, from_pages = (_links(reports, where) for where in (seen, seen / pages.name))
     views = []
     for trend in history.trends:
@@ -252,10 +252,10 @@ def event_sentence(event: Event) -> str:
     about += [part for part in (_oil(*nights), _rig(*nights)) if part]
     count = len(event.trends) - 1
     also = f" and {count} more metric{'' if count == 1 else 's'}" if count else ""
-    return f"{_moved(first)}{also} ({'; '.join(about)})"
+    return f"{_change_text(first)}{also} ({'; '.join(about)})"
 
 
-def _moved(trend: Trend) -> str:
+def _change_text(trend: Trend) -> str:
     name = f"{trend.trial}: {metric_name(trend.metric)} {trend.state.value}"
     worse = {True: ", for the worse", False: ", for the better", None: ""}[trend.worse]
     if not trend.state.drifted or not math.isfinite(trend.shift):
@@ -278,7 +278,7 @@ def _links(reports: dict[int, Path | None], where: Path) -> dict[int, str]:
     }
 
 
-def _called(night: Night) -> str:
+def _night_name(night: Night) -> str:
     parts = [moment(night.started) or night.path, night.revision[:12]]
     return ", ".join(part for part in parts if part)
 
@@ -288,10 +288,10 @@ def _view(
 ) -> TrendView:
     unit = unit_of(trend)
     newest = float(trend.values[-1])
-    places = decimals_for(unit.shown(newest), unit.difference(trend.course.sigma))
+    places = decimals_for(unit.from_si(newest), unit.difference(trend.course.sigma))
 
     def shown(value: float) -> str:
-        return number(unit.shown(value), places) if math.isfinite(value) else number(math.nan)
+        return number(unit.from_si(value), places) if math.isfinite(value) else number(math.nan)
 
     def moved(value: float) -> str:
         share = value / abs(trend.level) if trend.level else math.nan

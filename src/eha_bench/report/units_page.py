@@ -123,7 +123,7 @@ def _shown_in(kin: Kin) -> DisplayUnit:
 def _row(kin: Kin, one: Specimen, names: Sequence[str], pages: Mapping[int, str]) -> UnitRow:
     unit = _shown_in(kin)
     sigma = one.trend.course.sigma
-    places = decimals_for(unit.shown(one.first), unit.difference(sigma))
+    places = decimals_for(unit.from_si(one.first), unit.difference(sigma))
     colour, dash = _style(names, one.trend.target)
     return UnitRow(
         name=one.trend.target,
@@ -132,16 +132,17 @@ def _row(kin: Kin, one: Specimen, names: Sequence[str], pages: Mapping[int, str]
         colour=colour,
         dash=dash,
         nights=len(one.trend.nights),
-        first=number(unit.shown(one.first), places) + unit.suffix,
-        change=_moved(kin, one.change, places, unit),
-        interval=f"{_moved(kin, one.low, places, unit)} … {_moved(kin, one.high, places, unit)}"
+        first=number(unit.from_si(one.first), places) + unit.suffix,
+        change=_change_text(kin, one.change, places, unit),
+        interval=f"{_change_text(kin, one.low, places, unit)} … "
+        f"{_change_text(kin, one.high, places, unit)}"
         if math.isfinite(one.low + one.high)
         else "",
         odd=one.odd,
     )
 
 
-def _moved(kin: Kin, value: float, places: int, unit: DisplayUnit) -> str:
+def _change_text(kin: Kin, value: float, places: int, unit: DisplayUnit) -> str:
     if not math.isfinite(value):
         return "too few nights"
     if kin.relative:

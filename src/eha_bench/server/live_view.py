@@ -96,8 +96,8 @@ def _channel(recording: Recording, name: str, first: int) -> ChannelView:
     newest = float(values[-1]) if values.size else np.nan
     unit = display_unit(recording.unit(name), (low, high))
     # the digits of the larger end, so that the three compare at a glance and do not jump
-    places = decimals_for(max(abs(unit.shown(low)), abs(unit.shown(high))))
-    shown = [number(round(unit.shown(value), places), places) for value in (newest, low, high)]
+    places = decimals_for(max(abs(unit.from_si(low)), abs(unit.from_si(high))))
+    shown = [number(round(unit.from_si(value), places), places) for value in (newest, low, high)]
     return ChannelView(
         name=channel_name(name),
         newest=shown[0],
