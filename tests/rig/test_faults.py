@@ -52,5 +52,5 @@ def test_a_fault_counts_from_the_first_torque_and_ends() -> None:
 def test_a_frozen_sensor_shows_what_it_showed_last() -> None:
     faults = Faults([parse_fault("frozen=current")])
     faults.update(0.0)
-    assert faults.seen({"current": 1.0, "force": 2.0}) == {"current": 1.0, "force": 2.0}
-    assert faults.seen({"current": 5.0, "force": 3.0}) == {"current": 1.0, "force": 3.0}
+    assert faults.faulty_readings({"current": 1.0, "force": 2.0}) == {"current": 1.0, "force": 2.0}
+    assert faults.faulty_readings({"current": 5.0, "force": 3.0}) == {"current": 1.0, "force": 3.0}

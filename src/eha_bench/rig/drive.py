@@ -168,7 +168,7 @@ class RigDrive:
         ):
             self._words.take(word)
         if self._words.state != was:
-            self._changed(was, now, f"control word {word}")
+            self._follow_state_change(was, now, f"control word {word}")
         if mode != self._mode or self._controller is None:
             self._begin_mode(mode)
         self._reference = reference
@@ -258,7 +258,7 @@ class RigDrive:
         """Read the sensors, and keep the drive's own limits."""
         self._advance(now)
         if now - self._sampled_at >= 0.2 * _PERIOD:
-            self._sample = self._faults.seen(self._plant.sample())
+            self._sample = self._faults.faulty_readings(self._plant.sample())
             self._sampled_at = now
         truth = self._plant.truth
         if not self._words.enabled:
@@ -326,9 +326,9 @@ class RigDrive:
         self._words.fail()
         self._fault_code = self._status.code_of(reason)
         self._heartbeat_due = -math.inf
-        self._changed(was, at, reason)
+        self._follow_state_change(was, at, reason)
 
-    def _changed(self, was: str, at: float, reason: str) -> None:
+    def _follow_state_change(self, was: str, at: float, reason: str) -> None:
         state = self._words.state
         if state == "enabled":
             self._begin_mode(self._mode)

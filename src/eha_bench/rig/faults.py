@@ -123,7 +123,7 @@ class Faults:
         """Return the fault of a kind that acts now."""
         return self._active.get(kind)
 
-    def seen(self, reading: Mapping[str, float]) -> dict[str, float]:
+    def faulty_readings(self, reading: Mapping[str, float]) -> dict[str, float]:
         """Return what faulty sensors show for what sound ones would."""
         shown = dict(reading)
         for kind in (FaultKind.FROZEN, FaultKind.SCALE):

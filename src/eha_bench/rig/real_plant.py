@@ -50,7 +50,7 @@ class RealPlant:
         self._random = np.random.default_rng(seed)
         own = RIG_SENSORS if sensors is None else sensors
         self._noise: list[list[float]] = []
-        self._session = self._started({}, 0.0, locked=plant.can_lock, bypass_open=False)
+        self._session = self._new_session({}, 0.0, locked=plant.can_lock, bypass_open=False)
         self._coded = {
             name: own[name].in_si(name, plant.units.get(name))[:2] if name in own else (0.0, 0.0)
             for name in self._session.channels
@@ -67,9 +67,9 @@ class RealPlant:
         Raises:
             InputError: the plant cannot be set up so.
         """
-        self._session = self._started(initial, self.now, locked=locked, bypass_open=bypass_open)
+        self._session = self._new_session(initial, self.now, locked=locked, bypass_open=bypass_open)
 
-    def _started(
+    def _new_session(
         self, initial: Mapping[str, float], now: float, *, locked: bool, bypass_open: bool
     ) -> Session:
         return Session(

@@ -54,7 +54,7 @@ class SlcanTransport(Transport):
         if self._adapter.open:
             self._write(b"".join(frame_as_text(frame) for frame in frames))
 
-    def _fed(self, data: bytes) -> list[Frame]:
+    def _feed(self, data: bytes) -> list[Frame]:
         """Return the frames in what the host wrote, and answer it."""
         frames, answer = self._adapter.feed(data)
         self._write(answer)
@@ -90,7 +90,7 @@ class Terminal(SlcanTransport):
         """Return the frames that have come."""
         if not select.select([self._master], [], [], max(timeout, 0.0))[0]:
             return []
-        return self._fed(os.read(self._master, _MOST_BYTES))
+        return self._feed(os.read(self._master, _MOST_BYTES))
 
     def _write(self, data: bytes) -> None:
         with suppress(BlockingIOError):
@@ -163,7 +163,7 @@ class LoopbackSocket(SlcanTransport):
         if not data:
             self._drop()
             return []
-        return self._fed(data)
+        return self._feed(data)
 
     def _write(self, data: bytes) -> None:
         if self._host is None or not data:

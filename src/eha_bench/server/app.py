@@ -61,7 +61,7 @@ def application(folder: Path, rules: Rules, watch: Watch) -> ASGIApp:
             route("/live/{name:path}", pages.live),
             route("/files/{name:path}", pages.file),
         ],
-        exception_handlers={HTTPException: _missing, Exception: _failed},
+        exception_handlers={HTTPException: _missing, Exception: _failure_page},
         lifespan=life,
     )
     return RequestGuard(app, rules)  # around everything: messages about a fault are guarded, too
@@ -164,6 +164,6 @@ def _missing(_: Request, error: Exception) -> Response:
     return page(message_page("Page not found"), status)
 
 
-def _failed(_: Request, error: Exception) -> Response:
+def _failure_page(_: Request, error: Exception) -> Response:
     what = f"{type(error).__name__}: {error}"
     return page(message_page("This page could not be made", what), 500)

@@ -65,10 +65,10 @@ class RequestGuard:
                 headers.setdefault("content-security-policy", _NOTHING)
             await send(message)
 
-        refused = self._refused(scope)
+        refused = self._refusal(scope)
         await (refused or self._app)(scope, receive, guarded)
 
-    def _refused(self, scope: Scope) -> Response | None:
+    def _refusal(self, scope: Scope) -> Response | None:
         """Return the answer to who may not ask so; None to who may."""
         if scope["method"] not in _METHODS:
             return PlainTextResponse("this server only reads\n", 405, {"allow": "GET, HEAD"})

@@ -43,14 +43,14 @@ class FolderScan:
     runs_on: tuple[RunOn, ...]
 
     @property
-    def unfinished(self) -> frozenset[str]:
+    def unfinished_results(self) -> frozenset[str]:
         """Paths of the results of runs that are on: what they have not done yet is not lost."""
         return frozenset(f"{run.name}/{_RESULT}".removeprefix("./") for run in self.runs_on)
 
     @property
-    def finished(self) -> tuple[tuple[str, int, int], ...]:
+    def finished_results(self) -> tuple[tuple[str, int, int], ...]:
         """The results of the runs that have ended."""
-        unfinished = self.unfinished
+        unfinished = self.unfinished_results
         return tuple(result for result in self.results if result[0] not in unfinished)
 
 
@@ -82,7 +82,7 @@ def _growing(recordings: Path, now: float) -> Path | None:
     try:
         if recordings.is_symlink() or now - recordings.stat().st_mtime > _ABANDONED:
             return None
-        stamped = max(_stamped(recordings), default=None)
+        stamped = max(_stamps(recordings), default=None)
     except OSError:
         return None
     if stamped is None or now - stamped[0] > RECENT:
@@ -90,7 +90,7 @@ def _growing(recordings: Path, now: float) -> Path | None:
     return Path(stamped[1])
 
 
-def _stamped(recordings: Path) -> Iterator[tuple[float, str]]:
+def _stamps(recordings: Path) -> Iterator[tuple[float, str]]:
     with os.scandir(recordings) as entries:
         for entry in entries:
             if entry.name.endswith(".mcap") and entry.is_file(follow_symlinks=False):

@@ -36,7 +36,7 @@ def serve(folder: Path, *, host: str, port: int, token: str, tell: Callable[[str
             where=Place(file=str(folder)),
             hint="give a folder of result folders, e.g. reports/SUITE",
         )
-    listening = _bound(host, port)
+    listening = _listening_socket(host, port)
     try:
         here = is_loopback(listening.getsockname()[0])
         asked = token or ("" if here else secrets.token_urlsafe(24))
@@ -60,7 +60,7 @@ def is_loopback(address: str) -> bool:
     return ipaddress.ip_address(address.partition("%")[0]).is_loopback
 
 
-def _bound(host: str, port: int) -> socket.socket:
+def _listening_socket(host: str, port: int) -> socket.socket:
     try:
         family, kind, _, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE

@@ -106,14 +106,14 @@ class Watch:
         seen = look(self._folder)
         last = self._state
         self._state = FolderState(seen, last.history, last.site, last.problem)
-        if seen.finished == self._done:
+        if seen.finished_results == self._done:
             return
         try:
-            history, site = self._worked_out(seen.unfinished)
+            history, site = self._worked_out(seen.unfinished_results)
             self._state = FolderState(seen, history, site)
         except EhaBenchError as error:
             self._state = FolderState(seen, last.history, last.site, error.what)
-        self._done = seen.finished
+        self._done = seen.finished_results
         if last.site is not None and self._state.site != last.site:
             shutil.rmtree(last.site, ignore_errors=True)
 

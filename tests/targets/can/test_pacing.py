@@ -55,7 +55,7 @@ def test_a_tick_never_comes_before_its_deadline() -> None:
     pacer = Pacer(1e-3, spin=2e-4)
     for tick in range(5):
         assert pacer.wait(tick) >= pacer.start + tick * 1e-3
-    assert pacer.reached(pacer.start + 4.5e-3) == 4
+    assert pacer.due_tick(pacer.start + 4.5e-3) == 4
 
 
 def test_the_process_is_ordinary_again_afterwards() -> None:

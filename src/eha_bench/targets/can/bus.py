@@ -93,7 +93,7 @@ class Bus:
                 timeout=_SEND_TIMEOUT,
             )
         except Exception as error:
-            raise self._lost(error) from error
+            raise self._loss_error(error) from error
 
     def receive(self, timeout: float) -> can.Message | None:
         """Return the next frame, or None where none comes within `timeout` s.
@@ -108,7 +108,7 @@ class Bus:
                 message = self._bus.recv(timeout)
             except Exception as error:
                 if not self._is_malformed(error):
-                    raise self._lost(error) from error
+                    raise self._loss_error(error) from error
                 # noise on the port, or a line that was cut short: the next one may be whole
                 self.malformed += 1
                 timeout = 0.0
@@ -158,7 +158,7 @@ class Bus:
             with suppress(Exception):
                 self._bus.shutdown()
 
-    def _lost(self, error: Exception) -> BusLost:
+    def _loss_error(self, error: Exception) -> BusLost:
         return BusLost(
             f"the bus {self._name} is lost ({_first(error)})",
             hint="check the adapter, its cable and the drive's supply",

@@ -159,7 +159,7 @@ class Guard:
             if not limit.low <= value <= limit.high:
                 return f"{name} {_text(value, limit.unit)} outside {limit.low:g} .. {limit.high:g}"
             # an answer that came late was not measured when its Sync was sent
-            wrong = self._moved(limit, value, stamp) if now - stamp < self._period else ""
+            wrong = self._movement_fault(limit, value, stamp) if now - stamp < self._period else ""
             if wrong:
                 return wrong
         for safety in self._safety:
@@ -205,7 +205,7 @@ class Guard:
                 )
         return ""
 
-    def _moved(self, limit: ChannelLimit, value: float, stamp: float) -> str:
+    def _movement_fault(self, limit: ChannelLimit, value: float, stamp: float) -> str:
         """Return whether a channel jumps, or does not move at all where a sensor has noise."""
         name = limit.channel
         before = self._last.get(name)

@@ -66,7 +66,7 @@ class Pacer:
             now = time.monotonic()
         return now
 
-    def reached(self, now: float) -> int:
+    def due_tick(self, now: float) -> int:
         """Return the last tick that is due at a time of time.monotonic."""
         return int((now - self.start) / self._period + 1e-9)
 

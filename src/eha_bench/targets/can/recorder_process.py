@@ -83,7 +83,7 @@ class _Writing:
             )
             self.answer("opened")
         except RecordingError as error:
-            self._failed(error)
+            self._answer_failure(error)
 
     def append(self, data: bytes) -> None:
         """Add a tick."""
@@ -93,7 +93,7 @@ class _Writing:
         try:
             self._writer.append(time, values)
         except RecordingError as error:
-            self._failed(error)
+            self._answer_failure(error)
             with suppress(RecordingError):
                 self._writer.close()
             self._writer = None
@@ -107,7 +107,7 @@ class _Writing:
             closing.add_metadata(metadata)
             closing.close()
         except RecordingError as error:
-            self._failed(error)
+            self._answer_failure(error)
 
     def answer(self, line: str) -> None:
         """Tell the loop; it may be gone."""
@@ -115,7 +115,7 @@ class _Writing:
             self._answers.write(f"{line}\n".encode())
             self._answers.flush()
 
-    def _failed(self, error: EhaBenchError) -> None:
+    def _answer_failure(self, error: EhaBenchError) -> None:
         self.answer(" ".join(str(error).split()))
 
 

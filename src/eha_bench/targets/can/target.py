@@ -88,7 +88,7 @@ class CanTarget(Target):
     def check(self, trial: Trial) -> None:
         """Raise an InputError if the drive, the fixture or the controller cannot run the trial."""
         drive = self._drive
-        have = {**drive.units, **{name: unit_of(name) for name in _derived(drive)}}
+        have = {**drive.units, **{name: unit_of(name) for name in _derived_channels(drive)}}
         check_channels(trial, have, f"the drive {drive.file.name}", _command(drive))
         plan = self._plan(trial)
         fixed = self._drive.file.setup
@@ -395,7 +395,7 @@ def _nowhere(time: float, values: Sequence[float]) -> None:
     """Keep no journal of a tick."""
 
 
-def _derived(drive: CanDrive) -> tuple[str, ...]:
+def _derived_channels(drive: CanDrive) -> tuple[str, ...]:
     both = {"pressure_a", "pressure_b"} <= set(drive.channels)
     return ("pressure_difference",) if both else ()
 

@@ -153,7 +153,7 @@ class TrialRun:
             if now > until:
                 return False
             self.link.exchange(now, now + self.period * self.link.drive.file.loop.reply)
-            tick = pacer.reached(time.monotonic()) + 1
+            tick = pacer.due_tick(time.monotonic()) + 1
         return True
 
     def _enable(self) -> None:
@@ -179,7 +179,7 @@ class TrialRun:
                 if self.stopping():
                     raise _Stop(Ending.INTERRUPTED, "interrupted")
                 self.link.command(self.plan.mode, zero, step.word)
-                tick = pacer.reached(time.monotonic()) + 1
+                tick = pacer.due_tick(time.monotonic()) + 1
 
     def _rest(self) -> float:
         """Return the command at which nothing moves: none, or where what is positioned is."""
@@ -306,7 +306,7 @@ class _Loop:
                 commanded = value
             run.link.command(mode, value, word)
             self._record(now - pacer.start, tick, value, both, names)
-            tick = max(tick + 1, pacer.reached(time.monotonic()))
+            tick = max(tick + 1, pacer.due_tick(time.monotonic()))
 
     def _wrong(self, now: float, commanded: float, follows: bool) -> tuple[Ending, str] | None:
         """Return what ends the run now: the drive first, since its own reason is the better one."""

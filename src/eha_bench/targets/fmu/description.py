@@ -149,7 +149,9 @@ class Description:
         Raises:
             InputError: no such variable, no number, or another unit.
         """
-        return self._converted(self._known(name, places("variable")), unit, si_unit, places)
+        return self._converted(
+            self._numeric_variable(name, places("variable")), unit, si_unit, places
+        )
 
     def unit_of(self, name: str) -> str:
         """Return the unit that the FMU declares for a variable, or nothing."""
@@ -162,7 +164,7 @@ class Description:
         Raises:
             InputError: as `output`, or the FMU does not take it as an input.
         """
-        variable = self._known(name, places("variable"))
+        variable = self._numeric_variable(name, places("variable"))
         if variable.causality != "input":
             inputs = [v.name for v in self._variables.values() if v.causality == "input"]
             raise InputError(
@@ -178,7 +180,7 @@ class Description:
         Raises:
             InputError: as `output`, or its start value cannot be set.
         """
-        variable = self._known(name, places("variable"))
+        variable = self._numeric_variable(name, places("variable"))
         settable = variable.causality in _SETTABLE or variable.initial in ("exact", "approx")
         if not settable or variable.variability == "constant":
             raise InputError(
@@ -214,7 +216,7 @@ class Description:
                 error.what, where=places(), hint=f"{says}; a bare number is in its unit"
             ) from error
 
-    def _known(self, name: str, where: Place) -> ModelVariable:
+    def _numeric_variable(self, name: str, where: Place) -> ModelVariable:
         variable = self._variables.get(name)
         if variable is None:
             hint = suggest(name, self._variables)

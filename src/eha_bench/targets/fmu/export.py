@@ -29,7 +29,7 @@ _SCRIPT = '''"""A model as a slave of FMI {version}; see eha_bench.targets.fmu.s
 import {package}
 from {package} import Fmi{version}Slave
 
-from eha_bench.targets.fmu.export import completed
+from eha_bench.targets.fmu.export import completed_description
 from eha_bench.targets.fmu.slave import equip
 
 
@@ -42,7 +42,7 @@ class {name}(Fmi{version}Slave):
         self.plant = equip(self, {package}, {version})
 
     def to_xml(self, *args, **kwargs):
-        return completed(super().to_xml(*args, **kwargs), self.plant.units, {version})
+        return completed_description(super().to_xml(*args, **kwargs), self.plant.units, {version})
 
     def exit_initialization_mode(self):
         self.plant.begin()
@@ -110,7 +110,7 @@ def _write_sources(folder: Path, model: Model, package: str, version: int) -> Pa
     return script
 
 
-def completed(root: Element, units: dict[str, str], version: int) -> Element:
+def completed_description(root: Element, units: dict[str, str], version: int) -> Element:
     """Add to PythonFMU's model description what it lacks: units, and first unknowns (FMI 2)."""
     from xml.etree.ElementTree import Element, SubElement
 

@@ -196,7 +196,7 @@ class FmuTarget(Target):
         found = {name: self._si_unit(name, entry) for name, entry in outputs.items()}
         command = self._file.inputs[self._commanded]
         found[self._commanded] = self._si_unit(self._commanded, command, "inputs")
-        derived = (*self._channels, *_derived(self._channels))
+        derived = (*self._channels, *_derived_channels(self._channels))
         return found | {name: unit_of(name) for name in derived if name not in found}
 
     def _constants(self) -> dict[str, str]:
@@ -233,7 +233,7 @@ class FmuTarget(Target):
                 where=self._place("fmu"),
                 hint="choose a sample_rate whose period is a multiple of the FMU's step",
             )
-        reading = dict.fromkeys((*self._channels, *_derived(self._channels)), 0.0)
+        reading = dict.fromkeys((*self._channels, *_derived_channels(self._channels)), 0.0)
         for limit in trial.safety:
             if limit.channel not in reading:
                 raise InputError(
@@ -330,7 +330,7 @@ class FmuTarget(Target):
             self._commanded,
         )  # fmt: skip
         try:
-            library = self._loaded(stopping)
+            library = self._process_of(stopping)
         except TargetFault as fault:
             return _no_recording(Ending.FAULT, str(fault))
         except KeyboardInterrupt:
@@ -344,7 +344,7 @@ class FmuTarget(Target):
         finally:
             library.stop()
 
-    def _loaded(self, stopping: Stopping) -> Process:
+    def _process_of(self, stopping: Stopping) -> Process:
         """Return the FMU's process; a new one where the last one crashed."""
         if self._process is None or not self._process.alive:
             self._process = Process(
@@ -379,7 +379,7 @@ def _no_recording(ending: Ending, reason: str) -> Outcome:
     return Outcome(Recording(np.empty(0), {}), ending, reason)
 
 
-def _derived(channels: tuple[str, ...]) -> tuple[str, ...]:
+def _derived_channels(channels: tuple[str, ...]) -> tuple[str, ...]:
     both = "pressure_a" in channels and "pressure_b" in channels
     return ("pressure_difference",) if both else ()
 

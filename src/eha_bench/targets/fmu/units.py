@@ -55,21 +55,23 @@ def conversion(
     declared = declared_unit(variable)
     if written is not None:
         mine = factor_and_offset(written, si_unit)
-        theirs = _declared(description, declared, si_unit) if declared else mine
+        theirs = _declared_conversion(description, declared, si_unit) if declared else mine
         if not _same(mine, theirs):
             raise UnitError(
                 f"'{variable.name}' is in {declared} by the FMU, not in {written}",
                 hint="leave `unit` out, or correct it",
             )
         return mine
-    return _declared(description, declared, si_unit) if declared else (1.0, 0.0)
+    return _declared_conversion(description, declared, si_unit) if declared else (1.0, 0.0)
 
 
 def _same(one: tuple[float, float], other: tuple[float, float]) -> bool:
     return all(abs(a - b) <= 1e-6 * max(abs(a), abs(b)) for a, b in zip(one, other, strict=True))
 
 
-def _declared(description: ModelDescription, unit: str | None, si_unit: str) -> tuple[float, float]:
+def _declared_conversion(
+    description: ModelDescription, unit: str | None, si_unit: str
+) -> tuple[float, float]:
     """Return the conversion of a declared unit: by its definition, or else by its name."""
     for definition in description.unitDefinitions:
         if definition.name == unit and definition.baseUnit is not None:
