@@ -171,7 +171,7 @@ class _ChangeSearch:
         """Return the significant terms."""
         terms: list[Term] = []
         while len(terms) < _MOST_TERMS:
-            grown = self._grown(terms)
+            grown = self._with_further_terms(terms)
             if grown is None:
                 break
             terms = grown
@@ -195,7 +195,7 @@ class _ChangeSearch:
         p = 2.0 * float(stats.t.sf(np.sqrt(gain / error), degrees))
         return min(1.0, self._looks * p)
 
-    def _grown(self, terms: list[Term]) -> list[Term] | None:
+    def _with_further_terms(self, terms: list[Term]) -> list[Term] | None:
         """Return the terms with the best further one or two, if they may be significant."""
         squares = self._squares(terms)
         options = sorted(self._options(terms), key=lambda option: -option[0])
@@ -203,7 +203,7 @@ class _ChangeSearch:
             gain = _HOPE * (beyond + len(further) * self._price)
             if self._p_of_growth(squares, gain, len(terms), further) > self._alpha:
                 continue  # not even if its best place were much better
-            grown = self._settled([*terms, *further])
+            grown = self._refine_terms([*terms, *further])
             p = self._p_of_growth(squares, squares - self._squares(grown), len(terms), further)
             if p <= self._alpha:
                 return grown
@@ -242,7 +242,7 @@ class _ChangeSearch:
         looks = self._looks * len(_LENGTHS)
         return min(1.0, looks * float(stats.f.sf(gain / 2.0 / error, 2, degrees)))
 
-    def _settled(self, terms: list[Term]) -> list[Term]:
+    def _refine_terms(self, terms: list[Term]) -> list[Term]:
         """Return the terms, each at its best place and of its best kind given the others."""
         for _ in range(_ROUNDS):
             before = list(terms)
@@ -321,5 +321,5 @@ class _ChangeSearch:
             worst = int(np.argmax(p_values))
             if p_values[worst] <= self._alpha:
                 break
-            terms = self._settled([term for i, term in enumerate(terms) if i != worst])
+            terms = self._refine_terms([term for i, term in enumerate(terms) if i != worst])
         return sorted(terms)

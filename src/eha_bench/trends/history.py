@@ -144,7 +144,7 @@ def history_of(index: Index, folder: str, workers: Workers = IN_PROCESS) -> Hist
             hint="give a folder of result folders, e.g. the one that `run --out` writes into",
         )
     trends = sorted(
-        workers.map(_judged, _watched(index)),
+        workers.map(_trend_of, _watched_metrics(index)),
         key=lambda t: (_GRAVITY.index(t.state), -abs(_share(t)), t.suite, t.trial, t.metric),
     )
     return History(folder, index.nights, tuple(trends), index.problems)
@@ -176,7 +176,7 @@ class _Watched:
     family: int
 
 
-def _watched(index: Index) -> list[_Watched]:
+def _watched_metrics(index: Index) -> list[_Watched]:
     nights = {night.id: night for night in index.nights}
     order = {night.id: place for place, night in enumerate(index.nights)}
     by_group: dict[tuple[str, str], list[Night]] = {}
@@ -206,7 +206,7 @@ def _watched(index: Index) -> list[_Watched]:
     return found
 
 
-def _judged(metric: _Watched) -> Trend:
+def _trend_of(metric: _Watched) -> Trend:
     values = np.array([entry.value for entry in metric.entries])
     better, aim = _direction(metric.key[3])
     margin = _margin(metric.entries[-1], float(np.median(values)))

@@ -251,10 +251,10 @@ def _scores(
     for key, measures in grouped.items():
         value = statistics.median(m.value for m in measures) if measures else None
         side = Measure(math.nan).opened_by(measures).open
-        yield (*key, value, len(measures), *about[key], _spread(measures), side)
+        yield (*key, value, len(measures), *about[key], _median_spread(measures), side)
 
 
-def _spread(measures: list[Measure]) -> float | None:
+def _median_spread(measures: list[Measure]) -> float | None:
     """Return the standard deviation of the median of repeats; None where nothing tells it."""
     widths = [m.high - m.low for m in measures if math.isfinite(m.high - m.low)]
     own = math.sqrt(sum(w * w for w in widths) / len(widths)) / _HALF_WIDTHS if widths else 0.0

@@ -50,11 +50,11 @@ class NightlyNoise:
 def noise_of(values: FloatArray) -> NightlyNoise:
     """Return the noise of a series of at least two values, shape (n,)."""
     scale = float(np.abs(values).max()) or 1.0
-    sigma = max(_spread(values, 1), _LAST_DIGIT * scale)
+    sigma = max(_night_spread(values, 1), _LAST_DIGIT * scale)
     if values.size < _LONG:  # too few to see it: `newest` looks at steps that are news
         return NightlyNoise(sigma, math.sqrt((1.0 + _UNSEEN) / (1.0 - _UNSEEN)))
     lags = _LAGS if values.size >= _VERY_LONG else _SHORT_LAGS
-    spreads = [_spread(values, lag) for lag in lags]
+    spreads = [_night_spread(values, lag) for lag in lags]
     alike = float(np.median([
         _alike(sigma / max(spread, sigma), lag) for lag, spread in zip(lags, spreads, strict=True)
     ]))  # fmt: skip
@@ -76,7 +76,7 @@ def _alike(ratio: float, lag: int) -> float:
     return float(found)
 
 
-def _spread(values: FloatArray, lag: int) -> float:
+def _night_spread(values: FloatArray, lag: int) -> float:
     """Return the standard deviation of a night by the differences to the night `lag` before."""
     differences = values[lag:] - values[:-lag]
     squares = (differences - np.median(differences)) ** 2

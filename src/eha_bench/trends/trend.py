@@ -258,10 +258,10 @@ def _judged_rest(
     nothing = math.nan
     found = Judged(course, (nothing, nothing), TrendState.STEADY, count - 1, nothing, drift)
     if missing[0]:
-        return replace(found, state=_lost(count, *missing))
+        return replace(found, state=_lost_state(count, *missing))
     if count < FEWEST:
         return replace(found, state=TrendState.TOO_FEW)
-    expected, leverage, residuals = _expected(values, course, influence)
+    expected, leverage, residuals = _expectation(values, course, influence)
     start = _stretch(course, count)
     known = residuals[start:-1]
     half = _half_width(known, own, leverage)
@@ -300,7 +300,7 @@ def _newest_alpha(count: int, own: float) -> float:
     return NEWEST_ALPHA * (count / _MANY) ** 2 if few else NEWEST_ALPHA
 
 
-def _lost(known: int, gone: int, before: int) -> TrendState:
+def _lost_state(known: int, gone: int, before: int) -> TrendState:
     """Return whether the newest nights without a value are more than those before explain."""
     usual = (before + 0.5) / (known + before + 1.0)
     return TrendState.LOST if known >= 2 and usual**gone <= ALPHA else TrendState.NOT_SCORED
@@ -312,7 +312,7 @@ def _stretch(course: PiecewiseLine, count: int) -> int:
     return starts[-1] if starts else 0
 
 
-def _expected(
+def _expectation(
     values: FloatArray, course: PiecewiseLine, influence: Influence
 ) -> tuple[float, float, FloatArray]:
     """Return the newest night as expected by those before, its leverage, and all residuals."""
