@@ -40,7 +40,7 @@ def before_after(folders: Sequence[str | Path], out: str | Path) -> Path:
     Raises:
         InputError: a folder is none of these, there are two of a kind, or one is missing.
     """
-    kinds = _sorted([Path(folder) for folder in folders])
+    kinds = _folder_kinds([Path(folder) for folder in folders])
     diagnosis, tuning = kinds.diagnosis, kinds.tuning
     digest = load_controllers(tuning / CONTROLLER).sha256
     results = sorted(
@@ -77,7 +77,7 @@ class _Kinds:
     results: tuple[Path, ...]
 
 
-def _sorted(folders: Sequence[Path]) -> _Kinds:
+def _folder_kinds(folders: Sequence[Path]) -> _Kinds:
     """Return which folder is what."""
     found: dict[str, list[Path]] = {DIAGNOSIS_FILE: [], TUNING_FILE: [], RESULT_FILE: []}
     for folder in folders:

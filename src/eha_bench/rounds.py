@@ -133,12 +133,12 @@ def close(
     ending = Settled.OUT_OF_ROUNDS
     for number in range(1, rounds + 2):
         place = folder / f"round-{number}"
-        found = Round(number, place, _diagnosed(current, place / "diagnosis", tell))
+        found = Round(number, place, _diagnose_once(current, place / "diagnosis", tell))
         done.append(found)
         if number > rounds and found.diagnosis.get("equivalent"):
             break
         suite = place / "next.yaml"
-        planned = _planned(place, suite, tell, budget=budget, safety=safety,
+        planned = _plan_once(place, suite, tell, budget=budget, safety=safety,
                            probability=probability, within=within)  # fmt: skip
         done[-1] = found = Round(number, place, found.diagnosis, planned)
         if planned["ending"] != "proposed":
@@ -177,7 +177,7 @@ def _own(folder: Path, dataset: str | Path, target: str | Path) -> None:
     write_text(file, json.dumps(asked, indent=1) + "\n")
 
 
-def _diagnosed(dataset: Path, place: Path, tell: ProgressHook) -> Mapping[str, Any]:
+def _diagnose_once(dataset: Path, place: Path, tell: ProgressHook) -> Mapping[str, Any]:
     file = place / DIAGNOSIS_FILE
     if file.exists():
         kept: Mapping[str, Any] = json.loads(file.read_text(encoding="utf-8"))
@@ -190,7 +190,7 @@ def _diagnosed(dataset: Path, place: Path, tell: ProgressHook) -> Mapping[str, A
     return content
 
 
-def _planned(
+def _plan_once(
     place: Path,
     suite: Path,
     tell: ProgressHook,

@@ -61,7 +61,7 @@ class PendingOutcomes:
         if self._outcomes is None:
             self._outcomes = self._workers.ordered(_run, list(self._jobs))
         self._jobs.pop(0)
-        with _hurried(stopping):
+        with _interrupt_on_stop(stopping):
             return next(self._outcomes).get()
 
     def close(self) -> None:
@@ -116,7 +116,7 @@ class PrecomputedTarget(Target):
 
 
 @contextmanager
-def _hurried(stopping: Stopping) -> Iterator[None]:
+def _interrupt_on_stop(stopping: Stopping) -> Iterator[None]:
     """Interrupt a wait that goes on although a stop was asked for: the worker may be gone.
 
     It is the second Ctrl-C, which a person at the terminal would send.

@@ -154,7 +154,7 @@ def _run_pairs(
                 single = _single(trial, number)
                 result = run_suite(_only(suite, single), opened[side](), folder, resume=True)
                 about[side] = result
-                done[side] += [_moved(run, number, folder.name) for run in result.trials]
+                done[side] += [_repeat_of_whole(run, number, folder.name) for run in result.trials]
                 if result.status in (Status.FAULT, Status.INCOMPLETE) or interrupted():
                     fault = result.status is Status.FAULT
                     ended = Status.FAULT if fault else Status.INCOMPLETE
@@ -275,7 +275,7 @@ def _finished(folder: Path) -> bool:
     return file.is_file() and Result.read(file).status in (Status.PASSED, Status.FAILED)
 
 
-def _moved(run: TrialResult, number: int, folder: str) -> TrialResult:
+def _repeat_of_whole(run: TrialResult, number: int, folder: str) -> TrialResult:
     """Return a run as a repeat of the whole, its recording named from the side's folder."""
     recording = f"{folder}/{run.recording}" if run.recording else ""
     return replace(run, repeat=number, recording=recording)

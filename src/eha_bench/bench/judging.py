@@ -130,7 +130,7 @@ def score_recordings(
             TrialResult(
                 id=judged.id,
                 repeat=repeat,
-                status=_ended(recording) or judged.status,
+                status=_unfinished_status(recording) or judged.status,
                 recording=str(path),
                 sha256=file_sha256(path) if path.is_file() else "",
                 scores=judged.scores,
@@ -170,7 +170,7 @@ def score_recordings(
     return result, used
 
 
-def _ended(recording: Recording) -> Status | None:
+def _unfinished_status(recording: Recording) -> Status | None:
     """Return the status of a run that did not come to its end, as the recording says."""
     ending = recording.metadata.get("ending", "complete")
     if ending == "complete":

@@ -142,11 +142,11 @@ def run_suite(
         EhaBenchError: the suite cannot run on this target, `out` cannot be used, or what is to be
             resumed is a run of something else.
     """
-    broken = _checked(suite, target)
+    broken = _fault_of_check(suite, target)
     digests = {"suite_sha256": suite.sha256, **target.identity.digests}
     folder = ResultFolder(_folder(out, resume=resume))
     with folder.opened(resume=resume):
-        kept = _kept(folder, digests) if resume else {}
+        kept = _finished_runs(folder, digests) if resume else {}
         folder.clear()
         provenance = {**environment(suite.path.parent), "started": now(), **NO_DIGESTS, **digests}
         run = _SuiteRun(suite, target, folder, provenance, dict(kept))
@@ -248,7 +248,7 @@ class _Held:
             self._target.__exit__(kind, error, trace)
 
 
-def _checked(suite: Suite, target: Target) -> TargetFault | None:
+def _fault_of_check(suite: Suite, target: Target) -> TargetFault | None:
     """Return what went wrong with a target that was asked whether it can run the suite, if any did.
 
     Raises:
@@ -271,7 +271,9 @@ def _ending_of(fault: EhaBenchError) -> Ending:
     return Ending.SAFETY_STOP if isinstance(fault, SafetyStop) else Ending.FAULT
 
 
-def _kept(folder: ResultFolder, digests: Mapping[str, str]) -> dict[tuple[str, int], TrialResult]:
+def _finished_runs(
+    folder: ResultFolder, digests: Mapping[str, str]
+) -> dict[tuple[str, int], TrialResult]:
     """Return what an earlier run of the same suite on the same target finished.
 
     Raises:

@@ -56,7 +56,7 @@ class SuiteFolder:
         writable(self.path)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            folder = _made(self.path, datetime.now().strftime(STAMP))
+            folder = _make_folder(self.path, datetime.now().strftime(STAMP))
         except OSError as error:
             raise InputError(
                 f"cannot be made ({error.strerror})",
@@ -71,7 +71,7 @@ class SuiteFolder:
         return folder
 
 
-def _made(parent: Path, stamp: str) -> Path:
+def _make_folder(parent: Path, stamp: str) -> Path:
     """Make a folder that no other process has made, though two runs start in the same second."""
     number = 1
     while True:

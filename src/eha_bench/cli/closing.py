@@ -137,7 +137,7 @@ def _say_verdict(found: Diagnosis) -> None:
     """Print verdict, causes and the held-out error before and after."""
     from eha_bench.report.diagnosis_text import no_interval
 
-    say(f"verdict: {found.verdict.value}{_unended(found)}")
+    say(f"verdict: {found.verdict.value}{_unfinished_note(found)}")
     why = no_interval(found.convergence)
     for effect in found.effects:
         values = ", ".join(
@@ -159,7 +159,7 @@ def _say_verdict(found: Diagnosis) -> None:
     _say_errors(found.unseen, "unseen")
 
 
-def _unended(found: Diagnosis) -> str:
+def _unfinished_note(found: Diagnosis) -> str:
     if found.failed is not None:
         return f" (the stage '{found.failed.stage}' failed)"
     return "" if found.complete else " (interrupted)"

@@ -118,7 +118,7 @@ class WordedCommand(TyperCommand):
                 continue
             text = _RANGE.sub(_range_in_words, record[1])
             if parameter.param_type_name == "argument":
-                arguments.append((_named(parameter), text))
+                arguments.append((_argument_label(parameter), text))
             else:
                 options.append((record[0], text))
         for title, rows in (("Arguments", arguments), ("Options", options)):
@@ -136,22 +136,22 @@ class WordedCommand(TyperCommand):
         try:
             return super().parse_args(ctx, args)
         except typer.BadParameter as error:
-            wanted = _wanted(error.param)
+            wanted = _number_range(error.param)
             if wanted and error.message.startswith("Input should be"):
-                error.message = f"{_given(error.param, given)}{wanted} is expected"
+                error.message = f"{_value_as_written(error.param, given)}{wanted} is expected"
             raise
 
     def _arguments(self) -> list[Any]:
         return [one for one in self.params if one.param_type_name == "argument"]
 
 
-def _named(argument: Any) -> str:
+def _argument_label(argument: Any) -> str:
     word = argument.metavar or argument.name
     return f"{word}..." if argument.nargs != 1 else word
 
 
 def _usage(argument: Any) -> str:
-    return _named(argument) if argument.required else f"[{_named(argument)}]"
+    return _argument_label(argument) if argument.required else f"[{_argument_label(argument)}]"
 
 
 def _range_in_words(found: re.Match[str]) -> str:
@@ -163,7 +163,7 @@ def _range_in_words(found: re.Match[str]) -> str:
     return f"{float(low):g} to {float(high):g}"
 
 
-def _wanted(parameter: Any) -> str:
+def _number_range(parameter: Any) -> str:
     """Return what a number must be, or "" for what is no number."""
     kinds = {"int": "a whole number", "float": "a number"}
     kind = kinds.get(getattr(parameter, "bare_type", str)())
@@ -175,7 +175,7 @@ def _wanted(parameter: Any) -> str:
     return f"{kind}, {high:g} or less," if low is None else f"{kind} from {low:g} to {high:g}"
 
 
-def _given(parameter: Any, args: list[str]) -> str:
+def _value_as_written(parameter: Any, args: list[str]) -> str:
     """Return the value as it was written, or "" where it is not found again."""
     for place, word in enumerate(args):
         name, _, value = word.partition("=")

@@ -137,11 +137,11 @@ class LimitItem(pytest.Item):
         if stopped or not runs:
             why = stopped[0].reason if stopped else "an earlier trial stopped the run"
             raise RunStopped(f"{self.trial.id} did not finish: {why}")
-        missed = [line for run in runs for line in self._missed(run)]
+        missed = [line for run in runs for line in self._misses(run)]
         if missed:
             raise LimitMissed("\n".join(missed))
 
-    def _missed(self, run: TrialResult) -> Iterator[str]:
+    def _misses(self, run: TrialResult) -> Iterator[str]:
         limit = self.limit
         for score in run.scores:
             if (score.metric, score.channel, score.limit) != (

@@ -49,7 +49,7 @@ def summary_lines(
     rejected = worst_first(rows)
     scored = [row for row in rejected if row.status is not ScoreStatus.NOT_SCORED]
     unscored = [row for row in rejected if row.status is ScoreStatus.NOT_SCORED]
-    lines = [*_limits(scored, colour=colour), *_unscored(unscored, colour=colour)]
+    lines = [*_limits(scored, colour=colour), *_unscored_lines(unscored, colour=colour)]
     parts = [
         _stops(result, verbose=verbose, colour=colour),
         _first(lines, verbose=verbose),
@@ -90,7 +90,7 @@ def _limits(rejected: Sequence[ScoreRow], *, colour: bool) -> list[str]:
     return lines
 
 
-def _unscored(rows: Sequence[ScoreRow], *, colour: bool) -> list[str]:
+def _unscored_lines(rows: Sequence[ScoreRow], *, colour: bool) -> list[str]:
     """A line a trial and reason, with all metrics that have no value for it.
 
     Reasons that differ in their numbers alone are one; each number is then a range.

@@ -136,7 +136,7 @@ def load_controllers(path: Path) -> ControllerSet:
         InputError: unknown controller or gain, wrong unit, files that extend each other in a
             circle, with file, line and key; further mistakes in `also`.
     """
-    content = _extended(path, ())
+    content = _content_over_base(path, ())
     text = yaml_file.read_text(path)
     if "extends" in _own(path).value:
         # a recording carries all of it
@@ -153,7 +153,7 @@ def _own(path: Path) -> Located:
     return content
 
 
-def _extended(path: Path, on_the_way: tuple[Path, ...]) -> Located:
+def _content_over_base(path: Path, on_the_way: tuple[Path, ...]) -> Located:
     """Return a file's content over that of the file it extends."""
     content = _own(path)
     base = content.value.get("extends")
@@ -167,7 +167,7 @@ def _extended(path: Path, on_the_way: tuple[Path, ...]) -> Located:
             where=where,
             hint="let one of the files stand on its own",
         )
-    return content.over_all(_extended(file, (*on_the_way, path.resolve())))
+    return content.over_all(_content_over_base(file, (*on_the_way, path.resolve())))
 
 
 def parse_controllers(content: Located, name: str, text: str) -> ControllerSet:

@@ -65,7 +65,7 @@ def unit_of_gain(controllers: ControllerSet, key: str, where: Place) -> str:
     Raises:
         InputError: no controller has such a gain.
     """
-    mode, path = _split(controllers, key, where)
+    mode, path = _mode_and_keys(controllers, key, where)
     gains: Any = controllers.by_mode[mode].gains
     for name in path[:-1]:
         gains = getattr(gains, name)
@@ -92,8 +92,8 @@ def read_gain(controllers: ControllerSet, key: str, raw: float | str, where: Pla
     Raises:
         InputError: no controller has such a gain, or none of this unit or size.
     """
-    mode, path = _split(controllers, key, where)
-    changed = _changed(controllers.by_mode[mode], {path: raw}, where)
+    mode, path = _mode_and_keys(controllers, key, where)
+    changed = _spec_with_values(controllers.by_mode[mode], {path: raw}, where)
     if (number := _in_si(_value(changed.gains, path))) is None:
         raise InputError(f"'{raw}' is not a number, with or without a unit", where=where)
     by_mode = {**controllers.by_mode, mode: changed}
@@ -111,14 +111,16 @@ def with_gains(controllers: ControllerSet, gains: Mapping[str, float]) -> Contro
     by_mode: dict[str, dict[tuple[str, ...], float]] = {}
     content = copy.deepcopy(yaml_file.mapping_of(controllers.text, controllers.name))
     for key, value in gains.items():
-        mode, path = _split(controllers, key, Place(file=controllers.name, key=key))
+        mode, path = _mode_and_keys(controllers, key, Place(file=controllers.name, key=key))
         by_mode.setdefault(mode, {})[path] = value
         block = content[mode]
         for name in path[:-1]:
             block = block.setdefault(name, {})
         block[path[-1]] = value
     changed = {
-        mode: _changed(controllers.by_mode[mode], paths, Place(file=controllers.name, key=mode))
+        mode: _spec_with_values(
+            controllers.by_mode[mode], paths, Place(file=controllers.name, key=mode)
+        )
         for mode, paths in by_mode.items()
     }
     return replace(
@@ -128,7 +130,9 @@ def with_gains(controllers: ControllerSet, gains: Mapping[str, float]) -> Contro
     )
 
 
-def _split(controllers: ControllerSet, key: str, where: Place) -> tuple[str, tuple[str, ...]]:
+def _mode_and_keys(
+    controllers: ControllerSet, key: str, where: Place
+) -> tuple[str, tuple[str, ...]]:
     """Return the mode of a gain and what leads to it within the mode's gains."""
     # the name of a mode may hold dots itself
     for mode in sorted(controllers.by_mode, key=len, reverse=True):
@@ -149,7 +153,7 @@ def _value(gains: StrictModel, path: tuple[str, ...]) -> object:
     return value
 
 
-def _changed(
+def _spec_with_values(
     spec: ControllerSpec, values: Mapping[tuple[str, ...], float | str], where: Place
 ) -> ControllerSpec:
     """Return a controller with some of its gains replaced, read as its file would be."""

@@ -64,11 +64,11 @@ def parse_suite(text: str, path: Path) -> Suite:
     Raises:
         InputError: as `load_suite`.
     """
-    with _uncollected():
-        return _parsed(text, path)
+    with _pause_collection():
+        return _parse(text, path)
 
 
-def _parsed(text: str, path: Path) -> Suite:
+def _parse(text: str, path: Path) -> Suite:
     content = Located.of(parse_yaml(text, str(path)), str(path))
     # a user-defined metric is checked where it is read, mistake by mistake
     whole = content.without("metrics").value if isinstance(content.value, dict) else content.value
@@ -199,7 +199,7 @@ def _trial(
         safety=safety,
         margins=matters,
         description=run.description.strip(),
-        own_metrics=needed_metrics(own.by_id, _asked(judged)),
+        own_metrics=needed_metrics(own.by_id, _metrics_of(judged)),
         levels=asked_levels(mode.channel, initial, signal, content),
     )
     with mistakes:
@@ -211,7 +211,7 @@ def _trial(
     return replace(trial, source=source_of(trial, signal))
 
 
-def _asked(judged: Judgement) -> set[str]:
+def _metrics_of(judged: Judgement) -> set[str]:
     """Return the ids of the metrics that a trial asks for."""
     return {limit.metric for limit in judged.limits} | {metric for metric, _ in judged.scores}
 
@@ -317,7 +317,7 @@ def _highest_frequency(signal: Signal) -> float:
 
 
 @contextmanager
-def _uncollected() -> Iterator[None]:
+def _pause_collection() -> Iterator[None]:
     """Pause the collection of cycles: many objects are made, and little of them goes."""
     on = gc.isenabled()
     gc.disable()
