@@ -46,7 +46,7 @@ class Search:
         self.model = dataset.model
         plant = self.model.plant
         layout = plant.layout
-        determined = dataset.determined_outputs(plant)
+        determined = dataset.determined(plant)
         runs = []
         for run in dataset.training:
             sampled = on_ticks(run.topics(), dataset.inputs, determined)

@@ -104,7 +104,7 @@ def _measured(model, driven_by: str, seed: int, *, locked: bool):
     }
     reading = Recording(time, values)
     run = Run("log", Path("log.mcap"), None, locked, False, Use.TRAIN, lambda: reading)
-    return admit(run, reading, [driven_by], model.plant.determined_outputs([driven_by]))
+    return admit(run, reading, [driven_by], model.plant.determined([driven_by]))
 
 
 @pytest.mark.slow

@@ -38,24 +38,24 @@ def test_a_rod_whose_other_side_is_vented_is_driven(tmp_path: Path, way: str) ->
     (tmp_path / "plant.yaml").write_text(text)
     plant = load_plant(tmp_path / "plant.yaml")
     everything = ("motor_speed", "pressure_a", "pressure_b", "piston_position")
-    assert plant.determined_outputs(("current_command",)) == everything
-    assert plant.determined_outputs(("pressure_a",)) == (
+    assert plant.determined(("current_command",)) == everything
+    assert plant.determined(("pressure_a",)) == (
         "pressure_a",
         "pressure_b",
         "piston_position",
     )
     # a rod does not say what the pump does
-    known = plant.determined_outputs(("piston_position",))
+    known = plant.determined(("piston_position",))
     assert "pressure_b" in known
     assert "pressure_a" not in known
 
 
 def test_oil_that_a_valve_moves_unsaid_is_not_known(valve_cylinder_file: Path) -> None:
     plant = load_plant(valve_cylinder_file)
-    known = plant.determined_outputs(("pressure_a", "supply_pressure"))
+    known = plant.determined(("pressure_a", "supply_pressure"))
     assert "pressure_b" not in known
     assert "piston_position" not in known
-    assert "pressure_b" in plant.determined_outputs(("valve_command",))
+    assert "pressure_b" in plant.determined(("valve_command",))
 
 
 VANE = """\
@@ -78,19 +78,19 @@ channels: {pressure_a: chamber_a.pressure, pressure_b: chamber_b.pressure, vane_
 def test_a_shaft_that_oil_turns_is_driven(tmp_path: Path) -> None:
     (tmp_path / "plant.yaml").write_text(VANE)
     plant = load_plant(tmp_path / "plant.yaml")
-    assert plant.determined_outputs(("valve_command",)) == (
+    assert plant.determined(("valve_command",)) == (
         "pressure_a",
         "pressure_b",
         "vane_angle",
     )
-    assert plant.determined_outputs(("pressure_a", "pressure_b")) == (
+    assert plant.determined(("pressure_a", "pressure_b")) == (
         "pressure_a", "pressure_b", "vane_angle",
     )  # fmt: skip
     # a motor on the shaft, whose current nothing says, may turn it as well
     motor = "  servo: {kind: motor, on: vane, torque_constant: 0.2 N*m/A}\n"
     (tmp_path / "driven.yaml").write_text(VANE.replace("inputs:", f"{motor}inputs:"))
     driven = load_plant(tmp_path / "driven.yaml")
-    assert "vane_angle" not in driven.determined_outputs(("pressure_a", "pressure_b"))
+    assert "vane_angle" not in driven.determined(("pressure_a", "pressure_b"))
 
 
 @pytest.fixture

@@ -155,7 +155,7 @@ def _rank_recording(
     seed: int,
 ) -> RankedRecording:
     plant = rivals[0].model.plant
-    measured = admit(run, run.read(), inputs, plant.determined_outputs(inputs), strict=False,
+    measured = admit(run, run.read(), inputs, plant.determined(inputs), strict=False,
                      roles=plant.roles)  # fmt: skip
     count = measured.time.size
     seconds = float(measured.time[-1])

@@ -400,7 +400,7 @@ class Plant:
 
     # --- measurements ---------------------------------------------------------------
 
-    def determined_outputs(
+    def determined(
         self,
         inputs: Collection[str],
     ) -> tuple[str, ...]:

@@ -367,9 +367,9 @@ class SignalPlant(Plant):
         """Return the triangle of links that the rod moves a joint with."""
         return self.inner.linkage(vector[: self._size])
 
-    def determined_outputs(self, inputs: Collection[str]) -> tuple[str, ...]:
+    def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
         """Return the outputs that these inputs determine."""
-        return self.inner.determined_outputs(inputs)
+        return self.inner.determined(inputs)
 
     def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
         """Return states that have no reading, as those that have one tell them."""

@@ -208,13 +208,13 @@ class Dataset:
         """Runs that are only scored, those of another kind included."""
         return tuple(run for run in self.runs if run.use is not Use.TRAIN)
 
-    def determined_outputs(self, plant: Plant) -> tuple[str, ...]:
+    def determined(self, plant: Plant) -> tuple[str, ...]:
         """Return the outputs of a plant that the inputs determine.
 
         Raises:
             InputError: there is none but the inputs themselves.
         """
-        found = plant.determined_outputs(self.inputs)
+        found = plant.determined(self.inputs)
         if not set(found) - set(self.inputs):
             raise InputError(
                 f"nothing that {plant.id} gives is driven by {', '.join(self.inputs)}",

@@ -146,7 +146,7 @@ def gather(
         InputError: no run has anything to compare.
     """
     plant = dataset.model.plant
-    compared = dataset.determined_outputs(plant)
+    compared = dataset.determined(plant)
     measured: list[Measured] = []
     unread: list[RecordingError] = []
     runs, recordings = [], []

@@ -168,7 +168,7 @@ def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem 
 def _read(dataset: Dataset, fitted: Sequence[Measured]) -> tuple[list[Measured], list[str]]:
     """Read the held-out runs; one that cannot be read costs its score, not the diagnosis."""
     found, notes = [], []
-    compared = dataset.model.plant.determined_outputs(dataset.inputs)
+    compared = dataset.model.plant.determined(dataset.inputs)
     columns = ((name, item.column(name)) for item in fitted for name in item.outputs)
     restful = restful_channels((name, column) for name, column in columns if column is not None)
     for run in dataset.held_out:

@@ -55,7 +55,7 @@ def first_sample(measured: Measured, model: Model) -> FirstSample:
     """
     plant = model.plant
     roles = plant.roles
-    determined = plant.determined_outputs(tuple(measured.inputs))
+    determined = plant.determined(tuple(measured.inputs))
     needed = [n for n in plant.states if n in determined and n not in measured.inputs]
     locked = measured.run.locked
     first = _trusted_readings(measured)

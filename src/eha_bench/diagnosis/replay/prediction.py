@@ -172,7 +172,7 @@ def predict(
         model = dataset.model
     elif not isinstance(model, Model):
         model = model_from(model)
-    determined = dataset.determined_outputs(model.plant)
+    determined = dataset.determined(model.plant)
     if out is not None:
         writable(Path(out))
     found = []
@@ -205,7 +205,7 @@ def _prediction_of(
     plant = model.plant
     start = first_sample(measured, model)
     values = simulate_from(measured, model, start.state, STEP)
-    determined = plant.determined_outputs(tuple(measured.inputs))
+    determined = plant.determined(tuple(measured.inputs))
     columns = {
         name: np.ascontiguousarray(values[:, at])
         for at, name in enumerate(plant.outputs)

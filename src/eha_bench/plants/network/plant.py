@@ -549,7 +549,7 @@ class NetworkPlant(Plant):
 
     # --- channels ---------------------------------------------------------------------------
 
-    def determined_outputs(self, inputs: Collection[str]) -> tuple[str, ...]:
+    def determined(self, inputs: Collection[str]) -> tuple[str, ...]:
         """Return the outputs that these inputs determine."""
         nodes = determined_nodes(self.system, self.state_places, frozenset(inputs))
         places = {self.state_places[name] for name in inputs if name in self.state_places}
