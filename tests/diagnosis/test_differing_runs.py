@@ -12,7 +12,9 @@ from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.baseline import Baseline, calibrated_baseline
 from eha_bench.diagnosis.fit.evidence import excess
+from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.outcome.differing_runs import DifferingParameter, differing_parameter
+from eha_bench.diagnosis.run import diagnose
 from eha_bench.plants.elements.mass import KIND as MASS
 from eha_bench.plants.model import load_model
 from eha_bench.plants.network.element import ElementKind
@@ -80,6 +82,14 @@ def test_a_mass_that_was_bolted_on_in_one_run_is_found(tmp_path: Path) -> None:
 def test_runs_that_are_alike_do_not_differ(tmp_path: Path) -> None:
     # the same load in all of them is something else that is missing
     assert differing(calibrated(tmp_path, [4.0, 4.0, 4.0], [0.0, 0.0, 0.0])) is None
+
+
+@pytest.mark.slow(20)
+def test_a_diagnosis_notes_it_where_nothing_else_explains_what_is_missing(tmp_path: Path) -> None:
+    calibrated(tmp_path, [2.0, -3.0, 5.0], [0.0, 0.0, 0.0])
+    found = diagnose(tmp_path / "dataset.yaml")
+    assert found.verdict is Verdict.UNKNOWN
+    assert any(note.startswith("load seems to differ from run to run") for note in found.notes)
 
 
 def test_an_element_cannot_change_what_it_does_not_have() -> None:
