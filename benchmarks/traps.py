@@ -19,9 +19,9 @@ from pathlib import Path
 from benchmarks.table import Row, write_rows
 from benchmarks.trap_cases import TRAPS, Trap
 
+from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.outcome.honest import growth
-from eha_bench.diagnosis.run import diagnose
 
 WORSE = 1.05
 """Growth of a held-out error of whole runs from which a model is worse."""

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from eha_bench.comparison_api import ab, compare, history
     from eha_bench.core.recording import Recording
     from eha_bench.core.result import Result
+    from eha_bench.diagnosis.calibrate import calibrate
     from eha_bench.diagnosis.replay.prediction import predict
-    from eha_bench.diagnosis.run import calibrate
     from eha_bench.metrics import score
     from eha_bench.recordings import read, write
     from eha_bench.suites import load_suite
@@ -34,7 +34,7 @@ _HOME = {
     "Recording": "eha_bench.core.recording",
     "read": "eha_bench.recordings",
     "write": "eha_bench.recordings",
-    "calibrate": "eha_bench.diagnosis.run",
+    "calibrate": "eha_bench.diagnosis.calibrate",
     "diagnose": "eha_bench.api",
     "ab": "eha_bench.comparison_api",
     "compare": "eha_bench.comparison_api",

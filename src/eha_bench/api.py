@@ -25,8 +25,8 @@ from eha_bench.core.shipped import find
 from eha_bench.core.trial import Trial
 from eha_bench.core.workers import workers_from
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
+from eha_bench.diagnosis.diagnose import diagnose as close_the_loop
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
-from eha_bench.diagnosis.run import diagnose as close_the_loop
 from eha_bench.experiment.files import suite_path, write_proposal
 from eha_bench.experiment.proposal import Proposal
 from eha_bench.experiment.propose import ASKED, WITHIN, propose

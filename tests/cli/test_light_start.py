@@ -81,7 +81,7 @@ def test_validate_of_a_dataset_needs_no_reader(tmp_path: Path) -> None:
 
 def test_a_diagnosis_begins_without_what_it_may_never_need() -> None:
     """SciPy's statistics and Arrow took half of the start, which every worker makes anew."""
-    code = "import eha_bench.diagnosis.run, sys\nassert 'scipy.stats' not in sys.modules"
+    code = "import eha_bench.diagnosis.diagnose, sys\nassert 'scipy.stats' not in sys.modules"
     assert "pyarrow" not in imported(code)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.calibrate import Calibration, calibrate
 from eha_bench.diagnosis.data.dataset import Dataset, Run, Use
-from eha_bench.diagnosis.run import Calibration, calibrate
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 

@@ -10,11 +10,11 @@ import pytest
 from eha_bench.core.errors import PluginError
 from eha_bench.core.recording import Recording
 from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.baseline import Baseline, calibrated_baseline
 from eha_bench.diagnosis.fit.evidence import excess
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.outcome.differing_runs import DifferingParameter, differing_parameter
-from eha_bench.diagnosis.run import diagnose
 from eha_bench.plants.elements.mass import KIND as MASS
 from eha_bench.plants.model import load_model
 from eha_bench.plants.network.element import ElementKind

@@ -14,9 +14,9 @@ import pytest
 import scipy.io
 import scipy.signal
 
+from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.replay.prediction import predict
-from eha_bench.diagnosis.run import diagnose
 from eha_bench.plants.model import Model, load_model
 
 pytestmark = pytest.mark.slow

@@ -17,14 +17,13 @@ from typer.testing import CliRunner
 
 from eha_bench.cli.app import app
 from eha_bench.core.errors import BUG
-from eha_bench.diagnosis import run as running
+from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import Improvement
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.honest import _against, curve_is_worse, worse
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
-from eha_bench.diagnosis.run import diagnose
 from eha_bench.diagnosis.search.state import Accepted, Thresholds
 from eha_bench.plants.model import Model
 
@@ -163,7 +162,7 @@ def break_stage(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     def fail(*_args: object, **_options: object) -> None:
         raise ZeroDivisionError("float division by zero")
 
-    monkeypatch.setattr(running, name, fail)
+    monkeypatch.setattr(f"eha_bench.diagnosis.{name}", fail)
 
 
 def assert_kept(out: Path, stage: str, effects: list[str]) -> None:
@@ -178,7 +177,7 @@ def assert_kept(out: Path, stage: str, effects: list[str]) -> None:
 
 
 def test_a_stage_that_fails_leaves_what_was_found_before(tmp_path, monkeypatch):
-    break_stage(monkeypatch, "with_replay_errors")
+    break_stage(monkeypatch, "conclusion.with_replay_errors")
     result = diagnose(write_drive(tmp_path, seconds=1.5), tmp_path / "out")
     assert result.failed is not None
     assert result.failed.stage == "score"
@@ -187,7 +186,7 @@ def test_a_stage_that_fails_leaves_what_was_found_before(tmp_path, monkeypatch):
 
 
 def test_the_command_names_the_stage_and_leaves_with_a_status_of_its_own(tmp_path, monkeypatch):
-    break_stage(monkeypatch, "decide")
+    break_stage(monkeypatch, "conclusion.decide")
     arguments = ["diagnose", str(write_drive(tmp_path, seconds=1.5)), "--out", str(tmp_path / "o")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == BUG
@@ -197,7 +196,7 @@ def test_the_command_names_the_stage_and_leaves_with_a_status_of_its_own(tmp_pat
 
 
 def test_a_calibration_is_there_before_its_errors(tmp_path, monkeypatch):
-    break_stage(monkeypatch, "scores_of")
+    break_stage(monkeypatch, "calibrate.scores_of")
     arguments = ["calibrate", str(write_drive(tmp_path, seconds=1.5)), "--out", str(tmp_path / "o")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == BUG

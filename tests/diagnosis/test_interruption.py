@@ -17,9 +17,9 @@ from drive_data import write_drive
 
 from eha_bench.cli.main import main
 from eha_bench.core.workers import Processes
+from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.replay.prediction import predict
-from eha_bench.diagnosis.run import diagnose
 from eha_bench.plants.model import load_model
 from forked import Forked
 

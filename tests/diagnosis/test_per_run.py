@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.calibrate import calibrate
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.baseline import gather
 from eha_bench.diagnosis.fit.beliefs import beliefs_of
 from eha_bench.diagnosis.fit.least_squares import free_parameters, jacobian
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.replay.prediction import predict
-from eha_bench.diagnosis.run import calibrate
 from eha_bench.plants.model import Model
 from eha_bench.plants.plant import Drive
 from eha_bench.recordings import write

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from eha_bench.core.errors import EhaBenchError, InputError
+from eha_bench.diagnosis.calibrate import calibrate
 from eha_bench.diagnosis.data.dataset import load_dataset
+from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.outcome.diagnosis import Verdict
 from eha_bench.diagnosis.replay.prediction import predict
-from eha_bench.diagnosis.run import calibrate, diagnose
 from eha_bench.plants.model import load_model
 
 K_T, T_SF, T_CF, D_P = 0.13, 0.2537, 0.16, 0.69e-6 / (2 * np.pi)

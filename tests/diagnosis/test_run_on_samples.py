@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from eha_bench.diagnosis.run import diagnose
+from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.plants.model import load_model
 
 ANSWERS = {

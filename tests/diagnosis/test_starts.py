@@ -14,13 +14,13 @@ sys.path.insert(0, str(Path(__file__).parent))
 from drive_data import write_drive
 
 from eha_bench.core.recording import Recording
+from eha_bench.diagnosis.calibrate import calibrate
 from eha_bench.diagnosis.data.dataset import load_dataset
 from eha_bench.diagnosis.fit.convergence import convergence, moved_notes
 from eha_bench.diagnosis.fit.finish import _with_long_slopes
 from eha_bench.diagnosis.fit.least_squares import Fit, Free
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.fit.uncertainty import open_parameters
-from eha_bench.diagnosis.run import calibrate
 from eha_bench.plants.model import DeclaredEffect, Model
 from eha_bench.plants.plant import Drive
 from eha_bench.recordings import write

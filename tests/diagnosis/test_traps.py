@@ -9,7 +9,7 @@ from benchmarks.trap_cases import TRAPS, Trap
 from benchmarks.traps import seen
 
 from eha_bench.diagnosis.data.dataset import load_dataset
-from eha_bench.diagnosis.run import diagnose
+from eha_bench.diagnosis.diagnose import diagnose
 
 NAMES = [trap.name for trap in TRAPS]
 SHORT = [

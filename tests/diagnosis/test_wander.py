@@ -15,12 +15,12 @@ from scipy.signal import lfilter
 from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.data.colour import Colour
 from eha_bench.diagnosis.data.wander import LARGEST, NoiseStretch, Wander, cosines, wander_of
+from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.baseline import Baseline
 from eha_bench.diagnosis.fit.prepared import orthonormal, orthonormal_of_many
 from eha_bench.diagnosis.outcome import own_noise
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
-from eha_bench.diagnosis.run import diagnose
 from eha_bench.diagnosis.search.state import Search
 
 TICK = 1e-3

@@ -62,7 +62,7 @@ def calibrate(
 
     Those under `calibrate` in the dataset; what its recordings do not determine is named.
     """
-    from eha_bench.diagnosis.run import calibrate as estimate
+    from eha_bench.diagnosis.calibrate import calibrate as estimate
     from eha_bench.report.diagnosis_text import no_interval
 
     with TerminalProgress() as bar:

@@ -6,7 +6,7 @@ import json
 import math
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
@@ -276,6 +276,15 @@ class Diagnosis:
                 folder / rival.file, f"A rival by eha-bench diagnose ({rival.standing.value})"
             )
         write_text(folder / DIAGNOSIS_FILE, self.to_json())
+
+    def with_note(self, note: str) -> Diagnosis:
+        """Return it with one more note."""
+        return replace(self, notes=(*self.notes, note))
+
+    def keep(self, folder: str | Path | None) -> None:
+        """Write it where there is a folder to write it to."""
+        if folder is not None:
+            self.write(Path(folder))
 
 
 def own_to_dict(items: Mapping[str, Mapping[str, Estimate]]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ is much are the parameters fitted again.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,7 +22,7 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import Baseline, calibrated_baseline
 from eha_bench.diagnosis.fit.evidence import Excess, excess
-from eha_bench.diagnosis.fit.least_squares import Free, free_parameters, jacobian
+from eha_bench.diagnosis.fit.least_squares import free_parameters, jacobian
 
 _PROMISED: Final = 0.05
 """Share of the residual that slopes promise, from which the parameters are fitted again: little, as
@@ -64,9 +65,8 @@ def differing_parameter(base: Baseline, missing: Excess) -> DifferingParameter |
     """
     model, layout = base.dataset.model, base.dataset.model.plant.layout
     taken = {*model.calibrate, *model.per_run}
-    promised = {
-        key: _promised(base, key) for key in model.plant.changed_between_runs if key not in taken
-    }
+    keys = [key for key in model.plant.changed_between_runs if key not in taken]
+    promised = _promised(base, keys) if keys else {}
     found: list[DifferingParameter] = []
     for key in sorted(promised, key=lambda key: -promised[key]):
         if promised[key] < _PROMISED or any(item.share >= _NEARLY_ALL for item in found):
@@ -86,27 +86,33 @@ def differing_parameter(base: Baseline, missing: Excess) -> DifferingParameter |
     return max(found, key=lambda item: item.share, default=None)
 
 
-def _promised(base: Baseline, key: str) -> float:
-    """Return the share of the residual that slopes promise, if a value may differ by run."""
+def _promised(base: Baseline, keys: Sequence[str]) -> dict[str, float]:
+    """Return the share of the residual that slopes promise, for each value that may differ by run.
+
+    Of a key that fewer than two runs leave open nothing is promised: it is left out.
+    """
     fit, problem = base.fit, base.problem
-    runs = [item.run.name for item in base.measured if key not in item.run.parameters]
-    if len(runs) < 2:
-        return 0.0
-    [free] = free_parameters(base.dataset.model.plant.layout, [key], fit.vector)
-    own = [Free(f"{key} in {run}", free.at, free.low, free.high, free.scale, run=run)
-           for run in runs]  # fmt: skip
     # a search has moved the start states since, and with them residual and slopes
     residual = problem.residual(fit.vector)
     shared = jacobian(problem, fit.vector, fit.free, residual)
-    columns = jacobian(problem, fit.vector, own, residual)
-    alike = columns.sum(axis=1, keepdims=True)
-    gain = _squares(shared, residual, alike) - _squares(shared, residual, columns)
-    return gain / max(float(residual @ residual), 1e-300)
+    whole = max(float(residual @ residual), 1e-300)
+    promised = {}
+    for key in keys:
+        runs = [item.run.name for item in base.measured if key not in item.run.parameters]
+        if len(runs) < 2:
+            continue
+        [free] = free_parameters(base.dataset.model.plant.layout, [key], fit.vector)
+        own = [replace(free, key=f"{key} in {run}", run=run) for run in runs]
+        columns = jacobian(problem, fit.vector, own, residual)
+        alike = columns.sum(axis=1, keepdims=True)
+        gain = _left(residual, shared, alike) - _left(residual, shared, columns)
+        promised[key] = gain / whole
+    return promised
 
 
-def _squares(jacobian_: FloatArray, residual: FloatArray, columns: FloatArray) -> float:
-    """Return the sum of squares that least squares leave of a residual."""
-    design = np.column_stack([jacobian_, columns])
+def _left(residual: FloatArray, *columns: FloatArray) -> float:
+    """Return the sum of squares that least squares over columns leave of a residual."""
+    design = np.column_stack(columns)
     design = design / np.maximum(np.linalg.norm(design, axis=0), 1e-300)
     left = residual - design @ np.linalg.lstsq(design, residual, rcond=1e-10)[0]
     return float(left @ left)

@@ -1,0 +1,205 @@
+"""The way from a calibrated model to a verdict, stage by stage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from eha_bench.core.interruption import Interruption, checkpoints
+from eha_bench.core.progress import ProgressHook
+from eha_bench.core.workers import Workers
+from eha_bench.diagnosis.data.dataset import Dataset
+from eha_bench.diagnosis.fit.baseline import COARSE, Baseline
+from eha_bench.diagnosis.fit.side_by_side import fits_by
+from eha_bench.diagnosis.fit.start_angles import starts_of
+from eha_bench.diagnosis.outcome.beyond_training import beyond_training
+from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out
+from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
+from eha_bench.diagnosis.outcome.differing_runs import differing_parameter
+from eha_bench.diagnosis.outcome.findings import assemble
+from eha_bench.diagnosis.outcome.honest import curve_is_worse, prune, worse
+from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_replay_errors
+from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
+from eha_bench.diagnosis.outcome.revise import revised_model
+from eha_bench.diagnosis.outcome.rivals import other_rivals
+from eha_bench.diagnosis.search import stepwise
+from eha_bench.diagnosis.search.backward import drop, without
+from eha_bench.diagnosis.search.state import begin
+from eha_bench.diagnosis.unknown.locator import locate
+
+_NOTHING: Final = 5.0
+"""Significance of what is missing, in standard deviations, below which nothing is."""
+
+
+class Conclusion:
+    """A diagnosis from its calibrated model on, stage by stage.
+
+    What has been found is on disk before the next stage begins, so none takes it away.
+
+    Args:
+        dataset: with the declared model. base: calibrated. out: folder, or None.
+        progress: called with the stage and the fraction of it done.
+    """
+
+    def __init__(
+        self, dataset: Dataset, base: Baseline, out: Path | None, progress: ProgressHook
+    ) -> None:
+        self.dataset, self.base, self.out, self.progress = dataset, base, out, progress
+        self.stage = "search"
+        self.refused: list[str] = []
+        self.search = begin(base)
+        note = "no effect was tried yet, so the verdict is open"
+        self.decision = self._open(note)
+        self.found = _calibration_alone(dataset, base, self.decision)
+
+    def whole(self, asked: Interruption, workers: Workers) -> Diagnosis:
+        """Search, decide, and score; or as far as that goes until a stop is asked for."""
+        try:
+            with checkpoints(asked), fits_by(workers):
+                self._decide()
+                if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
+                    self.base, self.search = slow, begin(slow)
+                    self._decide()
+        except KeyboardInterrupt:
+            self.decision = self._decision_so_far()
+            return self._assemble(complete=False)
+        found = self._assemble(complete=True)
+        while found.complete and found.verdict is Verdict.EFFECT and (why := worse(found)):
+            found = self._without_the_weakest(why)
+        if found.complete and self.decision.learned and (why := curve_is_worse(found)):
+            found = self._without_the_curve(why)
+        if found.complete and found.verdict is Verdict.UNKNOWN:
+            self.found = found = self._with_differing_runs(found)
+        if found.complete and (why := beyond_training(found)):
+            self.found = found = found.with_note(why)
+            if found.verdict is Verdict.NONE:
+                found = self._unknown_in_held_out()
+        return self._with_rivals(found, asked, workers) if found.complete else found
+
+    def _decide(self) -> None:
+        """Search, and decide upon what was found."""
+        stepwise.run(self.search, self._on_progress)
+        if (own := with_own_noise(self.base, self.search)) is not None:
+            self.base, self.search = own
+            stepwise.run(self.search, self._on_progress)
+        self.stage = "decide"
+        self.refused = prune(self.search)
+        self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
+
+    def _with_differing_runs(self, found: Diagnosis) -> Diagnosis:
+        """Note a load or a mass whose differences between runs explain what is missing."""
+        differing = differing_parameter(self.base, self.search.excess_base)
+        return found if differing is None else found.with_note(differing.note)
+
+    def _with_rivals(self, found: Diagnosis, asked: Interruption, workers: Workers) -> Diagnosis:
+        """Fit what these data cannot tell from what was found."""
+        self.stage = "rivals"
+        self.progress(self.stage, 0.0)
+        try:
+            with checkpoints(asked), fits_by(workers):
+                rivals = other_rivals(self.search, self.decision, found)
+        except KeyboardInterrupt:
+            note = "interrupted before the rivals were fitted"
+            self.found = replace(found.with_note(note), complete=False)
+        else:
+            self.found = replace(found, rivals=(*found.rivals, *rivals))
+        return self.found
+
+    def interrupted(self) -> Diagnosis:
+        """Return what there is where the calibration was interrupted."""
+        note = "interrupted while calibrating: no effect was tried, so the verdict is open"
+        self.decision = self._open(note)
+        return self._assemble(complete=False)
+
+    def failed(self, error: Exception) -> Diagnosis:
+        """Return what was found before the stage that failed."""
+        stage = failed_stage(self.stage, error)
+        unknown = self.found.unknown
+        if self.found.verdict is Verdict.UNKNOWN and unknown is None:
+            unknown = Unknown(None, (), stage.note)
+        found = replace(self.found, complete=False, unknown=unknown, failed=stage)
+        return found.with_note(stage.note)
+
+    def keep(self, *, complete: bool) -> None:
+        """Write what has been found so far."""
+        replace(self.found, complete=complete).keep(self.out)
+
+    def _on_progress(self, stage: str, fraction: float) -> None:
+        self.stage = stage
+        self.progress(stage, fraction)
+
+    def _open(self, note: str) -> Decision:
+        return Decision(Verdict.UNKNOWN, self.search.fit, (note,), Unknown(None, (), note))
+
+    def _decision_so_far(self) -> Decision:
+        note = "interrupted during the search: it names the causes found until then"
+        verdict = Verdict.EFFECT if self.search.effects else Verdict.UNKNOWN
+        if self.search.excess_base.significance < _NOTHING:
+            verdict = Verdict.NONE
+        unknown = Unknown(None, (), note) if verdict is Verdict.UNKNOWN else None
+        return Decision(verdict, self.search.fit, (note,), unknown)
+
+    def _assemble(self, *, complete: bool) -> Diagnosis:
+        """Assemble what was decided, and replay all runs."""
+        self.stage = "assemble"
+        self.found = assemble(self.dataset, self.base, self.search, self.decision)
+        self.keep(complete=False)
+        self.stage = "score"
+        base = self.base.at_angles(starts_of(self.search.problem))
+        try:
+            found = with_replay_errors(
+                self.found, self.dataset, base, self.search.base.vector, self._on_progress
+            )
+        except KeyboardInterrupt:
+            note = "interrupted before the runs were scored"
+            return replace(self.found.with_note(note), complete=False)
+        self.found = replace(found, complete=complete)
+        return self.found
+
+    def _without_the_weakest(self, why: str) -> Diagnosis:
+        """Decide again without the weakest effect, with which runs never fitted are worse."""
+        search = self.search
+        weakest = min(search.effects, key=lambda item: item.comparison.gain)
+        self.stage = "decide"
+        drop(search, weakest, without(search, weakest))
+        self.refused.append(f"{weakest.start.candidate} is not accepted: {why}")
+        self.decision = decide(search, COARSE, self._on_progress, self.refused)
+        return self._assemble(complete=True)
+
+    def _unknown_in_held_out(self) -> Diagnosis:
+        """Say that something acts in held-out runs alone, and in which balance."""
+        self.stage = "locate"
+        problem = held_out_windows(self.dataset, self.base, self.found.revised)
+        equation = ""
+        if problem is not None:
+            _, equation, _ = locate(problem, self.search.fit, COARSE, self._on_progress)
+        self.decision = in_held_out(self.decision, equation)
+        verdict, unknown = self.decision.verdict, self.decision.unknown
+        self.found = replace(self.found, verdict=verdict, unknown=unknown)
+        return self.found
+
+    def _without_the_curve(self, why: str) -> Diagnosis:
+        """Leave a learned curve out of the revised model with which replays are worse."""
+        self.stage = "decide"
+        note = f"the learned curve is left out of the revised model: {why}"
+        self.decision = replace(
+            self.decision,
+            fit=self.search.fit,
+            learned=False,
+            notes=(*self.decision.notes, note),
+        )
+        return self._assemble(complete=True)
+
+
+def _calibration_alone(dataset: Dataset, base: Baseline, decision: Decision) -> Diagnosis:
+    """Return what a calibration alone says, without intervals: no run is simulated here."""
+    model = revised_model(dataset.model, base.fit.vector, base.keys)
+    return Diagnosis(
+        decision.verdict,
+        model,
+        model,
+        unknown=decision.unknown,
+        notes=(*base.notes, *decision.notes),
+        complete=False,
+    )
