@@ -130,6 +130,29 @@ def test_what_is_left_unexplained_lowers_the_probability(cli: Cli, files: Path) 
     assert kept[1] < 0.9
 
 
+def test_what_lies_beyond_the_recordings_is_noted(cli: Cli, files: Path) -> None:
+    extremes = {"current": [-2.0, 2.0], "current_command": [-8.0, 8.0], "pressure_a": [0.0, 1e8]}
+    locked = {"piston": "locked", "bypass": "closed", "extremes": extremes}
+    (files / "calibration.json").write_text(json.dumps(posterior(covered={"setups": [locked]})))
+    said = cli(*RUN, "--draws", 3, "--out", "out").stderr
+    beyond = probability(files / "out")["beyond"]
+    assert [(item["trial"], item["channel"]) for item in beyond] == [("step", "current")]
+    assert beyond[0]["reached"] == pytest.approx(8.0, rel=0.05)
+    assert beyond[0]["distance"] == pytest.approx(1.5, rel=0.1)
+    assert "step takes current to 8" in said
+    assert "-2 to 2: P(pass) supposes" in said
+    assert "step takes current to 8" in (files / "out/probability.html").read_text()
+
+
+def test_a_setup_that_was_never_recorded_is_noted(cli: Cli, files: Path) -> None:
+    free = {"piston": "free", "bypass": "closed", "extremes": {}}
+    (files / "calibration.json").write_text(json.dumps(posterior(covered={"setups": [free]})))
+    said = cli(*RUN, "--draws", 3, "--out", "out").stderr
+    assert "step runs with the piston locked and the bypass closed, in which the model" in said
+    setup = {"trial": "step", "piston": "locked", "bypass": "closed"}
+    assert probability(files / "out")["beyond"] == [setup]
+
+
 @pytest.mark.slow
 def test_conditions_are_drawn_beside_what_was_fitted(cli: Cli, files: Path) -> None:
     (files / "cold.yaml").write_text(

@@ -53,10 +53,12 @@ def files(tmp_path: Path) -> Path:
     (tmp_path / "hold.yaml").write_text(SUITE, encoding="utf-8")
     (tmp_path / "vary.yaml").write_text(VARY, encoding="utf-8")
     (tmp_path / "calibrated.yaml").write_text(MODEL, encoding="utf-8")
+    recorded = {"pressure_a": [0.0, 5e6], "current": [-100.0, 100.0]}
     content = {
         "model": "calibrated.yaml",
         "covariance": {"parameters": ["torque_constant"], "matrix": [[0.005**2]]},
         "per_run": {},
+        "covered": {"setups": [{"piston": "locked", "bypass": "closed", "extremes": recorded}]},
     }
     (tmp_path / "calibration.json").write_text(json.dumps(content))
     return tmp_path
@@ -80,6 +82,10 @@ def test_tuned_gains_pass_where_those_before_do_not(cli: Cli, files: Path) -> No
     cli("run", "hold.yaml", "--target", "out/target.yaml", *words, check=0)
     chance = json.loads((files / "run/probability.json").read_text(encoding="utf-8"))
     assert chance["suite"] == found["p_pass"]
+    # 10 MPa are asked for, and 5 MPa were recorded
+    for content in (chance, found):
+        assert [item["channel"] for item in content["beyond"]] == ["pressure_a"]
+        assert any("step takes pressure_a to" in note for note in content["notes"])
     assert "P(pass) before" in (files / "out/tuning.html").read_text(encoding="utf-8")
     cli("validate", "out/tuned.yaml", "out/target.yaml", "vary.yaml", check=0)
 

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from eha_bench.diagnosis.fit.uncertainty import Covariance
-from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Rival, Standing
+from eha_bench.diagnosis.outcome.rival import Rival, Standing
 from eha_bench.plants.model import DeclaredEffect, Model, load_model
+from eha_bench.posterior.covered import Covered, CoveredSetup
 
 LOCKED: Mapping[str, tuple[float, float]] = {
     "current_command": (-20.0, 20.0),

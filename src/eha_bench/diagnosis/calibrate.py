@@ -60,6 +60,7 @@ from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.plants.model import Model
 from eha_bench.plants.static_plant import StaticPlant
+from eha_bench.posterior.covered import Covered
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ class Calibration:
             where it was estimated.
         undetermined: directions that the data do not determine, in words.
         train, holdout, unseen: channel -> errors (before: declared; after: calibrated).
+        covered: where the training recordings have been.
         per_run: run -> parameter of that run alone -> value; of held-out runs by their first
             part.
         lateness: clock of a log -> s by which its stamps are late by always the same.
@@ -89,6 +91,7 @@ class Calibration:
     complete: bool = True
     holdout: Mapping[str, ChannelError] = field(default_factory=dict)
     unseen: Mapping[str, ChannelError] = field(default_factory=dict)
+    covered: Covered | None = None
     per_run: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     lateness: Mapping[str, Estimate] = field(default_factory=dict)
     convergence: Convergence | None = None
@@ -117,6 +120,7 @@ class Calibration:
                 "holdout": errors_to_dict(self.holdout),
                 "unseen": errors_to_dict(self.unseen),
             },
+            "covered": None if self.covered is None else self.covered.to_dict(),
             "model": "calibrated.yaml",
             "notes": list(self.notes),
             "complete": self.complete,

@@ -15,8 +15,9 @@ from eha_bench.core.arrays import FloatArray, IndexArray
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.json_file import read_object
 from eha_bench.diagnosis.outcome.diagnosis import DIAGNOSIS_FILE
-from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Standing
+from eha_bench.diagnosis.outcome.rival import Standing
 from eha_bench.plants.model import Model, load_model
+from eha_bench.posterior.covered import Covered
 from eha_bench.posterior.posterior import root_of
 
 _LEAST = 0.05
@@ -150,7 +151,7 @@ def read_question(path: str | Path) -> Question:
         )
     try:
         rivals = tuple(_hypothesis(item, file.parent) for item in content["rivals"])
-        covered = _covered_from(content["covered"])
+        covered = Covered.from_dict(content["covered"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"its rivals cannot be read ({error!r})", where=where) from error
     found = [item for item in rivals if item.standing is not Standing.RUNNER_UP]
@@ -180,26 +181,4 @@ def _hypothesis(content: Mapping[str, Any], folder: Path) -> Hypothesis:
         load_model(folder / content["model"]),
         keys,
         matrix.reshape(len(keys), len(keys)),
-    )
-
-
-def _covered_from(content: Mapping[str, Any]) -> Covered:
-    def pair(ends: list[float]) -> tuple[float, float]:
-        return float(ends[0]), float(ends[1])
-
-    return Covered(
-        float(content["rate"]),
-        float(content["seconds"]),
-        {name: (float(a), float(b), float(c)) for name, (a, b, c) in content["inputs"].items()},
-        {name: float(value) for name, value in content["noise"].items() if value is not None},
-        {name: float(v) for name, v in content["unexplained"].items() if v is not None},
-        tuple(
-            CoveredSetup(
-                item["piston"],
-                item["bypass"],
-                {name: pair(ends) for name, ends in item["extremes"].items()},
-            )
-            for item in content["setups"]
-        ),
-        str(content.get("dataset", "")),
     )

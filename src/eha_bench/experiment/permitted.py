@@ -14,8 +14,8 @@ from eha_bench.core.errors import InputError, Place
 from eha_bench.core.file_kind import kind_by_keys
 from eha_bench.core.shipped import find
 from eha_bench.core.trial import Bypass, Piston, mode_named, passes_on
-from eha_bench.diagnosis.outcome.rival import Covered
 from eha_bench.plants.plant import Plant
+from eha_bench.posterior.covered import Covered
 from eha_bench.suites import load_suite
 from eha_bench.suites.suite import Suite
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.trial import Bypass, Piston, Trial
-from eha_bench.diagnosis.outcome.rival import Covered
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.hypothesis import Hypothesis
 from eha_bench.experiment.permitted import Limit
 from eha_bench.plants.network.integration import LANES
 from eha_bench.plants.plant import Drive
+from eha_bench.posterior.covered import Covered
 
 STEP = 3.4e-4
 """Integration step, s: as coarse as while a diagnosis searches, where differences count."""

@@ -14,6 +14,7 @@ import numpy as np
 from eha_bench.core.errors import InputError, Place
 from eha_bench.core.json_file import read_object
 from eha_bench.plants.model import Model, load_model
+from eha_bench.posterior.covered import Covered
 from eha_bench.posterior.posterior import Component, Posterior
 
 FILES: Final = ("diagnosis.json", "calibration.json")
@@ -53,7 +54,10 @@ def read_posterior(path: Path, model: Model) -> Posterior:
     )
     known = model.plant.layout.by_key
     kept = tuple(own for own in per_run if own and all(key in known for key in own))
-    return Posterior(components, kept, tuple(notes), str(file), _remainder(content))
+    covered = content.get("covered")
+    return Posterior(
+        components, kept, tuple(notes), str(file), Covered.from_dict(covered) if covered else None
+    )
 
 
 def beside(model: Path) -> Path | None:
@@ -117,12 +121,6 @@ def _of_diagnosis(
             "the diagnosis left an unexplained part, which draws hold as a slow error of channels"
         )
     return found, notes
-
-
-def _remainder(content: Mapping[str, Any]) -> dict[str, float]:
-    """Return channel -> what a diagnosis left unexplained beyond the noise, SI."""
-    found = (content.get("covered") or {}).get("unexplained") or {}
-    return {name: float(value) for name, value in found.items() if value}
 
 
 def _of_calibration(

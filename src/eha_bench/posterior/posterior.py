@@ -10,13 +10,14 @@ residual beyond the noise.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.plants.model import Model
 from eha_bench.plants.values import with_values
+from eha_bench.posterior.covered import Covered
 
 _TRIES = 50
 """How often a draw outside of its bounds is drawn again before it is put at the bound."""
@@ -118,7 +119,7 @@ class Posterior:
     Attributes:
         components: explanations that the data cannot distinguish, what was found first.
         per_run: what differs from run to run, by recorded run, SI.
-        remainder: channel -> root mean square of what was left unexplained beyond the noise, SI.
+        covered: where those recordings have been; None where the file does not say.
         notes: what draws leave out, one sentence each. source: the file.
     """
 
@@ -126,7 +127,13 @@ class Posterior:
     per_run: tuple[Mapping[str, float], ...] = ()
     notes: tuple[str, ...] = ()
     source: str = ""
-    remainder: Mapping[str, float] = field(default_factory=dict)
+    covered: Covered | None = None
+
+    @property
+    def remainder(self) -> dict[str, float]:
+        """Channel -> root mean square of what was left unexplained beyond the noise, SI."""
+        left = self.covered.unexplained if self.covered is not None else {}
+        return {name: value for name, value in left.items() if value}
 
     def draws(self, count: int, seed: int) -> tuple[Draw, ...]:
         """Return draws; the same seed gives the same, and more of them begin with the fewer."""

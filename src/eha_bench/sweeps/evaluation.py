@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -152,31 +152,54 @@ class TrialResponse:
 
 
 @dataclass(frozen=True)
+class ChannelRange:
+    """How far a channel went: its lowest and highest value, SI, and its unit."""
+
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Evaluated:
-    """A case's figures, and curves by trial where they were asked for."""
+    """A case's figures, and of each trial's first repeat what its channels did.
+
+    Attributes:
+        result: the figures. ranges: trial -> channel -> how far it went.
+        curves: trial -> what its controlled channel did, where that was asked for.
+    """
 
     result: PointResult
+    ranges: Mapping[str, Mapping[str, ChannelRange]] = field(default_factory=dict)
     curves: Mapping[str, TrialResponse] = field(default_factory=dict)
 
     @staticmethod
     def of(case: Case, draw: int = 0, *, curves: bool = False) -> Evaluated:
         """Run and judge a case; `draw` chooses the noise of the sensors."""
+        ranges: dict[str, Mapping[str, ChannelRange]] = {}
         kept: dict[str, TrialResponse] = {}
-        return Evaluated(figures_of_case(case, draw, kept if curves else None), kept)
+
+        def look(trial: Trial, recording: Recording) -> None:
+            if trial.id in ranges:
+                return
+            ranges[trial.id] = _ranges(recording)
+            if curves and trial.channel in recording:
+                kept[trial.id] = _curve(recording, trial)
+
+        return Evaluated(figures_of_case(case, draw, look), ranges, kept)
 
 
 def figures_of_case(
     case: Case,
     draw: int = 0,
-    curves: dict[str, TrialResponse] | None = None,
+    look: Callable[[Trial, Recording], None] | None = None,
     scorer: Scorer = score,
 ) -> PointResult:
     """Return the figures of a case.
 
     Args:
         case: what is run. draw: chooses the noise of the sensors: that of a run for 0.
-        curves: gets what the controlled channel did in each trial's first repeat.
-        scorer: gives the scores.
+        look: gets every recording that is complete. scorer: gives the scores.
     """
     margins: list[float] = []
     results: list[TrialResult] = []
@@ -185,9 +208,7 @@ def figures_of_case(
     reasons: list[str] = []
     for trial in case.suite.trials:
         first = draw * trial.repeats
-        runs = [
-            _run(case, trial, first + number, curves, scorer) for number in range(trial.repeats)
-        ]
+        runs = [_run(case, trial, first + number, look, scorer) for number in range(trial.repeats)]
         runs = judge_together(runs, trial.limits)
         results += runs
         margins += trial_margins(trial, runs)
@@ -211,7 +232,11 @@ def figures_of_case(
 
 
 def _run(
-    case: Case, trial: Trial, repeat: int, curves: dict[str, TrialResponse] | None, scorer: Scorer
+    case: Case,
+    trial: Trial,
+    repeat: int,
+    look: Callable[[Trial, Recording], None] | None,
+    scorer: Scorer,
 ) -> TrialResult:
     try:
         with crashes_as_faults():
@@ -222,9 +247,20 @@ def _run(
     if outcome.ending is not Ending.COMPLETE:
         reason = f"{outcome.ending.value}: {outcome.reason}"
         return TrialResult(trial.id, repeat, Status.FAULT, "", "", reason=reason)
-    if curves is not None and trial.id not in curves and trial.channel in outcome.recording:
-        curves[trial.id] = _curve(outcome.recording, trial)
+    if look is not None:
+        look(trial, outcome.recording)
     return judge(outcome.recording, trial, repeat, scorer)
+
+
+def _ranges(recording: Recording) -> dict[str, ChannelRange]:
+    found = {}
+    for name in recording:
+        values = recording[name]
+        values = values[np.isfinite(values)]
+        if values.size:
+            ends = float(values.min()), float(values.max())
+            found[name] = ChannelRange(*ends, recording.unit(name))
+    return found
 
 
 def _curve(recording: Recording, trial: Trial) -> TrialResponse:

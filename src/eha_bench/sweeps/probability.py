@@ -30,6 +30,7 @@ from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.chance import Chance
 from eha_bench.sweeps.conditions import ANY, Conditions
 from eha_bench.sweeps.evaluation import Evaluated, LimitName, PointResult, limits_of
+from eha_bench.sweeps.extrapolation import Extrapolation, UnrecordedSetup, beyond_recordings
 from eha_bench.sweeps.remainder import with_remainder
 from eha_bench.sweeps.sweep import time_left
 
@@ -79,6 +80,7 @@ class Probability:
 
     Attributes:
         limits: of the suite. draws: that were run. results: of each. bands: by trial.
+        beyond: where they go further than the recordings did that the model was fitted to.
         notes: what the draws leave out.
     """
 
@@ -86,6 +88,7 @@ class Probability:
     draws: tuple[Draw, ...]
     results: tuple[PointResult, ...]
     bands: tuple[ResponseBand, ...] = ()
+    beyond: tuple[Extrapolation | UnrecordedSetup, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -147,6 +150,7 @@ class Probability:
                 }
                 for item in self.unknowns
             ],
+            "beyond": [item.to_dict() for item in self.beyond],
             "notes": list(self.notes),
         }
 
@@ -265,12 +269,15 @@ def probability(
         notes.append(f"{faults} draws were stopped by a fault or a safety limit, and count as lost")
     if not done:
         raise KeyboardInterrupt
+    ended = [found[place] for place in done]
+    beyond = beyond_recordings(case.suite.trials, ended, posterior)
     return Probability(
         limits_of(case.suite),
         tuple(chosen[place] for place in done),
-        tuple(found[place].result for place in done),
-        _bands(case, [found[place] for place in done]) if bands else (),
-        tuple(notes),
+        tuple(item.result for item in ended),
+        _bands(case, ended) if bands else (),
+        beyond,
+        (*notes, *(item.note for item in beyond)),
     )
 
 

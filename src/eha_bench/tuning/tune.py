@@ -22,7 +22,8 @@ from eha_bench.core.yaml_file import line_of, parse
 from eha_bench.posterior.posterior import Draw, Posterior
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.conditions import ANY, Conditions
-from eha_bench.sweeps.evaluation import LimitName, limits_of
+from eha_bench.sweeps.evaluation import Evaluated, LimitName, limits_of
+from eha_bench.sweeps.extrapolation import beyond_recordings
 from eha_bench.sweeps.factor import Gain
 from eha_bench.sweeps.probability import Probability, judged_only
 from eha_bench.sweeps.space import Point, Space, space_of
@@ -195,15 +196,14 @@ class _Tuning:
             second.run(start, self._generations(size, 1.0 - _SHARE_AT_FITTED), effort.seed)
             chosen = second.best if second.tried else chosen
             if second.tried and not self.interrupted():
-                chosen, after, declared = self._proven(second, before, draws)
+                chosen, after, declared = self._proven(second, before, draws, posterior)
         return self._tuned_result(first, chosen, before, after, declared, second)
 
     def _proven(
-        self, second: GainSearch, before: Point, draws: Sequence[Draw]
+        self, second: GainSearch, before: Point, draws: Sequence[Draw], posterior: Posterior
     ) -> tuple[TriedGains, Probability, Probability]:
         """Return the best of the finalists over all draws, and the gains as they were."""
-        left = self.posterior.remainder if self.posterior else {}
-        machines = [Machine(draw.number, draw.model, left) for draw in draws]
+        machines = [Machine(draw.number, draw.model, posterior.remainder) for draw in draws]
         finalists: list[TriedGains] = []
         for item in sorted(second.whole, key=lambda item: -item.worth):
             if item.point not in [other.point for other in finalists]:
@@ -218,8 +218,11 @@ class _Tuning:
                 raise KeyboardInterrupt  # the best of the search stands
             self.progress(number, len(points), "checking the best on all draws")
             row = self.trying.results([point], machines)[0]
-            notes = self.posterior.notes if self.posterior else ()
-            found.append(Probability(limits, tuple(draws), tuple(row), (), notes))
+            # as fitted: what the draws do is about that
+            run = Evaluated.of(self.trying.space.at(point))
+            beyond = beyond_recordings(self.trying.space.case.suite.trials, [run], posterior)
+            notes = (*posterior.notes, *(item.note for item in beyond))
+            found.append(Probability(limits, tuple(draws), tuple(row), beyond=beyond, notes=notes))
         worths = [self.aim.of(item.margins) for item in found[:-1]]
         best = int(np.argmax(worths))
         return finalists[best], found[best], found[-1]
@@ -292,6 +295,7 @@ class _Tuning:
         margins = self.trying.margins([chosen.point], [machine])[0][0]
         passes = bool(np.all(margins >= 0.0)) if after is None else after.suite.kept > 0
         notes = list(self.posterior.notes) if self.posterior else []
+        notes += [] if after is None else [item.note for item in after.beyond]
         notes += [
             f"the declared {factor.key}, {factor.formatted(value)}, is outside its range"
             for factor, value in zip(space.factors, before, strict=True)

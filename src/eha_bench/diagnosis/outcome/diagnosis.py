@@ -17,10 +17,11 @@ from eha_bench.core.finite import finite_or_none
 from eha_bench.core.lazy import later
 from eha_bench.diagnosis.fit.convergence import Convergence
 from eha_bench.diagnosis.fit.uncertainty import Estimate
-from eha_bench.diagnosis.outcome.rival import Covered, Rival
+from eha_bench.diagnosis.outcome.rival import Rival
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.replay.replay import Replay
 from eha_bench.plants.model import Model
+from eha_bench.posterior.covered import Covered
 
 SCHEMA_VERSION = 1
 DIAGNOSIS_FILE = "diagnosis.json"

@@ -29,8 +29,8 @@ from eha_bench.diagnosis.fit.start_angles import (
     starts_of,
 )
 from eha_bench.diagnosis.fit.uncertainty import Estimate
+from eha_bench.diagnosis.outcome.covered_ranges import covered_ranges
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
-from eha_bench.diagnosis.outcome.rivals import covered_ranges
 from eha_bench.diagnosis.replay.errors_by_channel import (
     ChannelError,
     floors,
@@ -40,6 +40,7 @@ from eha_bench.diagnosis.replay.errors_by_channel import (
 )
 from eha_bench.diagnosis.replay.replay import Replay, replay
 from eha_bench.plants.model import Model
+from eha_bench.posterior.covered import Covered
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,13 @@ class Scores:
     Attributes:
         errors: channel -> errors, by the runs' use. replays: what they are computed from.
         per_run: held-out run -> parameter of that run alone -> estimate by its first part.
-        notes: one sentence each.
+        covered: where the training recordings have been. notes: one sentence each.
     """
 
     errors: Mapping[Use, Mapping[str, ChannelError]]
     replays: tuple[Replay, ...]
     per_run: Mapping[str, Mapping[str, Estimate]]
+    covered: Covered
     notes: tuple[str, ...]
 
     def fields(
@@ -65,6 +67,7 @@ class Scores:
             "train": self.errors[Use.TRAIN],
             "holdout": self.errors[Use.HOLDOUT],
             "unseen": self.errors[Use.UNSEEN],
+            "covered": self.covered,
             "per_run": {**per_run, **self.per_run},
             "notes": (*notes, *self.notes),
         }
@@ -93,11 +96,8 @@ def with_replay_errors(
     )
     models = (dataset.model, found.recalibrated, found.revised)
     scores = scores_of(dataset, base, models, vectors, progress)
-    seen = covered_ranges(
-        base.measured, base.problem.noise, scores.errors[Use.TRAIN], dataset.source
-    )
     fields = scores.fields(found.per_run, found.notes)
-    return replace(found, replays=scores.replays, covered=seen, **fields)
+    return replace(found, replays=scores.replays, **fields)
 
 
 def scores_of(
@@ -147,7 +147,8 @@ def scores_of(
         errors[use] = replay_errors(mine, floors(noise), (before, after))
         notes += replay_notes(mine, errors[use])
     per_run = {item.run: item.estimates for item in parts[-1] if item.estimates}
-    return Scores(errors, replays, per_run, tuple(dict.fromkeys(notes)))
+    covered = covered_ranges(base.measured, noise, errors[Use.TRAIN], dataset.source)
+    return Scores(errors, replays, per_run, covered, tuple(dict.fromkeys(notes)))
 
 
 def held_out_windows(dataset: Dataset, base: Baseline, model: Model) -> Problem | None:

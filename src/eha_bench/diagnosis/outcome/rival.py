@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -68,51 +67,3 @@ class Rival:
             "model": self.file,
             "covariance": self.covariance.to_dict(),
         }
-
-
-@dataclass(frozen=True)
-class Covered:
-    """Where the training recordings have been: what a next experiment adds to.
-
-    Attributes:
-        rate: samples a second, the lowest of the recordings'. seconds: of all of them.
-        inputs: channel -> (low, high, mean), SI.
-        noise: channel -> standard deviation, SI. unexplained: channel -> root mean square of what
-            is left over the windows of the fit beyond the noise, SI.
-        setups: each with the extremes of every channel in it, SI.
-        dataset: the dataset.yaml that names them; "" where it is not a file.
-    """
-
-    rate: float
-    seconds: float
-    inputs: Mapping[str, tuple[float, float, float]]
-    noise: Mapping[str, float]
-    unexplained: Mapping[str, float]
-    setups: tuple[CoveredSetup, ...]
-    dataset: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as it stands in JSON."""
-        return {
-            "rate": self.rate,
-            "seconds": self.seconds,
-            "inputs": {name: list(ends) for name, ends in self.inputs.items()},
-            "noise": {name: finite_or_none(value) for name, value in self.noise.items()},
-            "unexplained": {name: finite_or_none(v) for name, v in self.unexplained.items()},
-            "setups": [item.to_dict() for item in self.setups],
-            "dataset": self.dataset,
-        }
-
-
-@dataclass(frozen=True)
-class CoveredSetup:
-    """One setup of the rig, and channel -> (lowest, highest) that was recorded in it, SI."""
-
-    piston: str
-    bypass: str
-    extremes: Mapping[str, tuple[float, float]]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as it stands in JSON."""
-        extremes = {name: list(ends) for name, ends in self.extremes.items()}
-        return {"piston": self.piston, "bypass": self.bypass, "extremes": extremes}

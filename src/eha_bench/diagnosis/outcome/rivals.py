@@ -8,15 +8,9 @@ are the other forms of each: what one form predicts of an experiment, another ma
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 
-import numpy as np
-
-from eha_bench.core.trial import Bypass, Piston
-from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.candidates import LEARNED, Start
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
@@ -25,8 +19,7 @@ from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
 from eha_bench.diagnosis.outcome.other_forms import other_forms
 from eha_bench.diagnosis.outcome.revise import revised_model
-from eha_bench.diagnosis.outcome.rival import Covered, CoveredSetup, Rival, Standing
-from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+from eha_bench.diagnosis.outcome.rival import Rival, Standing
 from eha_bench.diagnosis.search.refit import free_of
 from eha_bench.diagnosis.search.state import Accepted, Refit, Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
@@ -180,44 +173,3 @@ def _other_curves(search: Search, decision: Decision, found: Diagnosis) -> Itera
 
 def _variable_of(item: LocatedCurve) -> str:
     return item.template.variable
-
-
-def covered_ranges(
-    runs: Sequence[Measured],
-    noise: Mapping[str, float],
-    errors: Mapping[str, ChannelError],
-    dataset: str = "",
-) -> Covered:
-    """Return where training recordings have been.
-
-    Args:
-        runs: that passed the gate. noise: channel -> standard deviation, SI.
-        errors: of the revised model on them. dataset: that names them.
-    """
-    setups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
-    inputs: dict[str, list[np.ndarray]] = {}
-    for item in runs:
-        piston = Piston.LOCKED if item.run.locked else Piston.FREE
-        bypass = Bypass.OPEN if item.run.bypass_open else Bypass.CLOSED
-        own = setups.setdefault((piston.value, bypass.value), {})
-        columns = {name: item.values[item.valid[:, k], k] for k, name in enumerate(item.outputs)}
-        for name, values in {**columns, **item.inputs}.items():
-            if values.size:
-                low, high = own.get(name, (math.inf, -math.inf))
-                own[name] = min(low, float(values.min())), max(high, float(values.max()))
-        for name, values in item.inputs.items():
-            inputs.setdefault(name, []).append(values)
-    together = {name: np.concatenate(parts) for name, parts in inputs.items()}
-    left = {}
-    for name, error in errors.items():
-        after = error.after_windows if math.isfinite(error.after_windows) else error.after
-        left[name] = math.sqrt(max(after**2 - error.noise_floor**2, 0.0))
-    return Covered(
-        min((1.0 / item.tick for item in runs), default=math.nan),
-        sum(float(item.time[-1]) for item in runs),
-        {name: (float(v.min()), float(v.max()), float(v.mean())) for name, v in together.items()},
-        {name: float(value) for name, value in noise.items()},
-        left,
-        tuple(CoveredSetup(*key, extremes) for key, extremes in setups.items()),
-        str(Path(dataset).resolve()) if Path(dataset).is_file() else "",
-    )

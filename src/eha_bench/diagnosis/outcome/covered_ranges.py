@@ -1,0 +1,55 @@
+"""Where training recordings have been, by setup and channel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from eha_bench.core.trial import Bypass, Piston
+from eha_bench.diagnosis.data.gate import Measured
+from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
+from eha_bench.posterior.covered import Covered, CoveredSetup
+
+
+def covered_ranges(
+    runs: Sequence[Measured],
+    noise: Mapping[str, float],
+    errors: Mapping[str, ChannelError],
+    dataset: str = "",
+) -> Covered:
+    """Return where training recordings have been.
+
+    Args:
+        runs: that passed the gate. noise: channel -> standard deviation, SI.
+        errors: of the revised model on them. dataset: that names them.
+    """
+    setups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
+    inputs: dict[str, list[np.ndarray]] = {}
+    for item in runs:
+        piston = Piston.LOCKED if item.run.locked else Piston.FREE
+        bypass = Bypass.OPEN if item.run.bypass_open else Bypass.CLOSED
+        own = setups.setdefault((piston.value, bypass.value), {})
+        columns = {name: item.values[item.valid[:, k], k] for k, name in enumerate(item.outputs)}
+        for name, values in {**columns, **item.inputs}.items():
+            if values.size:
+                low, high = own.get(name, (math.inf, -math.inf))
+                own[name] = min(low, float(values.min())), max(high, float(values.max()))
+        for name, values in item.inputs.items():
+            inputs.setdefault(name, []).append(values)
+    together = {name: np.concatenate(parts) for name, parts in inputs.items()}
+    left = {}
+    for name, error in errors.items():
+        after = error.after_windows if math.isfinite(error.after_windows) else error.after
+        left[name] = math.sqrt(max(after**2 - error.noise_floor**2, 0.0))
+    return Covered(
+        min((1.0 / item.tick for item in runs), default=math.nan),
+        sum(float(item.time[-1]) for item in runs),
+        {name: (float(v.min()), float(v.max()), float(v.mean())) for name, v in together.items()},
+        {name: float(value) for name, value in noise.items()},
+        left,
+        tuple(CoveredSetup(*key, extremes) for key, extremes in setups.items()),
+        str(Path(dataset).resolve()) if Path(dataset).is_file() else "",
+    )

@@ -1,0 +1,133 @@
+"""Where the recordings have been that a model was fitted to, and what lies beyond them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from eha_bench.core.finite import finite_or_none
+
+_MARGIN: Final = 0.1
+"""Part of a recorded range that something may lie outside of it and still count as recorded."""
+_NOISES: Final = 5.0
+"""Standard deviations of a channel's noise that do the same."""
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """A channel outside of what was recorded of it.
+
+    Attributes:
+        channel: its name. reached: how far, SI. low, high: recorded, SI.
+        distance: outside of them, as a part of the recorded range.
+    """
+
+    channel: str
+    reached: float
+    low: float
+    high: float
+    distance: float
+
+
+@dataclass(frozen=True)
+class CoveredSetup:
+    """One setup of the rig, and channel -> (lowest, highest) that was recorded in it, SI."""
+
+    piston: str
+    bypass: str
+    extremes: Mapping[str, tuple[float, float]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as it stands in JSON."""
+        extremes = {name: list(ends) for name, ends in self.extremes.items()}
+        return {"piston": self.piston, "bypass": self.bypass, "extremes": extremes}
+
+    @staticmethod
+    def from_dict(content: Mapping[str, Any]) -> CoveredSetup:
+        """Return what `to_dict` gave."""
+        extremes = {
+            name: (float(low), float(high)) for name, (low, high) in content["extremes"].items()
+        }
+        return CoveredSetup(content["piston"], content["bypass"], extremes)
+
+
+@dataclass(frozen=True)
+class Covered:
+    """Where the training recordings have been: what a next experiment adds to.
+
+    Attributes:
+        rate: samples a second, the lowest of the recordings'. seconds: of all of them.
+        inputs: channel -> (low, high, mean), SI.
+        noise: channel -> standard deviation, SI. unexplained: channel -> root mean square of what
+            is left over the windows of the fit beyond the noise, SI.
+        setups: each with the extremes of every channel in it, SI.
+        dataset: the dataset.yaml that names them; "" where it is not a file.
+    """
+
+    rate: float
+    seconds: float
+    inputs: Mapping[str, tuple[float, float, float]]
+    noise: Mapping[str, float]
+    unexplained: Mapping[str, float]
+    setups: tuple[CoveredSetup, ...]
+    dataset: str = ""
+
+    def setup(self, piston: str, bypass: str) -> CoveredSetup | None:
+        """Return what was recorded in a setup, if anything was."""
+        return next(
+            (item for item in self.setups if (item.piston, item.bypass) == (piston, bypass)), None
+        )
+
+    def beyond(
+        self, setup: CoveredSetup, extremes: Mapping[str, tuple[float, float]]
+    ) -> Iterator[Beyond]:
+        """Yield the channels that go further than they were recorded.
+
+        By more than a tenth of the recorded range, and more than noise does: within that a model
+        is not asked for anything new.
+
+        Args:
+            setup: that was recorded. extremes: channel -> (lowest, highest), SI.
+        """
+        for name, (low, high) in setup.extremes.items():
+            if name not in extremes:
+                continue
+            lowest, highest = extremes[name]
+            reached = lowest if low - lowest > highest - high else highest
+            outside = max(low - lowest, highest - high)
+            span = high - low
+            if outside > max(_MARGIN * span, _NOISES * self.noise.get(name, 0.0)):
+                yield Beyond(name, reached, low, high, outside / max(span, 1e-300))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as it stands in JSON."""
+        return {
+            "rate": finite_or_none(self.rate),
+            "seconds": self.seconds,
+            "inputs": {name: list(ends) for name, ends in self.inputs.items()},
+            "noise": {name: finite_or_none(value) for name, value in self.noise.items()},
+            "unexplained": {name: finite_or_none(v) for name, v in self.unexplained.items()},
+            "setups": [item.to_dict() for item in self.setups],
+            "dataset": self.dataset,
+        }
+
+    @staticmethod
+    def from_dict(content: Mapping[str, Any]) -> Covered:
+        """Return what `to_dict` gave; what is not there or could not be computed is left out."""
+        inputs, noise = content.get("inputs") or {}, content.get("noise") or {}
+        left = content.get("unexplained") or {}
+        return Covered(
+            _number(content.get("rate")),
+            float(content.get("seconds") or 0.0),
+            {name: (float(a), float(b), float(c)) for name, (a, b, c) in inputs.items()},
+            {name: float(value) for name, value in noise.items() if value is not None},
+            {name: float(value) for name, value in left.items() if value is not None},
+            tuple(CoveredSetup.from_dict(item) for item in content.get("setups") or ()),
+            str(content.get("dataset", "")),
+        )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
