@@ -54,6 +54,7 @@ from eha_bench.suites import Suite, load_suite
 from eha_bench.sweeps.case import Case
 from eha_bench.sweeps.design import LatinHypercube
 from eha_bench.sweeps.evaluation import figures_of_case
+from eha_bench.sweeps.extrapolation import Extrapolation
 from eha_bench.sweeps.probability import probability
 from eha_bench.sweeps.space import Point, Space
 from eha_bench.targets.simulator import Simulator
@@ -99,7 +100,8 @@ class Outcome:
         plant, truth, number: the rig. verdict, named: of its diagnosis. factor: of the limits.
         feasible: what the tuning said. any_passes: what the rig says. searched: whether it took a
             search on the rig to say so. said: stated and passed, of several gains and limits.
-        least_margin: of the tuned gains at the model as fitted.
+        least_margin: of the tuned gains at the model as fitted. beyond: channels that they take
+            further than the recordings, or a setup that these do not have.
         seconds: of diagnosis, tuning and all the rest; 0 for a diagnosis made before.
     """
 
@@ -113,6 +115,7 @@ class Outcome:
     any_passes: bool
     searched: bool
     least_margin: float
+    beyond: tuple[str, ...]
     said: tuple[Said, ...] = field(repr=False)
     seconds: tuple[float, float, float]
 
@@ -128,7 +131,7 @@ class Outcome:
     @staticmethod
     def from_json(content: dict[str, Any]) -> Outcome:
         """Return what was kept of a rig."""
-        lists = {key: tuple(content[key]) for key in ("named", "seconds")}
+        lists = {key: tuple(content[key]) for key in ("named", "beyond", "seconds")}
         said = tuple(Said(**item) for item in content["said"])
         return Outcome(**{**content, **lists, "said": said})
 
@@ -366,7 +369,10 @@ def run_case(plant: str, number: int, folder: Path, given: Any) -> Outcome:
     done = Outcome(
         plant, machine.truth, number, found["verdict"],
         tuple(item["id"] for item in found["effects"]), factor, best.feasible, passes, searched,
-        float(min(best.margins)), tuple(said),
+        float(min(best.margins)),
+        tuple(item.beyond.channel if isinstance(item, Extrapolation) else "setup"
+              for item in best.after.beyond),
+        tuple(said),
         (diagnosed, tuning, time.perf_counter() - began - tuning - diagnosed),
     )  # fmt: skip
     file.write_text(json.dumps(asdict(done)))
@@ -381,6 +387,7 @@ def line(item: Outcome) -> str:
         f"{'+'.join(item.named) or '-'}; limits {item.factor:.2f}; "
         f"stated {tuned.stated:.2f}, passed {tuned.passed:.2f} "
         f"(gains of the declared model {declared.stated:.2f}, {declared.passed:.2f}); "
+        f"beyond the recordings in {', '.join(item.beyond) or 'nothing'}; "
         f"{'feasible' if item.feasible else 'infeasible'}, on the rig "
         f"{'feasible' if item.any_passes else 'infeasible'}; "
         f"{' + '.join(f'{part:.0f}' for part in item.seconds)} s"
@@ -416,6 +423,12 @@ def rows_from(done: Sequence[Outcome]) -> list[Row]:
         rows.append(share("rigs without gains that pass, called 'infeasible'", called))
         stated = np.mean([item.asked("tuned").stated for item in unable])
         rows.append(Row("P(pass) stated on these, mean", float(stated)))
+    for name, own in (("beyond", [i for i in done if i.beyond]),
+                      ("within", [i for i in done if not i.beyond])):  # fmt: skip
+        if own:
+            off = [i.asked("tuned").stated - i.asked("tuned").passed for i in own]
+            rows.append(Row(f"P(pass) less what passed, {name} the recordings", float(np.mean(off)),
+                            note=f"mean of {len(own)} rigs"))  # fmt: skip
     return [*rows, *_tenths("asked", done, lambda item: item.limits == "asked"),
             *_tenths("drawn limits", done, lambda item: item.limits != "asked")]  # fmt: skip
 
