@@ -19,10 +19,14 @@ from pathlib import Path
 from benchmarks.table import Row, write_rows
 from benchmarks.trap_cases import TRAPS, Trap
 
+from eha_bench.core.note import Note
 from eha_bench.diagnosis.diagnose import diagnose
+from eha_bench.diagnosis.fit.convergence import AT_BOUND, MOVED_FAR, MOVED_OUT
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.outcome.honest import growth
 
+CAUTIONS = {AT_BOUND, MOVED_FAR, MOVED_OUT}
+"""Notes that a parameter has gone far from what was declared."""
 WORSE = 1.05
 """Growth of a held-out error of whole runs from which a model is worse."""
 
@@ -60,7 +64,7 @@ def seen(trap: Trap, found: Diagnosis, seconds: float) -> TrapSeen:
 
 def _noted(found: Diagnosis) -> bool:
     ended = found.convergence
-    return any("moved" in note or "bound" in note for note in found.notes) or (
+    return any(isinstance(note, Note) and note.template in CAUTIONS for note in found.notes) or (
         ended is not None and bool(ended.at_bounds)
     )
 

@@ -8,11 +8,14 @@ residual as it is. Parameters that stand at a bound, and would go beyond, do not
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
+from eha_bench.core.note import Note, Value
 from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
@@ -121,10 +124,25 @@ def _bounds(fit: Fit) -> dict[str, float]:
     return found
 
 
+AT_BOUND: Final = (
+    "CAUTION: {key} is at its bound, {bound:.4g}{unit}: it hides a missing effect, or these data "
+    "do not determine it"
+)
+MOVED_FAR: Final = (
+    "CAUTION: {key} has moved by a factor of {factor:.3g}, from {before:.4g} to {value:.4g}"
+    "{unit}: check that the model is of this machine; a parameter that moves so far may hide a "
+    "missing effect"
+)
+MOVED_OUT: Final = (
+    "CAUTION: {key} has moved from {before:.4g} to {value:.4g}{unit}, more than the "
+    "{within:.3g}{unit} given under `within`"
+)
+
+
 def moved_notes(
     model: Model, values: Mapping[str, float], at_bounds: Mapping[str, float]
-) -> list[str]:
-    """Say which parameters went far from what was declared, one sentence each.
+) -> list[Note]:
+    """Return a note of each parameter that went far from what was declared.
 
     Args:
         model: declared. values: parameter -> estimate, SI. at_bounds: as `Convergence` has them.
@@ -135,23 +153,15 @@ def moved_notes(
     for key in dict.fromkeys(model.calibrate):
         if key not in values:
             continue
-        value, before, unit = values[key], float(declared[index[key]]), layout.by_key[key].unit
-        way = f"from {before:.4g} to {value:.4g} {unit}".rstrip()
-        factor = value / before if before else float("nan")
+        before, unit = float(declared[index[key]]), layout.by_key[key].unit
+        known: dict[str, Value] = {
+            "key": key, "before": before, "value": values[key], "unit": f" {unit}" if unit else "",
+        }  # fmt: skip
+        factor = values[key] / before if before else math.nan
         if key in at_bounds:
-            notes.append(
-                f"CAUTION: {key} is at its bound, {at_bounds[key]:.4g} {unit}: it hides a missing "
-                "effect, or these data do not determine it"
-            )
+            notes.append(Note(AT_BOUND, bound=at_bounds[key], **known))
         elif before and not 1.0 / FAR <= factor <= FAR:
-            notes.append(
-                f"CAUTION: {key} has moved by a factor of {factor:.3g}, {way}: check that the "
-                "model is of this machine; a parameter that moves so far may hide a missing "
-                "effect"
-            )
-        elif key in model.within and abs(value - before) > model.within[key]:
-            notes.append(
-                f"CAUTION: {key} has moved {way}, more than the {model.within[key]:.3g} {unit} "
-                "given under `within`"
-            )
+            notes.append(Note(MOVED_FAR, factor=factor, **known))
+        elif key in model.within and abs(values[key] - before) > model.within[key]:
+            notes.append(Note(MOVED_OUT, within=model.within[key], **known))
     return notes
