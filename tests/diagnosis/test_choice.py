@@ -71,6 +71,22 @@ def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Se
     assert found.candidate == RIVAL
 
 
+@pytest.mark.parametrize(("as_good", "chosen"), [(True, RIVAL), (False, RIGHT)])
+def test_one_at_its_bound_is_chosen_only_where_no_other_is_as_good(
+    search: Search, monkeypatch: pytest.MonkeyPatch, as_good: bool, chosen: str
+) -> None:
+    """It would be refused in the end, and what explains as much would never have been looked at."""
+    monkeypatch.setattr(stepwise, "is_as_good", lambda *_: as_good)
+    best = search.fit.cost - 1000.0
+    at_bound = trial(search, RIGHT, best)
+    vector = search.fit.vector.copy()
+    vector[at_bound.start.strength_at] = at_bound.start.high
+    at_bound = replace(at_bound, fit=replace(at_bound.fit, vector=vector))
+    found = stepwise._choose(search, [at_bound, trial(search, RIVAL, best + 8.0)], Thresholds())
+    assert found is not None
+    assert found.candidate == chosen
+
+
 @pytest.mark.parametrize(
     ("gain", "p_value", "significance", "enough"),
     [

@@ -19,7 +19,8 @@ from eha_bench.plants.layout import Layout
 LEARNED = "learned"
 """Id of the effect that holds a learned curve; it is never a named cause."""
 
-
+_AT = 1e-3
+"""Distance of a strength from its bound, in starting strengths, that is none."""
 _SAME = 0.01
 """Relative difference of two parameters that are declared the same."""
 
@@ -55,6 +56,15 @@ class Start:
             out[at] = value
         out[self.strength_at] = self.neutral + share * (self.strength - self.neutral)
         return out
+
+    def bound_met(self, vector: FloatArray) -> float | None:
+        """Return the bound that the strength stands at in a vector, SI; None where it is inside."""
+        strength = float(vector[self.strength_at])
+        near = _AT * abs(self.strength - self.neutral)
+        for bound in (self.low, self.high):
+            if bound != self.neutral and abs(strength - bound) <= near:
+                return bound
+        return None
 
     @property
     def is_parameter(self) -> bool:

@@ -26,8 +26,6 @@ from eha_bench.diagnosis.search.backward import (
 )
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
-_AT = 1e-3
-"""Distance of a strength from its bound, in starting strengths, that is none."""
 _WORSE = 1.05
 """Growth of the error of whole replays from which a model is worse: less is chance."""
 _LIKELY = 0.05
@@ -63,11 +61,8 @@ def prune(search: Search, limits: Thresholds | None = None) -> list[str]:
 def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
     """Say what speaks against an effect that was added, or nothing."""
     start, found = item.start, item.comparison
-    strength = float(search.fit.vector[start.strength_at])
-    near = _AT * abs(start.strength - start.neutral)
-    for bound in (start.low, start.high):
-        if bound != start.neutral and abs(strength - bound) <= near:
-            return f"its strength is at its bound, {bound:.4g}"
+    if (bound := start.bound_met(search.fit.vector)) is not None:
+        return f"its strength is at its bound, {bound:.4g}"
     if found.explained_out <= 0.0 or found.gain_out <= 0.0:
         return "it explains nothing on runs left out of the fit"
     if found.p_value > _LIKELY:

@@ -337,6 +337,7 @@ def _choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refi
     good = [item for item in trials if _is_acceptable(search, item.comparison, limits)]
     if not good:
         return None
+    good = _inside_bounds(search, good)
     chosen = good[0]
     for item in good:
         # a parameter is preferred where it explains as much
@@ -348,6 +349,18 @@ def _choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refi
     # of those that leave equally little, the one with the fewest numbers to choose is the
     # likeliest, then the one that carries over best to runs left out
     return min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
+
+
+def _inside_bounds(search: Search, good: list[Refit]) -> list[Refit]:
+    """Return those whose strength stands at no bound, where the best of these is as good as any.
+
+    What stands at a bound is refused in the end, and would take the place of what does as well.
+    """
+    inside = [item for item in good if item.start.bound_met(item.fit.vector) is None]
+    best = good[0]
+    if inside and is_as_good(inside[0].fit, best.fit, best.comparison.gain, search.groups):
+        return inside
+    return good
 
 
 def _is_acceptable(search: Search, found: Improvement, limits: Thresholds) -> bool:
