@@ -48,7 +48,7 @@ QUICK: dict[str, list[str]] = {
     "scoring": ["--seconds", "60"],
     "growth": ["--ticks", "500", "--most", "10", "--only", "files", "trials", "sweeps", "nights"],
     "served": ["--nights", "20", "--metrics", "10"],
-    "coverage": ["--recordings", "30"],
+    "coverage": ["--recordings", "15"],
     "intervals": ["--cases", "4"],
     "comparison": ["--quick"],
     "tuning": ["--candidates", "24", "--draws", "40", "--suites", "1"],

@@ -482,7 +482,7 @@ def main() -> int:
     plants, cases = given.plants, given.cases
     if given.quick:
         plants, cases, given.seconds = [KNEE], 1, 1.0
-        given.candidates, given.searched, given.draws = 32, 32, 10
+        given.candidates, given.searched, given.draws = 16, 16, 6
     out = given.out or Path(tempfile.mkdtemp())
     done: list[Outcome] = []
     for number in range(given.first, given.first + cases):
