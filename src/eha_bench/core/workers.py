@@ -8,7 +8,6 @@ worker down again and again is reported as a separate error, and all others are 
 
 from __future__ import annotations
 
-import os
 import re
 import threading
 import traceback
@@ -22,6 +21,7 @@ from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 from eha_bench.core.errors import BUG, EhaBenchError, InputError
 from eha_bench.core.extras import way_to_install
 from eha_bench.core.packed import Packed, pack
+from eha_bench.core.processors import usable_processors
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
@@ -395,7 +395,7 @@ def workers_from(text: str | int | None) -> Workers:
     if text is None or text == "":
         return IN_PROCESS
     if str(text).isdecimal():
-        count = int(text) or os.cpu_count() or 1
+        count = int(text) or usable_processors()
         return Processes(count) if count > 1 else IN_PROCESS
     match = _CLUSTER.fullmatch(str(text))
     if match is None:

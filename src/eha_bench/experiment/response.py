@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from functools import cache
 import numpy as np
 
 from eha_bench.core.arrays import FloatArray
+from eha_bench.core.processors import usable_processors
 from eha_bench.core.trial import Bypass, Piston, Trial
 from eha_bench.experiment.candidates import Experiment, ExperimentSettings
 from eha_bench.experiment.hypothesis import Hypothesis
@@ -252,4 +252,4 @@ def _furthest(tops: FloatArray) -> float:
 @cache
 def _pool() -> ThreadPoolExecutor:
     """Return the threads that simulate: the kernel runs without the interpreter's lock."""
-    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="experiment")
+    return ThreadPoolExecutor(usable_processors(), thread_name_prefix="experiment")

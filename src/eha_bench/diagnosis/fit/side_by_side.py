@@ -9,7 +9,6 @@ and machines do the same where workers were asked for.
 
 from __future__ import annotations
 
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -22,13 +21,14 @@ from typing import Generic, TypeVar
 from threadpoolctl import threadpool_limits
 
 from eha_bench.core.interruption import checkpoint
+from eha_bench.core.processors import usable_processors
 from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.diagnosis.fit.effort import count_simulated_time, note_simulated_time
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
 
-PROCESSORS = max(1, min(4, os.cpu_count() or 1))
+PROCESSORS = min(4, usable_processors())
 """How many threads work; one where several diagnoses run at once."""
 
 _ONE_OF_SEVERAL: ContextVar[bool] = ContextVar("one_of_several", default=False)

@@ -11,7 +11,6 @@ Both errors are kept.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -20,6 +19,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
+from eha_bench.core.processors import usable_processors
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.data.gate import Measured
 from eha_bench.diagnosis.fit.effort import note_simulated_time
@@ -39,7 +39,7 @@ _LOOSE = 0.3
 _FURTHEST = 3.0
 _PARTS = (0.1, 0.25, 0.5, 1.0, 1.0)
 """Parts of a run that say one after the other where its start is."""
-_WORKERS = max(1, min(4, os.cpu_count() or 1))
+_WORKERS = min(4, usable_processors())
 
 
 @dataclass(frozen=True)
