@@ -47,7 +47,7 @@ class Inputs:
         period: of a controller inside the plant, s; 0 where none is used.
         time: (m,) the clock that the kernel runs on, s. ticks: (n,) where the samples are on it.
         values: (m, columns). given: which columns are.
-        imposed: (m, states and signals). is_imposed: which are.
+        imposed: (m, states and signals), no rows where nothing is. is_imposed: which are.
     """
 
     period: float
@@ -457,12 +457,16 @@ class NetworkPlant(Plant):
         Raises:
             InputError: an input that this plant does not have.
         """
-        period = self._period(drive, vector)
-        key = f"{self.id}:{id(self)}"
-        kept = drive.laid_out.get(key)
-        if not isinstance(kept, Inputs) or kept.period != period:
-            kept = drive.laid_out[key] = self._laid_out(drive, period)
+        kept = drive.laid_out[f"{self.id}:{id(self)}"] = self._own_inputs(drive, vector)
         return kept
+
+    def _own_inputs(self, drive: Drive, vector: FloatArray) -> Inputs:
+        """Return a drive's inputs as they were laid out, or laid out now and not kept."""
+        period = self._period(drive, vector)
+        kept = drive.laid_out.get(f"{self.id}:{id(self)}")
+        if isinstance(kept, Inputs) and kept.period == period:
+            return kept
+        return self._laid_out(drive, period)
 
     def inputs_of_each(self, drives: Drives, vector: FloatArray) -> ManyInputs:
         """Return the inputs of several drives, laid out once.
@@ -475,7 +479,8 @@ class NetworkPlant(Plant):
         if not isinstance(kept, ManyInputs) or any(
             self._period(drive, vector) != period for drive, period in kept.kinds
         ):
-            each = [self.inputs_of(drive, vector) for drive in drives.items]
+            # once together is enough: each by itself would be all of it again
+            each = [self._own_inputs(drive, vector) for drive in drives.items]
             kept = drives.laid_out[key] = _one_behind_the_other(each, drives.items)
         return kept
 
@@ -517,7 +522,9 @@ class NetworkPlant(Plant):
         values = np.zeros((n, len(system.columns)))
         given = np.zeros(len(system.columns), dtype=np.bool_)
         count = system.size + len(self._imposable)
-        imposed = np.zeros((n, count))
+        # a kernel reads what is imposed, and most often nothing is: then there are no rows
+        imposes = any(name in self.state_places for name in drive.inputs)
+        imposed = np.zeros((n if imposes else 0, count))
         is_imposed = np.zeros(count, dtype=np.bool_)
         for name, series in drive.inputs.items():
             column = system.column_of.get(name)
@@ -927,12 +934,23 @@ def _one_behind_the_other(each: Sequence[Inputs], drives: Sequence[Drive]) -> Ma
         np.array([item.ticks[drive.first] for item, drive in zip(each, drives, strict=True)]),
         np.concatenate([item.time for item in each]),
         np.concatenate([item.values for item in each]),
-        np.concatenate([item.imposed for item in each]),
+        _imposed_of_each(each),
         np.array([item.given for item in each]),
         np.array([item.is_imposed for item in each]),
         np.array([drive.locked for drive in drives], dtype=np.bool_),
         np.array([drive.bypass_open for drive in drives], dtype=np.bool_),
     )
+
+
+def _imposed_of_each(each: Sequence[Inputs]) -> FloatArray:
+    """Return what is imposed on many drives, of all ticks; no rows where it is nothing on any."""
+    parts = [item.imposed for item in each]
+    if any(part.size for part in parts):
+        parts = [
+            part if part.size else np.zeros((item.time.size, part.shape[1]))
+            for part, item in zip(parts, each, strict=True)
+        ]
+    return np.concatenate(parts)
 
 
 def _controller_clock(time: FloatArray, period: float) -> tuple[FloatArray, IndexArray]:
