@@ -7,6 +7,7 @@ well as an effect does, no effect is named.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -37,6 +38,7 @@ class Start:
         low, high: bounds of the strength.
         keys: what a refit moves.
         equation: balance it acts in ("" for a parameter).
+        plausible: size of the strength beyond which another cause is preferred.
     """
 
     candidate: str
@@ -48,6 +50,7 @@ class Start:
     high: float
     keys: tuple[str, ...]
     equation: str
+    plausible: float = math.inf
 
     def apply(self, vector: FloatArray, share: float = 1.0) -> FloatArray:
         """Return a vector with the candidate on, at a share of its starting strength."""
@@ -65,6 +68,11 @@ class Start:
             if bound != self.neutral and abs(strength - bound) <= near:
                 return bound
         return None
+
+    def is_plausible(self, vector: FloatArray) -> bool:
+        """Return whether the strength in a vector is one that a cause may well have."""
+        strength = abs(float(vector[self.strength_at]))
+        return strength <= self.plausible and self.bound_met(vector) is None
 
     @property
     def is_parameter(self) -> bool:
@@ -124,6 +132,7 @@ def _start(layout: Layout, effect: BoundEffect, values: dict[str, float]) -> Sta
         strength.high,
         tuple(keys),
         str(effect.equation(values).value),
+        strength.plausible,
     )
 
 
