@@ -10,6 +10,7 @@ from cluster import Cluster, two_workers
 from poison import Shared, fails_on_three, kills_on_three, kills_once, slow_square, square
 
 from eha_bench.core.errors import InputError
+from eha_bench.core.processors import usable_processors
 from eha_bench.core.workers import (
     DaskCluster,
     InProcess,
@@ -64,7 +65,7 @@ def test_what_kills_every_worker_is_told_and_the_rest_is_done() -> None:
 def test_workers_by_name() -> None:
     assert workers_from(None) == workers_from("") == workers_from("1") == InProcess()
     assert workers_from("3") == workers_from(3) == Processes(3)
-    assert workers_from("0").count == (os.cpu_count() or 1)
+    assert workers_from("0").count == usable_processors()
     assert workers_from("dask://10.0.0.1:8786") == DaskCluster("tcp://10.0.0.1:8786")
     assert workers_from("ray://head:10001") == RayCluster("ray://head:10001")
     for wrong in ("many", "-2", "dask://nowhere", "http://a:1", "2.5"):
