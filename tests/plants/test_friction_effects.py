@@ -196,6 +196,8 @@ def test_rod_friction_of_each_effect_holds_up_to_its_level(knee, effect) -> None
         (effect("seal_friction", friction_coefficient=0.05, pressure="higher"),
          60.0 + 0.05 * area * 0.6e6),
         (effect("seal_friction", friction_coefficient=0.05, pressure="difference"), 60.0),
+        (effect("seal_friction", friction_coefficient=0.05, pressure="b"),
+         60.0 + 0.05 * area * 0.6e6),
     )  # fmt: skip
     for friction, level in cases:
         for force, moves in ((level - 0.5, False), (level + 0.5, True)):
@@ -214,10 +216,22 @@ def test_asymmetry_scales_what_other_effects_add(knee, effect) -> None:
         assert (np.min(out["piston_velocity"]) < 0) == moves
 
 
-@given(p_a=st.floats(-1e6, 4e7), p_b=st.floats(-1e6, 4e7), which=st.sampled_from([0.0, 1.0, 2.0]))
+@given(
+    p_a=st.floats(-1e6, 4e7),
+    p_b=st.floats(-1e6, 4e7),
+    which=st.sampled_from([0.0, 1.0, 2.0, 3.0, 4.0]),
+)
 def test_seal_friction_never_pushes(p_a, p_b, which) -> None:
     assert seal_friction.dry(60.0, p_a, p_b, 3e-4, 0.02, which, 0.0) >= 60.0
     assert seal_friction.viscous(800.0, p_a, p_b, 3e-4, 0.02, which, 1.0) >= 800.0
+
+
+@pytest.mark.parametrize(
+    ("which", "pressing"), [(0.0, 9e6), (1.0, 3e6), (2.0, 6e6), (3.0, 3e6), (4.0, 6e6)]
+)
+def test_seals_are_pressed_by_the_pressure_that_is_named(which, pressing) -> None:
+    level = seal_friction.dry(60.0, 3e6, 6e6, 1e-3, 0.02, which, 0.0)
+    assert level == pytest.approx(60.0 + 0.02 * 1e-3 * pressing)
 
 
 def test_seals_on_a_film_drag_with_speed(knee, effect) -> None:

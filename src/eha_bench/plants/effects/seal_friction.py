@@ -3,7 +3,8 @@
     F_f += mu A p                  dry: at any speed
     F_f += mu A p |v| / v_0        viscous: with speed, v_0 = 0.1 m/s
 
-p is p_a + p_b, |p_a - p_b| or the higher of both, and A the piston area, so mu is the share of the
+p is p_a + p_b, |p_a - p_b|, the higher of both, or that of one chamber, which is all that a rod's
+seal sees (the piston's sees the difference). A is the piston area, so mu is the share of the
 hydraulic force that the seals take (viscous: at v_0). Dry where the seal touches, viscous where it
 rides on a film that the pressure makes thinner; real seals are in between.
 
@@ -19,7 +20,7 @@ from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect
 from eha_bench.plants.parameter import Parameter, choice
 
-_SUM, _DIFFERENCE, _HIGHER = 0.0, 1.0, 2.0
+_SUM, _DIFFERENCE, _HIGHER, _A, _B = 0.0, 1.0, 2.0, 3.0, 4.0
 _DRY, _VISCOUS = 0.0, 1.0
 _SPEED = 0.1
 
@@ -31,7 +32,9 @@ def _pressing(p_a: float, p_b: float, pressure: float) -> float:
         return max(0.0, p_a) + max(0.0, p_b)
     if pressure == _DIFFERENCE:
         return abs(p_a - p_b)
-    return max(0.0, p_a, p_b)
+    if pressure == _HIGHER:
+        return max(0.0, p_a, p_b)
+    return max(0.0, p_a if pressure == _A else p_b)
 
 
 def dry(
@@ -69,7 +72,7 @@ EFFECT = Effect(
     summary="The rod's friction grows with pressure, because the oil presses its seals on.",
     parameters=(
         Parameter("friction_coefficient", "", 0.02, 0.0, 1.0, "mu"),
-        choice("pressure", ("sum", "difference", "higher"), "which pressure presses"),
+        choice("pressure", ("sum", "difference", "higher", "a", "b"), "which pressure presses"),
         choice("kind", ("dry", "viscous"), "which friction grows"),
     ),
     actions={"rod": Action({"dry": dry, "viscous": viscous})},
@@ -78,5 +81,5 @@ EFFECT = Effect(
         "friction of cylinders)"
     ),
     separate="move the rod slowly both ways under several loads; viscosity does not care for load",
-    starts=({"pressure": _DIFFERENCE}, {"pressure": _HIGHER}),
+    starts=tuple({"pressure": word} for word in (_DIFFERENCE, _HIGHER, _A, _B)),
 )
