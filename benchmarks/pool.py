@@ -85,12 +85,12 @@ class Arm:
         return Pair(self.joint, how, tuple(motions), causes, float(ratio))
 
 
-def ranking(arm: Arm) -> list[str]:
-    """Return the other six motions as `next --from` ranks them."""
+def ranking(arm: Arm, first: Sequence[str] = FIRST) -> list[str]:
+    """Return the motions that are not there at first as `next --from` ranks them."""
     from eha_bench.experiment.pool import rank
 
-    arm.diagnosed("first", FIRST)
-    others = [motion for motion in arm.motions if motion not in FIRST]
+    arm.diagnosed("first", first)
+    others = [motion for motion in arm.motions if motion not in first]
     found = rank(arm.folder / "first", [arm.dataset("others", others)])
     return [Path(item.name).stem for item in found]
 
@@ -115,7 +115,7 @@ def main() -> int:
     """Rank, diagnose and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.pool", description=__doc__)
     parser.add_argument("--joints", nargs="+", choices=JOINTS, default=list(JOINTS))
-    parser.add_argument("--quick", action="store_true", help="rank only, one joint")
+    parser.add_argument("--quick", action="store_true", help="rank by one motion")
     parser.add_argument("--random", type=int, default=3, help="random pairs of each joint")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, help="folder of what was done; one given goes on")
@@ -126,7 +126,7 @@ def main() -> int:
         return 0
     out = given.out or Path(tempfile.mkdtemp())
     if given.quick:
-        ranked = ranking(Arm(JOINTS[0], out / JOINTS[0]))
+        ranked = ranking(Arm(JOINTS[0], out / JOINTS[0]), FIRST[:1])
         write_rows(given.json, [Row("recordings ranked", len(ranked), "")])
         return 0
     rng = np.random.default_rng(given.seed)

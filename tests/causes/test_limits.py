@@ -72,6 +72,7 @@ def test_a_curved_metric_meets_its_limit_where_it_does(leak):
     assert (found.metric, found.limit) == ("response_time", "<= 50 ms")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [2e-4, 1e-3])
 def test_a_rough_metric_is_no_surer_than_its_roughness(leak, size):
     held, many = 0, 30

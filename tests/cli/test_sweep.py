@@ -112,6 +112,7 @@ def test_what_is_resumed_has_to_be_the_same(cli: Cli, files: Path) -> None:
     assert "points.jsonl:1: is of another sweep" in said.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("design", ["latin_hypercube", "sobol"])
 def test_workers_and_seeds_give_the_same_points(cli: Cli, files: Path, design: str) -> None:
     text = f"design: {design}\npoints: 5\nseed: 3\n{OVER}"

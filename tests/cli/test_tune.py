@@ -277,7 +277,7 @@ def test_ctrl_c_keeps_the_best_so_far(files: Path) -> None:
     began = time.monotonic()
     _, said = running.communicate(timeout=240)
     assert running.returncode == 130, said
-    assert time.monotonic() - began < 200
+    assert time.monotonic() - began < 60  # not a whole generation more
     assert "Traceback" not in said
     if (files / "out").exists():  # otherwise nothing had been tried in time
         assert tuning(files / "out")["complete"] is False

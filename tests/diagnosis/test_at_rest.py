@@ -39,6 +39,7 @@ def told(found: Calibration) -> list[str]:
     return [note for note in found.notes if "friction at rest" in note]
 
 
+@pytest.mark.slow
 def test_what_the_data_determine_is_estimated_and_said(tmp_path) -> None:
     found = calibrate(dataset(1e-3, ("mass",)), tmp_path)
     (note,) = told(found)

@@ -229,6 +229,7 @@ def test_a_bench_in_poor_shape(tmp_path: Path) -> None:
     assert "channels_1.yaml" in (folder / "dataset.yaml").read_text().splitlines()[4]
 
 
+@pytest.mark.slow
 def test_other_forms_are_drawn_for_effects_that_there_are() -> None:
     rng = np.random.default_rng(0)
     assert OTHER.keys() <= {effect.key for effect in LISTED}

@@ -90,6 +90,7 @@ def test_a_kept_case_is_read_as_it_was(tmp_path: Path):
     assert Case.read(file) == one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["geared_servo", KNEE])
 def test_a_machine_runs_a_trial_and_a_limit_that_it_breaks_is_told(plant: str, tmp_path: Path):
     machine = rigs_of(plant, foreign=False)["current_lag"]

@@ -242,6 +242,7 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return recorded
 
 
+@pytest.mark.slow
 def test_the_same_plan_gives_the_same_bytes_of_a_foreign_plant(
     healthy: Callable[[str], Path], tmp_path: Path
 ) -> None:

@@ -60,6 +60,7 @@ def test_strengths_that_act_alike_are_one() -> None:
     assert Influence(columns, centre).summed(1e3).count == 0
 
 
+@pytest.mark.slow
 def test_a_slope_learned_on_warm_nights_raises_no_alarm_on_cold_ones() -> None:
     """One error of the slope moves all later nights: counted as each night's own it is a step."""
     false, unaware, machines = 0, 0, 60

@@ -1,6 +1,6 @@
 """The race of a search: fewer simulations, and the same gains."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -26,7 +26,12 @@ class Curves:
     count: int = 0
     asked: list[tuple[Point, int]] = field(default_factory=list)
 
-    def margins(self, points: Sequence[Point], machines: Sequence[Machine]) -> list[FloatArray]:
+    def margins(
+        self,
+        points: Sequence[Point],
+        machines: Sequence[Machine],
+        stop: Callable[[], bool] = lambda: False,
+    ) -> list[FloatArray]:
         self.count += len(points) * len(machines)
         found = []
         for point in points:
@@ -36,7 +41,20 @@ class Curves:
                 for m in machines
             ]
             found.append(np.array(rows))
+            if stop():
+                break
         return found
+
+
+def test_a_stop_in_the_midst_of_a_generation_keeps_what_was_tried() -> None:
+    search, _ = searched(Worst())
+    before = len(search.tried)
+    asked = iter(range(100))
+    search.stop = lambda: next(asked) >= 4
+    with pytest.raises(KeyboardInterrupt):
+        search.explore(first_population([], 2, 8, 4), 8, 8, 4)
+    # asked twice before the generation, and once after each of its candidates
+    assert len(search.tried) == before + 3
 
 
 def searched(aim: Aim) -> tuple[GainSearch, Curves]:

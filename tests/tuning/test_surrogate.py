@@ -1,6 +1,6 @@
 """The search for the basin: it finds a small one beside a large one, and goes to its bottom."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -29,7 +29,12 @@ class Basins:
 
     space: Space
 
-    def margins(self, points: Sequence[Point], machines: Sequence[Machine]) -> list[FloatArray]:
+    def margins(
+        self,
+        points: Sequence[Point],
+        machines: Sequence[Machine],
+        stop: Callable[[], bool] = lambda: False,
+    ) -> list[FloatArray]:
         found = []
         for point in points:
             x = np.array([float(value) for value in point])

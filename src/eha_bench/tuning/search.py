@@ -115,15 +115,23 @@ class GainSearch:
         return self.stop()
 
     def _worths(self, shares: FloatArray) -> FloatArray:
-        """Return the cost of candidates, (n,), of (gains, n) or (gains,) shares."""
+        """Return the cost of candidates, (n,), of (gains, n) or (gains,) shares.
+
+        Raises:
+            KeyboardInterrupt: stopped among them; those that were done are in `tried`.
+        """
         columns = np.atleast_2d(shares.T)
         if self.stop():
             return np.full(len(columns), np.inf)
         points = [at(self.trying.space, column) for column in columns]
-        for column, point, found in zip(columns, points, self._race(points), strict=True):
+        margins = self._race(points)
+        # fewer than were asked for where it was stopped among them
+        for column, point, found in zip(columns, points, margins, strict=False):
             place = tuple(float(share) for share in column)
             worth = self.aim.most(found, len(self.machines))
             self.tried.append(TriedGains(place, point, worth, found))
+        if len(margins) < len(points):
+            raise KeyboardInterrupt
         self.tell(self)
         return np.array([-item.worth for item in self.tried[-len(columns) :]])
 
@@ -132,17 +140,25 @@ class GainSearch:
         first = math.ceil(_FIRST * len(self.machines))
         standing = self._standing
         if standing is None or len(standing) != len(points) or first == len(self.machines):
-            return self.trying.margins(points, self.machines)
+            return self.trying.margins(points, self.machines, self.stop)
         order = self._hardest_first()
-        early = self.trying.margins(points, [self.machines[place] for place in order[:first]])
+        early = self.trying.margins(
+            points, [self.machines[place] for place in order[:first]], self.stop
+        )
+        if len(early) < len(points):
+            return []
         on = [
             place
             for place, found in enumerate(early)
             if self.aim.most(found, len(self.machines)) > standing[place]
         ]
         late = self.trying.margins(
-            [points[place] for place in on], [self.machines[place] for place in order[first:]]
+            [points[place] for place in on],
+            [self.machines[place] for place in order[first:]],
+            self.stop,
         )
+        if len(late) < len(on):
+            return []
         found = list(early)
         for place, rest in zip(on, late, strict=True):
             found[place] = np.concatenate([early[place], rest])[np.argsort(order)]

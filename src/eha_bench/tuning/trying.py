@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -50,6 +51,10 @@ class _MachineRun:
         return figures_of_case(replace(case, simulator=simulator), noise, scorer=score_limits)
 
 
+def _never() -> bool:
+    return False
+
+
 @dataclass
 class GainTrials:
     """Candidates over machines.
@@ -81,25 +86,44 @@ class GainTrials:
         """Whether any trial with a limit is run under a controller whose gains are varied."""
         return bool(self._moved.suite.trials)
 
-    def margins(self, points: Sequence[Point], machines: Sequence[Machine]) -> list[FloatArray]:
-        """Return every candidate's margins, each (machines, limits), in the suite's order."""
-        return [np.array([item.margins for item in row]) for row in self.results(points, machines)]
+    def margins(
+        self,
+        points: Sequence[Point],
+        machines: Sequence[Machine],
+        stop: Callable[[], bool] = _never,
+    ) -> list[FloatArray]:
+        """Return candidates' margins, each (machines, limits), in the suite's order.
+
+        Args:
+            points: the candidates. machines: that each is run on.
+            stop: whether to stop; then only those that were done by then are returned.
+        """
+        rows = self.results(points, machines, stop)
+        return [np.array([item.margins for item in row]) for row in rows]
 
     def results(
-        self, points: Sequence[Point], machines: Sequence[Machine]
+        self,
+        points: Sequence[Point],
+        machines: Sequence[Machine],
+        stop: Callable[[], bool] = _never,
     ) -> list[list[PointResult]]:
-        """Return every candidate's results on every machine."""
+        """Return candidates' results on every machine; arguments as of `margins`."""
         self._learn(machines)
         moving = replace(self.space, case=self._moved)
         jobs = [_Job(point, machine) for point in points for machine in machines]
-        found = self.workers.map(_MachineRun(moving), jobs)
+        found = []
+        with closing(self.workers.ordered(_MachineRun(moving), jobs)) as outcomes:
+            for outcome in outcomes:
+                found.append(outcome.get())
+                if stop():
+                    break
         size = len(machines)
         return [
             [
                 self._joined(found[k * size + j], self.known[machine.number])
                 for j, machine in enumerate(machines)
             ]
-            for k in range(len(points))
+            for k in range(len(found) // size)
         ]
 
     def _learn(self, machines: Sequence[Machine]) -> None:

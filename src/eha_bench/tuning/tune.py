@@ -217,12 +217,16 @@ class _Tuning:
             if self.interrupted():
                 raise KeyboardInterrupt  # the best of the search stands
             self.progress(number, len(points), "checking the best on all draws")
-            row = self.trying.results([point], machines)[0]
+            rows = self.trying.results([point], machines, self.interrupted)
+            if not rows:
+                raise KeyboardInterrupt  # the best of the search stands
             # as fitted: what the draws do is about that
             run = Evaluated.of(self.trying.space.at(point))
             beyond = beyond_recordings(self.trying.space.case.suite.trials, [run], posterior)
             notes = (*posterior.notes, *(item.note for item in beyond))
-            found.append(Probability(limits, tuple(draws), tuple(row), beyond=beyond, notes=notes))
+            found.append(
+                Probability(limits, tuple(draws), tuple(rows[0]), beyond=beyond, notes=notes)
+            )
         worths = [self.aim.of(item.margins) for item in found[:-1]]
         best = int(np.argmax(worths))
         return finalists[best], found[best], found[-1]
@@ -276,7 +280,8 @@ class _Tuning:
             search = self._search(first.machines, LeastMarginOf(doubt))
             nearest = sorted(tried, key=lambda item: -search.aim.of(item.margins))[:3]
             start = narrow_population(nearest, size, 3.0 * _SPREAD, self.effort.seed)
-            search.run(start, _GENERATIONS_OF_DOUBT, self.effort.seed)
+            with suppress(KeyboardInterrupt):  # those tried by then stand
+                search.run(start, _GENERATIONS_OF_DOUBT, self.effort.seed)
             tried += search.tried
             found = contradiction(np.concatenate([item.margins for item in tried]))
         return found
