@@ -10,6 +10,7 @@ import pytest
 
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.least_squares import Fit
+from eha_bench.diagnosis.search import refit
 from eha_bench.diagnosis.search.refit import Near, Nearby, starting_point
 from eha_bench.diagnosis.search.screen import Screened
 
@@ -56,3 +57,39 @@ def test_a_form_needs_its_further_numbers_or_goes(behind: float, rows: int, chos
         Nearby((one,), replace(nothing, cost=900.0 + behind)),
     ]
     assert len(near._simplest(forms).starts[0].keys) == chosen
+
+
+@pytest.mark.parametrize(
+    ("near_value", "declared", "tried"),
+    [
+        (2.9, 1.0, False),
+        (3.1, 1.0, True),  # three times as large
+        (0.3, 1.0, True),
+        (0.0, 1.0, True),  # at a bound: what scales it does nothing there
+        (-1.0, 1.0, True),
+        (5.0, 0.0, False),  # declared as none: how far is far is not known
+    ],
+)
+def test_declared_values_are_tried_as_well_where_parameters_have_gone_far(
+    near_value: float, declared: float, tried: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = []
+
+    def fitted(_problem: object, vector: np.ndarray, *_: object, **__: object) -> Fit:
+        found.append(vector.copy())
+        return Fit(vector, (), np.zeros(0), np.zeros((0, 0)), 0.0)
+
+    monkeypatch.setattr(refit, "levenberg_marquardt", fitted)
+    near = object.__new__(Near)
+    near.fit = Fit(np.array([near_value, 7.0]), (), np.zeros(0), np.zeros((0, 0)), 0.0)
+    near.problem = SimpleNamespace()
+    places = SimpleNamespace(index={"friction": 0})
+    near.search = SimpleNamespace(
+        keys=["friction"],
+        declared_vector=np.array([declared, 7.0]),
+        problem=SimpleNamespace(places=places),
+    )
+    monkeypatch.setattr(near, "_free", lambda *_: ())
+    assert len(list(near._as_declared())) == int(tried)
+    for vector in found:
+        assert vector.tolist() == [declared, 7.0]

@@ -48,9 +48,10 @@ class Curves:
 
 def test_a_stop_in_the_midst_of_a_generation_keeps_what_was_tried() -> None:
     search, _ = searched(Worst())
+    search._standing = None  # a first population, which does not race
     before = len(search.tried)
     asked = iter(range(100))
-    search.stop = lambda: next(asked) >= 4
+    search.stop = lambda: next(asked) >= 4  # the fifth time
     with pytest.raises(KeyboardInterrupt):
         search.explore(first_population([], 2, 8, 4), 8, 8, 4)
     # asked twice before the generation, and once after each of its candidates

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -18,6 +18,7 @@ from eha_bench.diagnosis.fit.baseline import (
     is_friction_at_rest,
 )
 from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.convergence import FAR
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
@@ -137,6 +138,18 @@ class Nearby:
     fit: Fit
 
 
+def _most_promising(screened: Mapping[str, Sequence[Screened]], most: int) -> Iterator[Screened]:
+    """Yield starts of as many candidates: several that are unlike of the first three.
+
+    Args:
+        screened: of each candidate, the best first. most: candidates.
+    """
+    hopeful = [own for own in screened.values() if own[0].gain > 0.0]
+    for number, own in enumerate(hopeful[:most]):
+        able = [item for item in own if item.gain > 0.0]
+        yield from unlike(able)[: _KEEP if number < 3 else 1]
+
+
 class Near:
     """The search over windows of 0.1 s, restarted from the declared parameters where it is bent.
 
@@ -155,9 +168,11 @@ class Near:
         self.coarse = coarse
         self.problem = medium_problem(search.problem.at_step(COARSE))
         self._from = (search.problem, search.fit, *search.accepted)
-        self.fit = self._from_declared() if is_bent(search.excess_left) else self._from_found()
+        bent = is_bent(search.excess_left)
+        self.fit = self._from_declared() if bent else self._from_found()
+        self._bases = [self.fit, *(self._as_declared() if bent else ())]
         self._asked: list[Start] = []
-        self._screened: dict[str, list[Screened]] = {}
+        self._screened: list[dict[str, list[Screened]]] = []
         self._fits: dict[int, list[Nearby]] = {}
         self._waves: dict[str, tuple[list[Start], list[Wave]]] = {}
         self._turned: dict[str, tuple[list[Start], list[Nearby]]] = {}
@@ -186,6 +201,24 @@ class Near:
         )
         return friction_at_rest(self.problem, fit)
 
+    def _as_declared(self) -> Iterator[Fit]:
+        """Yield the declared parameters, where those of the short windows have gone far from them.
+
+        What a candidate does may be gone there: bristles bend by the dry friction, and a friction
+        that rose before it slid was fitted best without any. Where no parameter moves far, this
+        would be the same again.
+        """
+        index, declared = self.search.problem.places.index, self.search.declared_vector
+        vector = self.fit.vector.copy()
+        far = False
+        for key in self.search.keys:
+            before, now = float(declared[index[key]]), float(vector[index[key]])
+            far = far or (before != 0.0 and not 1.0 / FAR <= now / before <= FAR)
+            vector[index[key]] = before
+        if far:
+            free = self._free(vector, ())
+            yield levenberg_marquardt(self.problem, vector, free, iterations=0)
+
     def _from_found(self) -> Fit:
         """Stay with parameters that are hardly bent; what fits worse than they do began wrongly."""
         vector = self.search.fit.vector
@@ -204,10 +237,13 @@ class Near:
             starts: of the candidates. most: how many of each are returned.
         """
         if self._asked != list(starts):
-            self._asked, self._screened, self._fits = list(starts), {}, {}
-            for item in Screen(self.problem.at_step(SCREENING), self.fit).all(starts):
-                self._screened.setdefault(item.start.candidate, []).append(item)
-        return [item.start for own in self._screened.values() for item in own[:most]]
+            self._asked, self._screened, self._fits = list(starts), [], {}
+            for base in self._bases:
+                found: dict[str, list[Screened]] = {}
+                for item in Screen(self.problem.at_step(SCREENING), base).all(starts):
+                    found.setdefault(item.start.candidate, []).append(item)
+                self._screened.append(found)
+        return [item.start for own in self._screened[0].values() for item in own[:most]]
 
     def _weigh(self, vector: FloatArray) -> None:
         self.problem.prepare(vector)
@@ -242,14 +278,12 @@ class Near:
         return self._fits[most]
 
     def _best_of_forms(self, most: int) -> list[Nearby]:
-        tried = {name: [item for item in own if item.gain > 0.0]
-                 for name, own in self._screened.items() if own[0].gain > 0.0}  # fmt: skip
         chosen = [
-            item
-            for number, name in enumerate(list(tried)[: most + 2])
-            for item in unlike(tried[name])[: _KEEP if number < 3 else 1]
+            (item, base)
+            for base, screened in zip(self._bases, self._screened, strict=True)
+            for item in _most_promising(screened, most + 2)
         ]
-        found = side_by_side(self._refitted_from, chosen)
+        found = side_by_side(lambda pair: self._refitted_from(*pair), chosen)
         forms: dict[str, list[Nearby]] = {}
         for item in found:
             forms.setdefault(item.starts[-1].candidate, []).append(item)
@@ -379,8 +413,9 @@ class Near:
         )
         return Nearby(starts, fit)
 
-    def _refitted_from(self, item: Screened) -> Nearby:
-        return self.fit_together((item.start,), starting_point(self.problem, item, self.fit))
+    def _refitted_from(self, item: Screened, base: Fit) -> Nearby:
+        vector = starting_point(self.problem, item, base)
+        return self.fit_together((item.start,), vector, base.columns)
 
     def _trial(self, item: Nearby) -> Refit:
         return Refit(item.starts[-1], self.long(item), NOT_COMPARED)
