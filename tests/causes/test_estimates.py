@@ -124,6 +124,7 @@ def cooling(rng: np.random.Generator, nights: int, worn: dict[str, float]) -> li
     return found
 
 
+@pytest.mark.slow
 def test_nights_colder_than_all_that_the_slope_was_learned_on_raise_no_alarm() -> None:
     """An error of the slope is one error of all cold nights; it is no wear."""
     alarms = 0

@@ -197,6 +197,7 @@ def test_validate_and_schema_know_a_sweep(cli: Cli, files: Path) -> None:
     assert "over" in json.loads(cli("schema", "sweep", check=0).stdout)["properties"]
 
 
+@pytest.mark.slow
 def test_a_class_of_the_users_own_is_swept_by_workers(cli: Cli, files: Path) -> None:
     write_own_controller(files, "own.yaml")
     (files / "target.yaml").write_text("target: simulator\nmodel: paper\ncontroller: own.yaml\n")

@@ -108,6 +108,7 @@ def test_2000_recordings_that_say_something_else(fuzz: Any, tmp_path: Path) -> N
     assert outcomes["read"] > 300
 
 
+@pytest.mark.slow
 def test_memory_and_hanging_are_seen(
     fuzz: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
