@@ -176,12 +176,10 @@ def _range(parameter: Parameter) -> str:
 
 def _note(parameter: Parameter) -> str:
     kept = "" if parameter.searched else "not searched"
-    limit = parameter.plausible
-    rare = f"beyond {limit:g} another cause is preferred" if math.isfinite(limit) else ""
     name, words = parameter.when
     only = f"only for {name}: {', '.join(words)}" if name else ""
     role = f"only in the role `{parameter.role}`" if parameter.role else ""
-    return "; ".join(part for part in (parameter.source, only, role, rare, kept) if part)
+    return "; ".join(part for part in (parameter.source, only, role, kept) if part)
 
 
 if __name__ == "__main__":

@@ -25,8 +25,6 @@ class Parameter:
         when: the choice and the words of it with which the parameter matters; nothing: always.
         role: of an effect's parameter, the only role in which it is there; "": in all.
         usual: a size that it usually has, where the default may be nothing; 0: not known.
-        plausible: of an effect's strength, the size beyond which a diagnosis prefers another cause
-            that explains as much.
         nonzero: whether 0 is not a value of it though it lies within the bounds (a gear's ratio).
         refines: of a choice, whether its words but the first only refine what is there: a search
             tries them once the effect is found.
@@ -46,7 +44,6 @@ class Parameter:
     when: tuple[str, tuple[str, ...]] = ("", ())
     role: str = ""
     usual: float = 0.0
-    plausible: float = math.inf
     nonzero: bool = False
     refines: bool = False
 

@@ -7,7 +7,6 @@ well as an effect does, no effect is named.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -38,7 +37,6 @@ class Start:
         low, high: bounds of the strength.
         keys: what a refit moves.
         equation: balance it acts in ("" for a parameter).
-        plausible: size of the strength beyond which another cause is preferred.
     """
 
     candidate: str
@@ -50,7 +48,6 @@ class Start:
     high: float
     keys: tuple[str, ...]
     equation: str
-    plausible: float = math.inf
 
     def apply(self, vector: FloatArray, share: float = 1.0) -> FloatArray:
         """Return a vector with the candidate on, at a share of its starting strength."""
@@ -68,11 +65,6 @@ class Start:
             if bound != self.neutral and abs(strength - bound) <= near:
                 return bound
         return None
-
-    def is_plausible(self, vector: FloatArray) -> bool:
-        """Return whether the strength in a vector is one that a cause may well have."""
-        strength = abs(float(vector[self.strength_at]))
-        return strength <= self.plausible and self.bound_met(vector) is None
 
     @property
     def is_parameter(self) -> bool:
@@ -132,7 +124,6 @@ def _start(layout: Layout, effect: BoundEffect, values: dict[str, float]) -> Sta
         strength.high,
         tuple(keys),
         str(effect.equation(values).value),
-        strength.plausible,
     )
 
 

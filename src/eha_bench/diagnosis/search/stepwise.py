@@ -337,7 +337,7 @@ def _choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refi
     good = [item for item in trials if _is_acceptable(search, item.comparison, limits)]
     if not good:
         return None
-    good = _plausible(search, good)
+    good = _inside_bounds(search, good)
     chosen = good[0]
     for item in good:
         # a parameter is preferred where it explains as much
@@ -351,15 +351,15 @@ def _choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refi
     return min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
 
 
-def _plausible(search: Search, good: list[Refit]) -> list[Refit]:
-    """Return those whose strength is plausible, where the best of these is as good as any.
+def _inside_bounds(search: Search, good: list[Refit]) -> list[Refit]:
+    """Return those whose strength stands at no bound, where the best of these is as good as any.
 
     What stands at a bound is refused in the end, and would take the place of what does as well.
     """
-    able = [item for item in good if item.start.is_plausible(item.fit.vector)]
+    inside = [item for item in good if item.start.bound_met(item.fit.vector) is None]
     best = good[0]
-    if able and is_as_good(able[0].fit, best.fit, best.comparison.gain, search.groups):
-        return able
+    if inside and is_as_good(inside[0].fit, best.fit, best.comparison.gain, search.groups):
+        return inside
     return good
 
 

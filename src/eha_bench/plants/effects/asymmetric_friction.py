@@ -34,9 +34,8 @@ EFFECT = Effect(
     id="asymmetric_friction",
     summary="Friction is stronger in one direction than in the other.",
     parameters=(
-        # at 0.6 four times as strong one way as the other; beyond that it is more likely a force
-        # that has a direction, which says the same as long as nothing stands still
-        Parameter("asymmetry", "", 0.1, -0.95, 0.95, "a", plausible=0.6),
+        # four times as strong one way as the other; beyond that it is a force that has a direction
+        Parameter("asymmetry", "", 0.1, -0.6, 0.6, "a"),
         choice("kind", ("dry", "viscous", "all"), "which friction is lopsided"),
     ),
     actions={"friction": Action({"dry": dry, "viscous": viscous})},
