@@ -104,7 +104,7 @@ def to_dict(found: Tuned) -> dict[str, Any]:
         "p_pass": None if found.after is None else found.after.suite.to_dict(),
         "p_pass_before": None if found.declared is None else found.declared.suite.to_dict(),
         "unknowns": [] if found.after is None else found.after.to_dict()["unknowns"],
-        "beyond": [] if found.after is None else found.after.to_dict()["beyond"],
+        "beyond": [] if found.after is None else [item.to_dict() for item in found.after.beyond],
         "infeasible": None if clash is None else {
             "never": [found.limits[k].key for k in clash.never],
             "contradict": [[found.limits[k].key for k in group] for group in clash.together],

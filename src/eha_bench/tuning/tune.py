@@ -220,16 +220,20 @@ class _Tuning:
             rows = self.trying.results([point], machines, self.interrupted)
             if not rows:
                 raise KeyboardInterrupt  # the best of the search stands
-            # as fitted: what the draws do is about that
-            run = Evaluated.of(self.trying.space.at(point))
-            beyond = beyond_recordings(self.trying.space.case.suite.trials, [run], posterior)
-            notes = (*posterior.notes, *(item.note for item in beyond))
-            found.append(
-                Probability(limits, tuple(draws), tuple(rows[0]), beyond=beyond, notes=notes)
-            )
+            found.append(Probability(limits, tuple(draws), tuple(rows[0]), notes=posterior.notes))
         worths = [self.aim.of(item.margins) for item in found[:-1]]
         best = int(np.argmax(worths))
-        return finalists[best], found[best], found[-1]
+        after, declared = (
+            self._with_beyond(found[place], points[place], posterior) for place in (best, -1)
+        )
+        return finalists[best], after, declared
+
+    def _with_beyond(self, found: Probability, point: Point, posterior: Posterior) -> Probability:
+        """Return it with what lies beyond the recordings: as fitted, which the draws are about."""
+        run = Evaluated.of(self.trying.space.at(point))
+        beyond = beyond_recordings(self.trying.space.case.suite.trials, [run], posterior)
+        notes = (*found.notes, *(item.note for item in beyond))
+        return replace(found, beyond=beyond, notes=notes)
 
     def _search(self, machines: Sequence[Machine], aim: Aim) -> GainSearch:
         def tell(search: GainSearch) -> None:

@@ -8,7 +8,6 @@ residual as it is. Parameters that stand at a bound, and would go beyond, do not
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -139,6 +138,11 @@ MOVED_OUT: Final = (
 )
 
 
+def has_gone_far(before: float, now: float) -> bool:
+    """Return whether a value is a factor of more than FAR from what it was; not where it was 0."""
+    return before != 0.0 and not 1.0 / FAR <= now / before <= FAR
+
+
 def moved_notes(
     model: Model, values: Mapping[str, float], at_bounds: Mapping[str, float]
 ) -> list[Note]:
@@ -157,11 +161,10 @@ def moved_notes(
         known: dict[str, Value] = {
             "key": key, "before": before, "value": values[key], "unit": f" {unit}" if unit else "",
         }  # fmt: skip
-        factor = values[key] / before if before else math.nan
         if key in at_bounds:
             notes.append(Note(AT_BOUND, bound=at_bounds[key], **known))
-        elif before and not 1.0 / FAR <= factor <= FAR:
-            notes.append(Note(MOVED_FAR, factor=factor, **known))
+        elif has_gone_far(before, values[key]):
+            notes.append(Note(MOVED_FAR, factor=values[key] / before, **known))
         elif key in model.within and abs(values[key] - before) > model.within[key]:
             notes.append(Note(MOVED_OUT, within=model.within[key], **known))
     return notes

@@ -18,7 +18,7 @@ from eha_bench.diagnosis.fit.baseline import (
     is_friction_at_rest,
 )
 from eha_bench.diagnosis.fit.candidates import Start
-from eha_bench.diagnosis.fit.convergence import FAR
+from eha_bench.diagnosis.fit.convergence import has_gone_far
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED, SOFT_MEAN, Excess
 from eha_bench.diagnosis.fit.least_squares import Fit, Free, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
@@ -213,7 +213,7 @@ class Near:
         far = False
         for key in self.search.keys:
             before, now = float(declared[index[key]]), float(vector[index[key]])
-            far = far or (before != 0.0 and not 1.0 / FAR <= now / before <= FAR)
+            far = far or has_gone_far(before, now)
             vector[index[key]] = before
         if far:
             free = self._free(vector, ())
