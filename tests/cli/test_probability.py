@@ -153,6 +153,16 @@ def test_a_setup_that_was_never_recorded_is_noted(cli: Cli, files: Path) -> None
     assert probability(files / "out")["beyond"] == [setup]
 
 
+@pytest.mark.parametrize("covered", [{"setups": [{"piston": "locked"}]}, {"setups": 3}, [1]])
+def test_what_cannot_be_read_of_the_recordings_is_one_sentence(
+    cli: Cli, files: Path, covered: Any
+) -> None:
+    (files / "calibration.json").write_text(json.dumps(posterior(covered=covered)))
+    said = cli(*RUN, "--draws", 3, "--out", "out", check=2).stderr
+    assert "where its recordings have been cannot be read" in said
+    assert "Traceback" not in said
+
+
 @pytest.mark.slow
 def test_conditions_are_drawn_beside_what_was_fitted(cli: Cli, files: Path) -> None:
     (files / "cold.yaml").write_text(

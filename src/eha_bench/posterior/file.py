@@ -54,10 +54,7 @@ def read_posterior(path: Path, model: Model) -> Posterior:
     )
     known = model.plant.layout.by_key
     kept = tuple(own for own in per_run if own and all(key in known for key in own))
-    covered = content.get("covered")
-    return Posterior(
-        components, kept, tuple(notes), str(file), Covered.from_dict(covered) if covered else None
-    )
+    return Posterior(components, kept, tuple(notes), str(file), _covered(content, file))
 
 
 def beside(model: Path) -> Path | None:
@@ -121,6 +118,19 @@ def _of_diagnosis(
             "the diagnosis left an unexplained part, which draws hold as a slow error of channels"
         )
     return found, notes
+
+
+def _covered(content: Mapping[str, Any], file: Path) -> Covered | None:
+    """Return where the recordings have been, as far as the file says."""
+    covered = content.get("covered")
+    try:
+        return Covered.from_dict(covered) if covered else None
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"where its recordings have been cannot be read ({error!r})",
+            where=Place(file=str(file), key="covered"),
+            hint="give the file that `diagnose` or `calibrate` wrote",
+        ) from error
 
 
 def _of_calibration(
