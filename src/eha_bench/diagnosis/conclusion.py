@@ -43,7 +43,7 @@ class Conclusion:
     """
 
     def __init__(
-        self, dataset: Dataset, base: Baseline, out: Path | None, progress: ProgressHook
+        self, dataset: Dataset, base: Baseline, out: str | Path | None, progress: ProgressHook
     ) -> None:
         self.dataset, self.base, self.out, self.progress = dataset, base, out, progress
         self.stage = "search"

@@ -64,7 +64,7 @@ def diagnose(
                 base, interrupted = calibrated_baseline(loaded, progress), False
         except CalibrationInterrupted as stop:
             base, interrupted = stop.baseline, True
-        conclusion = Conclusion(loaded, base, Path(out) if out is not None else None, progress)
+        conclusion = Conclusion(loaded, base, out, progress)
         conclusion.keep(complete=False)
         try:
             found = conclusion.interrupted() if interrupted else conclusion.whole(asked, workers)
