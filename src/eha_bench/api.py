@@ -16,7 +16,7 @@ from eha_bench.bench.store import SuiteFolder
 from eha_bench.control.controller_file import load_controllers
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place, TargetFault
-from eha_bench.core.interruption import raised_again
+from eha_bench.core.interruption import signals_raised_after
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import Progress, silent
 from eha_bench.core.recording import Recording
@@ -62,7 +62,7 @@ Given: TypeAlias = str | Path | Mapping[str, Any]
 _LOG = logging.getLogger("eha_bench")
 
 
-@raised_again()
+@signals_raised_after()
 def run(
     suite: Given,
     target: Given | None = None,
@@ -127,7 +127,7 @@ def _with_reports(result: Result, loaded: Suite) -> Result:
     return result
 
 
-@raised_again()
+@signals_raised_after()
 def sweep(
     suite: Given,
     over: Given,
@@ -195,7 +195,7 @@ def probability(
     case = case_of(loaded, target_for(loaded, target))
     known = read_posterior(Path(posterior), case.simulator.model)
     met = conditions_of(case, load_sweep(conditions)) if conditions is not None else ANY
-    with raised_again(kept=out is not None):
+    with signals_raised_after(kept=out is not None):
         found = passing(
             case, known, draws,
             seed=seed, conditions=met, workers=workers_from(workers), progress=progress,
@@ -214,7 +214,7 @@ def probability(
     return found
 
 
-@raised_again()
+@signals_raised_after()
 def tune(  # noqa: PLR0913 - as the options of the command
     suite: Given,
     model: Given,
@@ -294,7 +294,7 @@ def check_posterior(
     read_posterior(Path(posterior), case.simulator.model)
 
 
-@raised_again()
+@signals_raised_after()
 def run_point(
     suite: Given,
     over: Given,
@@ -469,7 +469,7 @@ def diagnose(
     """
     loaded = dataset if isinstance(dataset, Dataset) else load_dataset(dataset)
     tell = progress or (lambda _stage, _fraction: None)
-    with raised_again(kept=out is not None):
+    with signals_raised_after(kept=out is not None):
         found = close_the_loop(loaded, out, tell, workers_from(workers))
         if out is not None:
             source = Path(loaded.source)

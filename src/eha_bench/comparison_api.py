@@ -22,7 +22,7 @@ from eha_bench.comparison.side import Side, load_side
 from eha_bench.comparison.verdict import ComparisonVerdict
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError
-from eha_bench.core.interruption import raised_again
+from eha_bench.core.interruption import signals_raised_after
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import Progress, silent
 from eha_bench.core.result import Result, Status
@@ -139,7 +139,7 @@ class AbResult:
     folder: Path
 
 
-@raised_again()
+@signals_raised_after()
 def ab(
     suite: Given,
     a: Given,

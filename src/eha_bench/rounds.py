@@ -12,7 +12,7 @@ from typing import Any
 from eha_bench.api import diagnose, next_experiment, run
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import InputError, Place
-from eha_bench.core.interruption import raised_again
+from eha_bench.core.interruption import signals_raised_after
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import ProgressHook
 from eha_bench.core.result import Status
@@ -97,7 +97,7 @@ class Rounds:
         }
 
 
-@raised_again()
+@signals_raised_after()
 def close(
     dataset: str | Path,
     target: str | Path,

@@ -171,7 +171,7 @@ def test_a_wild_night_moves_no_correction():
     calm = correction_of(Metered(values, 8), simulated, 1.0)
     values[4] = 50.0
     wild = correction_of(Metered(values, 8), simulated, 1.0)
-    assert wild.measured(2.0) == pytest.approx(calm.measured(2.0), abs=0.01)
+    assert wild.measured_metric(2.0) == pytest.approx(calm.measured_metric(2.0), abs=0.01)
     assert wild.spread < 2.0 * calm.spread
 
 
@@ -181,7 +181,7 @@ def test_a_spread_of_few_nights_is_itself_not_known():
     for _ in range(many):
         values = 1.0 + 0.1 * generator.standard_normal(12)
         found = correction_of(Metered(values, 12), np.ones(12), 1.0)
-        drawn = found.drawn(np.ones(1), np.zeros(1), generator, 2000)
+        drawn = found.metric_draws(np.ones(1), np.zeros(1), generator, 2000)
         low, high = np.quantile(drawn, [0.025, 0.975])
         held += low < 1.0 + 0.1 * generator.standard_normal() < high
     assert 0.92 < held / many < 0.99
@@ -189,4 +189,4 @@ def test_a_spread_of_few_nights_is_itself_not_known():
 
 def test_nights_without_the_metric_leave_its_healthy_level():
     found = correction_of(Metered(np.array([1.2]), 1), np.full(5, np.nan), 1.0)
-    assert found.measured(3.0) == pytest.approx(3.2)
+    assert found.measured_metric(3.0) == pytest.approx(3.2)

@@ -11,8 +11,8 @@ from eha_bench.core.interruption import (
     Interruption,
     checkpoint,
     checkpoints,
-    noted_is_enough,
-    raised_again,
+    signals_noted_only,
+    signals_raised_after,
 )
 from forked import Forked
 
@@ -55,7 +55,7 @@ def test_checkpoints_interrupt_only_where_they_were_asked_to() -> None:
 def test_a_noted_signal_is_raised_again_once_its_work_is_kept() -> None:
     done: list[str] = []
 
-    @raised_again()
+    @signals_raised_after()
     def work() -> None:
         with Interruption() as asked:
             os.kill(os.getpid(), signal.SIGINT)
@@ -68,7 +68,7 @@ def test_a_noted_signal_is_raised_again_once_its_work_is_kept() -> None:
 
 
 def test_nothing_is_raised_where_no_signal_came() -> None:
-    with raised_again(), Interruption() as asked:
+    with signals_raised_after(), Interruption() as asked:
         pass
     assert not asked()
 
@@ -76,13 +76,13 @@ def test_nothing_is_raised_where_no_signal_came() -> None:
 def test_a_signal_is_raised_again_by_the_outermost_alone() -> None:
     done: list[str] = []
 
-    @raised_again()
+    @signals_raised_after()
     def inner() -> None:
         with Interruption():
             os.kill(os.getpid(), signal.SIGINT)
         done.append("inner")
 
-    @raised_again()
+    @signals_raised_after()
     def outer() -> None:
         inner()
         done.append("outer")
@@ -93,7 +93,7 @@ def test_a_signal_is_raised_again_by_the_outermost_alone() -> None:
 
 
 def test_ctrl_c_leaves_what_is_only_returned() -> None:
-    with raised_again(kept=False), Interruption() as asked:
+    with signals_raised_after(kept=False), Interruption() as asked:
         os.kill(os.getpid(), signal.SIGINT)
     assert asked()
 
@@ -101,9 +101,9 @@ def test_ctrl_c_leaves_what_is_only_returned() -> None:
 def test_a_request_to_end_is_never_lost(forked: Forked, tmp_path: Path) -> None:
     code = (
         "import os, signal\n"
-        "from eha_bench.core.interruption import Interruption, raised_again\n"
+        "from eha_bench.core.interruption import Interruption, signals_raised_after\n"
         "for number in range(2):\n"
-        "    with raised_again(kept=False), Interruption():\n"
+        "    with signals_raised_after(kept=False), Interruption():\n"
         "        os.kill(os.getpid(), signal.SIGTERM)\n"
         "    print('went on', flush=True)\n"
     )
@@ -113,6 +113,6 @@ def test_a_request_to_end_is_never_lost(forked: Forked, tmp_path: Path) -> None:
 
 
 def test_who_ends_by_itself_is_not_raised_at() -> None:
-    with noted_is_enough(), raised_again(), Interruption() as asked:
+    with signals_noted_only(), signals_raised_after(), Interruption() as asked:
         os.kill(os.getpid(), signal.SIGINT)
     assert asked()

@@ -21,7 +21,7 @@ from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Improvement
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import Problem
-from eha_bench.diagnosis.search import equivalent, stepwise
+from eha_bench.diagnosis.search import choice, equivalent, look, stepwise
 from eha_bench.diagnosis.search.screen import Screen
 from eha_bench.diagnosis.search.state import Refit, Search, Thresholds
 from eha_bench.plants.model import Model
@@ -58,7 +58,7 @@ def test_of_two_that_leave_as_little_the_one_that_carries_over_is_chosen(
     """The rival's cost is lower by 2 of 1,000, which is a tie."""
     best = search.fit.cost - 1000.0
     trials = [trial(search, RIVAL, best, outs[0]), trial(search, RIGHT, best + 2.0, outs[1])]
-    found = stepwise._choose(search, trials, Thresholds())
+    found = choice.choose(search, trials, Thresholds())
     assert found is not None
     assert found.candidate == chosen
 
@@ -66,7 +66,7 @@ def test_of_two_that_leave_as_little_the_one_that_carries_over_is_chosen(
 def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Search) -> None:
     best = search.fit.cost - 1000.0
     trials = [trial(search, RIVAL, best, 850.0), trial(search, RIGHT, best + 40.0, 900.0)]
-    found = stepwise._choose(search, trials, Thresholds())
+    found = choice.choose(search, trials, Thresholds())
     assert found is not None
     assert found.candidate == RIVAL
 
@@ -79,13 +79,13 @@ def test_one_at_its_bound_is_chosen_only_where_no_other_is_as_good(
     search: Search, monkeypatch: pytest.MonkeyPatch, share: float, as_good: bool, chosen: str
 ) -> None:
     """It would be refused in the end, and what explains as much would never have been looked at."""
-    monkeypatch.setattr(stepwise, "is_as_good", lambda *_: as_good)
+    monkeypatch.setattr(choice, "is_as_good", lambda *_: as_good)
     best = search.fit.cost - 1000.0
     strong = trial(search, RIGHT, best)
     vector = search.fit.vector.copy()
     vector[strong.start.strength_at] = share * strong.start.high
     strong = replace(strong, fit=replace(strong.fit, vector=vector))
-    found = stepwise._choose(search, [strong, trial(search, RIVAL, best + 8.0)], Thresholds())
+    found = choice.choose(search, [strong, trial(search, RIVAL, best + 8.0)], Thresholds())
     assert found is not None
     assert found.candidate == chosen
 
@@ -134,11 +134,11 @@ def test_a_refit_that_gains_less_than_was_predicted_goes_on(
         started.append(starts[0].candidate)
         return replace(fit, cost=cost - ends[starts[0].candidate])
 
-    monkeypatch.setattr(stepwise, "polish_afresh", polish)
-    monkeypatch.setattr(stepwise, "polish_at_rest", polish)
+    monkeypatch.setattr(look, "polish_afresh", polish)
+    monkeypatch.setattr(look, "polish_at_rest", polish)
     rough = [(RIGHT, 800.0), (RIVAL, 690.0), (THIRD, 200.0)]
     trials = [trial(search, name, cost - gain) for name, gain in rough]
-    done = stepwise._refit_promising(search, trials, promised, afresh=True)
+    done = look._refit_promising(search, trials, promised, afresh=True)
     assert {item.candidate for item in done} == {RIGHT, RIVAL, THIRD}
     assert started == list(ended)
     gains = {item.candidate: cost - item.fit.cost for item in done if item.candidate in started}

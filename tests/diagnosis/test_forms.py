@@ -16,7 +16,7 @@ from known_search import LinearProblem, add, assumed, model, search_of, shape, s
 
 from eha_bench.diagnosis.fit.candidates import effect_starts
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED
-from eha_bench.diagnosis.search.forms import forms_of, held_by, take_best_form
+from eha_bench.diagnosis.search.forms import forms_of, held_keys, take_best_form
 from eha_bench.diagnosis.search.state import Accepted, Thresholds
 from eha_bench.plants.network.file import load_plant
 
@@ -90,7 +90,7 @@ def test_a_count_that_a_scan_has_found_stays(repository: Path) -> None:
     vector[layout.index["cogging_torque.count"]] = 18.0
     item = Accepted(replace(plain, keys=keys), NOT_COMPARED, ())
     fit: Any = SimpleNamespace(vector=vector)
-    assert held_by(layout, item, fit) == {"cogging_torque.count"}
+    assert held_keys(layout, item, fit) == {"cogging_torque.count"}
     found = forms_of(layout, item, fit)
     assert found
     assert all("cogging_torque.count" not in start.keys for start in found)

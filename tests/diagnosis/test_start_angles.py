@@ -114,12 +114,12 @@ def off(angle: float, true: float) -> float:
 
 def test_phases_of_their_own_show_the_count_and_the_angles() -> None:
     waves = scanned(turning(ANGLES))
-    best = max(waves, key=lambda wave: wave.with_turns(wave.turns()).gain)
+    best = max(waves, key=lambda wave: wave.with_lead_angles(wave.lead_angles()).gain)
     assert best.count == COUNT
-    apart = best.with_turns(best.turns())
+    apart = best.with_lead_angles(best.lead_angles())
     common = max(wave.gain for wave in waves)
     assert begin_apart(common, apart.gain, 2, tries=len(waves))
-    for name, turn in best.turns().items():
+    for name, turn in best.lead_angles().items():
         assert off(turn, ANGLES[name]) < 0.3
     assert apart.start.strength == pytest.approx(AMPLITUDE, rel=0.2)
 
@@ -127,7 +127,7 @@ def test_phases_of_their_own_show_the_count_and_the_angles() -> None:
 def test_runs_that_begin_alike_keep_one_phase() -> None:
     waves = scanned(turning(dict.fromkeys(ANGLES, 0.0)))
     common = max(waves, key=lambda wave: wave.gain)
-    apart = max(wave.with_turns(wave.turns()).gain for wave in waves)
+    apart = max(wave.with_lead_angles(wave.lead_angles()).gain for wave in waves)
     assert common.count == COUNT
     assert not begin_apart(common.gain, apart, 2, tries=len(waves))
     assert best_counts(waves)[0] is common.start
@@ -161,8 +161,10 @@ def test_a_search_whose_runs_begin_alike_stays_as_it_is() -> None:
 
 def test_a_wave_begun_where_it_was_scanned_gains_the_same() -> None:
     for wave in scanned(turning(ANGLES)):
-        assert wave.with_turns({}).gain == pytest.approx(wave.gain, rel=1e-9)
-        assert wave.with_turns({}).start.strength == pytest.approx(wave.start.strength, rel=1e-9)
+        assert wave.with_lead_angles({}).gain == pytest.approx(wave.gain, rel=1e-9)
+        assert wave.with_lead_angles({}).start.strength == pytest.approx(
+            wave.start.strength, rel=1e-9
+        )
 
 
 def test_chance_alone_hardly_ever_sets_runs_apart() -> None:
@@ -184,7 +186,7 @@ def test_chance_alone_hardly_ever_sets_runs_apart() -> None:
         told = 0
         for _ in range(40):
             waves = [drawn(np.array([size * (number == 0), 0.0])) for number in range(40)]
-            apart = max(wave.with_turns(wave.turns()).gain for wave in waves)
+            apart = max(wave.with_lead_angles(wave.lead_angles()).gain for wave in waves)
             common = max(wave.gain for wave in waves)
             told += begin_apart(common, apart, 5, tries=len(waves))
         assert told <= 1

@@ -423,7 +423,7 @@ def test_weight_needs_the_force_of_the_linkage(posture, share) -> None:
         )  # potential energy of G cos(alpha - alpha_0)
         expected = -(height[1] - height[0]) / 2e-6
         shape = (x, 0.3208, 0.0462, 0.280, 1.2535e-5, 1.2535e-5 / 0.04)
-        turns = knee_linkage.turns(*shape)
+        turns = knee_linkage.joint_angle_per_rod(*shape)
         got = gravity_load.effort_with_gravity(
             0.0, knee_linkage.angle(*shape), turns, 25.0, 0.7, posture
         )

@@ -8,7 +8,7 @@ import pytest
 
 from eha_bench.report.cause_plot import cause_svg, scaled_unit
 from eha_bench.report.causes_section import causes_view
-from eha_bench.report.causes_text import causes_line, left_words, wear_sentence
+from eha_bench.report.causes_text import causes_line, nights_left_text, wear_sentence
 from eha_bench.report.trend_site import write_site
 from eha_bench.trends.history import History
 from eha_bench.trends.index import Night
@@ -50,8 +50,8 @@ def test_a_sentence_says_which_since_when_how_fast_and_how_long_yet() -> None:
 
 
 def test_a_limit_that_is_reached_and_one_that_is_not_on_the_way() -> None:
-    assert "its first limit is reached" in left_words(wear(left=Number(-1.0, -2.0, 0.0)))
-    endless = left_words(wear(left=Number(40.0, 12.0, math.inf)))
+    assert "its first limit is reached" in nights_left_text(wear(left=Number(-1.0, -2.0, 0.0)))
+    endless = nights_left_text(wear(left=Number(40.0, 12.0, math.inf)))
     assert "∞" in endless
 
 

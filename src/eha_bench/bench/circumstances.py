@@ -32,7 +32,7 @@ class Circumstances:
         if logged is not None and np.isfinite(logged).any():
             self._temperatures.append(float(np.nanmean(logged)))
 
-    def recorded(self) -> dict[str, str]:
+    def recording_time(self) -> dict[str, str]:
         """Return `recorded`, the earliest instant as ISO 8601 in UTC; empty where unknown."""
         if not self._instants:
             return {}

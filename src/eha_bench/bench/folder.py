@@ -61,7 +61,7 @@ class ResultFolder:
         return self.path.is_dir() and self._ours()
 
     @contextmanager
-    def opened(self, *, resume: bool) -> Iterator[None]:
+    def open_for_run(self, *, resume: bool) -> Iterator[None]:
         """Make the folder and keep it to this run; an earlier run in it is set aside.
 
         With `resume` what an earlier run left in it stays.

@@ -77,7 +77,7 @@ def judge_together(
     return together
 
 
-def summed_up(results: Sequence[TrialResult]) -> tuple[RepeatsSummary, ...]:
+def repeats_summaries(results: Sequence[TrialResult]) -> tuple[RepeatsSummary, ...]:
     """Return every metric over the repeats of its trial, of repeats that came to their end."""
     ended: dict[str, list[tuple[Score, ...]]] = {}
     for result in results:
@@ -151,7 +151,7 @@ def score_recordings(
     provenance = {
         **environment(folder),
         "started": now(),
-        **circumstances.recorded(),
+        **circumstances.recording_time(),
         **circumstances.oil(),
         **NO_DIGESTS,
         **agreed,
@@ -165,7 +165,7 @@ def score_recordings(
         trials=trials,
         provenance=provenance,
         description=suite.description if suite else "",
-        repeats=summed_up(trials),
+        repeats=repeats_summaries(trials),
     )
     return result, used
 

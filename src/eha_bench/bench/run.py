@@ -15,7 +15,7 @@ import numpy as np
 from eha_bench.bench.ahead import ahead
 from eha_bench.bench.circumstances import Circumstances
 from eha_bench.bench.folder import ResultFolder
-from eha_bench.bench.judging import judge, judge_together, summed_up
+from eha_bench.bench.judging import judge, judge_together, repeats_summaries
 from eha_bench.bench.loop_health import loop_note
 from eha_bench.bench.provenance import NO_DIGESTS, environment, file_sha256, now
 from eha_bench.bench.stop_condition import StopCondition
@@ -87,7 +87,7 @@ class _SuiteRun:
             },
             description=self.suite.description,
             # not at every save of a long run
-            repeats=summed_up(trials) if complete else (),
+            repeats=repeats_summaries(trials) if complete else (),
             not_run=tuple(key for key in order if key not in self.done),
         )
 
@@ -145,7 +145,7 @@ def run_suite(
     broken = _fault_of_check(suite, target)
     digests = {"suite_sha256": suite.sha256, **target.identity.digests}
     folder = ResultFolder(_folder(out, resume=resume))
-    with folder.opened(resume=resume):
+    with folder.open_for_run(resume=resume):
         kept = _finished_runs(folder, digests) if resume else {}
         folder.clear()
         provenance = {**environment(suite.path.parent), "started": now(), **NO_DIGESTS, **digests}

@@ -54,7 +54,7 @@ class Cause:
         """Whether it is the strength of an effect, and no parameter of the plant."""
         return self.key != self.id
 
-    def applied(self, vector: FloatArray, value: float) -> FloatArray:
+    def apply(self, vector: FloatArray, value: float) -> FloatArray:
         """Return a vector with this number at a value, SI, within its bounds."""
         out = vector.copy()
         for place, setting in self.settings:

@@ -58,11 +58,11 @@ class Correction:
     spread: float
     degrees: float
 
-    def measured(self, simulated: FloatArray) -> FloatArray:
+    def measured_metric(self, simulated: FloatArray) -> FloatArray:
         """Return the metric as it would be measured at best, SI."""
         return simulated + self.offset
 
-    def drawn(
+    def metric_draws(
         self, simulated: FloatArray, rough: FloatArray, generator: np.random.Generator, draws: int
     ) -> FloatArray:
         """Return metrics as they may be measured along a cause, (draws, places) SI.
@@ -78,7 +78,7 @@ class Correction:
         night = self.spread * generator.standard_t(self.degrees, (draws, 1))
         model, gain, jag = generator.standard_normal((3, draws, 1))
         law = _DISCREPANCY * self.offset * model + _GAIN * (simulated - self.healthy) * gain
-        found: FloatArray = self.measured(simulated) + night + law + rough * jag
+        found: FloatArray = self.measured_metric(simulated) + night + law + rough * jag
         return found
 
 

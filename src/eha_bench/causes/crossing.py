@@ -100,19 +100,19 @@ def drawn_crossings(
     first, which = np.full(DRAWS, side * math.inf), np.zeros(DRAWS, dtype=np.intp)
     for number, item in enumerate(items):
         along = item.along(curves)
-        curve, rough = smoothed(at, along)
+        curve, rough = smoothed_metric(at, along)
         known = np.isfinite(curve)
         order = np.argsort(at[known])
         nights = np.interp(values, at[known][order], curve[known][order])
         correction = correction_of(item.metered, nights, float(along[0]))
-        measured = correction.drawn(curve, rough, generator, DRAWS)
+        measured = correction.metric_draws(curve, rough, generator, DRAWS)
         met = _first_missed(at, item.inside(measured), generator)
         sooner = side * met < side * first
         first[sooner], which[sooner] = met[sooner], number
     return DrawnCrossings(first, which, side)
 
 
-def smoothed(places: FloatArray, metric: FloatArray) -> tuple[FloatArray, FloatArray]:
+def smoothed_metric(places: FloatArray, metric: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a metric along a cause without its roughness, and the standard deviation of that.
 
     Args:

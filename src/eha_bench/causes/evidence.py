@@ -255,7 +255,7 @@ class _Night:
         for k in self._parameters:
             cause = self._causes[k]
             if cause.key in before:
-                vector = cause.applied(vector, before[cause.key])
+                vector = cause.apply(vector, before[cause.key])
         # the night before may have been a strange one
         starts = [vector, self._reference]
         costs = []
@@ -267,7 +267,7 @@ class _Night:
     def evidence(self, oil: float) -> NightEvidence:
         """Return what the night says."""
         columns: list[FloatArray] = [np.zeros(0)] * len(self._causes)
-        self._calibrate(self._moved_by_one())
+        self._calibrate(self._with_one_cause_moved())
         for k, cause in enumerate(self._causes):
             columns[k] = self._slope(cause)
         further = self._best(self._outstanding(columns)) if self._extra is None else None
@@ -313,7 +313,7 @@ class _Night:
             rows.setdefault(run, []).append(np.arange(piece.rows.start, piece.rows.stop))
         return {run: np.concatenate(found) for run, found in rows.items()}
 
-    def _moved_by_one(self) -> Cause | None:
+    def _with_one_cause_moved(self) -> Cause | None:
         """Move to where the cause that explains most alone has its minimum, if much moved.
 
         Far off, all parameters together find another minimum, which says nothing. Returns
@@ -352,7 +352,7 @@ class _Night:
     def _alone(self, cause: Cause, move: float) -> tuple[FloatArray, float]:
         """Return the minimum along one cause, and its cost."""
         here = float(self._vector[cause.place])
-        tried = [cause.applied(self._vector, here + share * move) for share in _SHARES]
+        tried = [cause.apply(self._vector, here + share * move) for share in _SHARES]
         costs = [cost_of(self._problem, vector) for vector in tried]
         vector = tried[int(np.argmin(costs))]
         free = free_parameters(self._problem.places, [cause.key], vector)
@@ -364,7 +364,7 @@ class _Night:
         problem = self._problem
         keys = [self._causes[k].key for k in self._parameters]
         if extra is not None:
-            self._vector = extra.applied(self._vector, self._begin)
+            self._vector = extra.apply(self._vector, self._begin)
             keys.append(extra.key)
             self._extra = self._causes.index(extra)
         problem.prepare(self._vector)
@@ -440,7 +440,7 @@ class _Night:
             if here + share * cause.step > cause.high:
                 share = -share
             value = here + share * cause.step
-            moved = self._problem.residual(cause.applied(self._vector, value)) - self._residual
+            moved = self._problem.residual(cause.apply(self._vector, value)) - self._residual
             size = float(np.linalg.norm(moved))
             if cause.name not in self._differences and size > plenty and share > _SMALLEST:
                 share = max(_SMALLEST, share * max(0.1, 0.7 * plenty / size))

@@ -107,7 +107,7 @@ class CauseLimits:
             return self._simulated(self._healthy, "")
         declared = {item.id for item in self._model.effects}
         added = cause.id if cause.is_effect and cause.id not in declared else ""
-        return self._simulated(cause.applied(self._healthy, value), added)
+        return self._simulated(cause.apply(self._healthy, value), added)
 
     def _simulated(self, vector: FloatArray, effect: str) -> Mapping[str, float]:
         made_of = f"{self._case.suite.sha256}\0{effect}\0{vector.tolist()}"

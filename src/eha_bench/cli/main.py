@@ -6,7 +6,7 @@ import gc
 import os
 
 from eha_bench.cli.console import errors_as_sentences, say_what_the_product_logs
-from eha_bench.core.interruption import noted_is_enough
+from eha_bench.core.interruption import signals_noted_only
 
 
 def main() -> None:
@@ -16,7 +16,7 @@ def main() -> None:
     # pydantic would look through all installed packages for its own plug-ins, which none are
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     say_what_the_product_logs()
-    with errors_as_sentences(), noted_is_enough():
+    with errors_as_sentences(), signals_noted_only():
         # here, where Ctrl-C is a sentence: putting the commands together takes half of the start
         from eha_bench.cli.app import command
 

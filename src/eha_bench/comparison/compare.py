@@ -22,7 +22,7 @@ from eha_bench.comparison.evidence import (
     exact,
     ratios_of,
 )
-from eha_bench.comparison.exactly import IDENTICAL, known_exactly
+from eha_bench.comparison.exactly import IDENTICAL, exactness_reason
 from eha_bench.comparison.planning import more_repeats
 from eha_bench.comparison.sample import Sample
 from eha_bench.comparison.scatters import ratio_priors
@@ -118,7 +118,7 @@ def _trial(
         return [Compared(trial, "", "", "", reason=problem or "nothing was scored")]
     # of runs in pairs, that they are identical is believed from the first look on
     looked = not looks or any(looks[: min(map(len, usable))])
-    exactly = known_exactly(*usable) if looked else ""
+    exactly = exactness_reason(*usable) if looked else ""
     entries: list[Compared | _Pair] = []
     units: dict[tuple[str, str], set[str]] = {}
     for metric, channel, unit in keys:

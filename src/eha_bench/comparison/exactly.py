@@ -14,7 +14,7 @@ DETERMINISTIC: Final = "deterministic repeats: no value of the trial scatters on
 _Values = tuple[tuple[str, str, float, str], ...]
 
 
-def known_exactly(baseline: Sequence[SideRun], candidate: Sequence[SideRun]) -> str:
+def exactness_reason(baseline: Sequence[SideRun], candidate: Sequence[SideRun]) -> str:
     """Return why the difference between two sides of a trial is known exactly; "" if it is not.
 
     Args:

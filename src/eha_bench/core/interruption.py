@@ -7,7 +7,8 @@ interrupts at once. Whoever started the command with `nohup` keeps SIGHUP ignore
 
 A signal is not lost by being noted: a program that calls one long function after the other is
 meant as a whole. What the Python face offers therefore raises it again when what was found is
-written (`raised_again`); the commands, which end by themselves, do not (`noted_is_enough`).
+written (`signals_raised_after`); the commands, which end by themselves, do not
+(`signals_noted_only`).
 """
 
 from __future__ import annotations
@@ -71,11 +72,11 @@ class Interruption:
 
 
 _heard: ContextVar[list[int] | None] = ContextVar("heard", default=None)
-"""Signals that were noted within the innermost `raised_again` or `noted_is_enough`."""
+"""Signals that were noted within the innermost `signals_raised_after` or `signals_noted_only`."""
 
 
 @contextmanager
-def raised_again(*, kept: bool = True) -> Iterator[None]:
+def signals_raised_after(*, kept: bool = True) -> Iterator[None]:
     """A context at whose end a signal that was noted within is raised again.
 
     Within another one that is left to the outer; also usable as a decorator.
@@ -105,7 +106,7 @@ def _raise_again(number: int) -> None:
 
 
 @contextmanager
-def noted_is_enough() -> Iterator[None]:
+def signals_noted_only() -> Iterator[None]:
     """A context in which no signal is raised again: the caller looks at what it gets, and ends."""
     with _hearing():
         yield

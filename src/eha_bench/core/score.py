@@ -63,7 +63,7 @@ class Measure:
             self.high if self.high == math.inf else self.value,
         )
 
-    def opened_by(self, measures: Iterable[Measure]) -> Measure:
+    def censored_like(self, measures: Iterable[Measure]) -> Measure:
         """Return what several say together, open to every side that one of them is open to."""
         sides = [own.span for own in measures]
         low = -math.inf if any(low == -math.inf for low, _ in sides) else self.low

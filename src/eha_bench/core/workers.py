@@ -97,7 +97,7 @@ class Workers(ABC):
             try:
                 chosen = list(waiting)[: 2 * self.count if alone else None]
             except EhaBenchError as error:
-                yield from _nobody_left(waiting, error)
+                yield from _unserved_items(waiting, error)
                 return
             for group in [[index] for index in chosen] if alone else [chosen]:
                 try:
@@ -107,7 +107,7 @@ class Workers(ABC):
                             yield outcome
                 except Exception as error:
                     if lost and isinstance(error, EhaBenchError):
-                        yield from _nobody_left(waiting, error)
+                        yield from _unserved_items(waiting, error)
                         return
                     if not _is_lost_worker(error):
                         raise
@@ -143,7 +143,7 @@ class Workers(ABC):
         return [outcome.get() for outcome in list(self.ordered(function, items))]
 
 
-def _done(
+def _outcome_of(
     function: Callable[[], Callable[[Item], Value]], index: int, item: Item
 ) -> ItemOutcome[Value]:
     """Return an item's outcome; errors travel as text, as not all of them can be pickled."""
@@ -167,7 +167,7 @@ def _is_lost_worker(error: Exception) -> bool:
     return any(kind.__name__ in _LOST for kind in type(error).__mro__)
 
 
-def _nobody_left(waiting: Iterable[int], error: EhaBenchError) -> Iterator[ItemOutcome[Any]]:
+def _unserved_items(waiting: Iterable[int], error: EhaBenchError) -> Iterator[ItemOutcome[Any]]:
     """Yield what becomes of items that no worker can do any more."""
     what = f"the workers are lost, and cannot be reached again: {error.what}"
     for index in waiting:
@@ -187,7 +187,7 @@ class InProcess(Workers):
         self, function: Callable[[Item], Value], numbered: Sequence[tuple[int, Item]]
     ) -> Generator[ItemOutcome[Value], None, None]:
         for index, item in numbered:
-            yield _done(lambda: function, index, item)
+            yield _outcome_of(lambda: function, index, item)
 
 
 IN_PROCESS: Final = InProcess()
@@ -217,7 +217,7 @@ class _Joblib(Workers):
         from joblib import Parallel, delayed
 
         with self._backend(pack(function)) as sent:
-            calls = (delayed(_done_there)(sent, index, item) for index, item in numbered)
+            calls = (delayed(_outcome_there)(sent, index, item) for index, item in numbered)
             if not self._returns_one_by_one:
                 yield from Parallel()(calls)
                 return
@@ -256,8 +256,8 @@ def _stopping() -> Iterator[None]:
         threading.excepthook = before
 
 
-def _done_there(function: SentFunction, index: int, item: Item) -> ItemOutcome[Any]:
-    return _done(function.unpacked, index, item)
+def _outcome_there(function: SentFunction, index: int, item: Item) -> ItemOutcome[Any]:
+    return _outcome_of(function.unpacked, index, item)
 
 
 @dataclass(frozen=True)

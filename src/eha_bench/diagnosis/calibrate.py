@@ -13,7 +13,7 @@ from typing import Any
 from eha_bench.core.atomic_file import write_text
 from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
-from eha_bench.core.interruption import Interruption, checkpoints, raised_again
+from eha_bench.core.interruption import Interruption, checkpoints, signals_raised_after
 from eha_bench.core.output_folder import writable
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
@@ -172,7 +172,7 @@ def calibrate(
             where=Place(file=loaded.source),
             hint="diagnose fits its parameters under `calibrate` with every candidate",
         )
-    with raised_again(kept=out is not None):
+    with signals_raised_after(kept=out is not None):
         return _calibrate(loaded, out, progress)
 
 

@@ -38,9 +38,9 @@ def median(measures: Sequence[Measure]) -> Measure:
     middle = float(np.median(values))
     if float(np.ptp(values)) == 0.0:
         own = measures[0]
-        return Measure(middle, own.low, own.high).opened_by(measures)
+        return Measure(middle, own.low, own.high).censored_like(measures)
     low, high = median_interval(values)
-    return Measure(middle, low, high).opened_by(measures)
+    return Measure(middle, low, high).censored_like(measures)
 
 
 def median_interval(values: FloatArray) -> tuple[float, float]:

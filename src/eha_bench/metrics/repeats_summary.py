@@ -52,9 +52,9 @@ def mean(measures: Sequence[Measure]) -> Measure:
     middle = float(values.mean())
     if float(np.ptp(values)) == 0.0:
         own = measures[0]
-        return Measure(own.value, own.low, own.high).opened_by(measures)
+        return Measure(own.value, own.low, own.high).censored_like(measures)
     reach = float(stdtrit(values.size - 1, 0.975) * np.std(values, ddof=1) / math.sqrt(values.size))
-    return Measure(middle, middle - reach, middle + reach).opened_by(measures)
+    return Measure(middle, middle - reach, middle + reach).censored_like(measures)
 
 
 def worst(measures: Sequence[Measure], better: Better) -> Measure:

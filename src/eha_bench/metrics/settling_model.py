@@ -54,7 +54,7 @@ class SettlingTail:
     parameters: FloatArray
 
 
-def settled_by_model(
+def settling_time_by_model(
     step: StepResponse, band: float, latest: float
 ) -> tuple[float, Callable[[], tuple[float, float]]]:
     """Return settling time in s since the edge, and what gives its 95 % interval.

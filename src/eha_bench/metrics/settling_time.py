@@ -15,7 +15,7 @@ from eha_bench.metrics.coverage import NORMAL, reach, type_a
 from eha_bench.metrics.crossing import Crossing, between_samples, refined_crossing, straight
 from eha_bench.metrics.local import Smooth, smooth
 from eha_bench.metrics.metric import NotScored, spec_of
-from eha_bench.metrics.settling_model import settled_by_model
+from eha_bench.metrics.settling_model import settling_time_by_model
 from eha_bench.metrics.step_metric import LEVELS, Finding, StepMetric, since_edge, with_state
 from eha_bench.metrics.step_response import StepResponse
 from eha_bench.metrics.step_times import RESPONDED
@@ -130,7 +130,7 @@ class SettlingTime(StepMetric):
             raise NotScored(floor)
         latest = (1.0 - HOLD_SHARE) * float(step.time[-1])
         try:
-            value, interval = settled_by_model(step, BAND, latest)
+            value, interval = settling_time_by_model(step, BAND, latest)
         except NotScored as error:
             raise NotScored(f"{floor}; {error.reason}") from error
         convention = (

@@ -28,7 +28,7 @@ def wear_sentence(wear: Wear) -> str:
     if wear.rate is not None:
         rate = _interval(wear.rate, unit.difference)
         parts.append(f"{rate}{unit.suffix} a night")
-    parts.append(left_words(wear))
+    parts.append(nights_left_text(wear))
     if math.isfinite(wear.share):
         share = f"{100.0 * min(wear.share, 1.0):.0f}\N{NO-BREAK SPACE}%"
         parts.append(f"explains {share} of the change")
@@ -37,7 +37,7 @@ def wear_sentence(wear: Wear) -> str:
     return "; ".join(part for part in parts if part)
 
 
-def left_words(wear: Wear) -> str:
+def nights_left_text(wear: Wear) -> str:
     """Return how many nights are left and to which limit, "" where no limit is forecast."""
     at = wear.crossing
     if at is None:

@@ -26,9 +26,9 @@ from eha_bench.report.sweep_plots import (
     Axis,
     conflict,
     heat_svg,
-    kept_bars,
     parallel_svg,
     pareto_svg,
+    pass_share_bars,
 )
 from eha_bench.sweeps.factor import Factor
 from eha_bench.sweeps.span import Range
@@ -202,7 +202,7 @@ def _limit_row(sweep: SweepResult, k: int, margins: FloatArray, factors: list[Ax
         alone=alone,
         best=number(float(scored.max()) if scored.size else math.nan, 3, sign=True),
         look="passed" if kept.all() else "failed" if not kept.any() else "warned",
-        bars=tuple(kept_bars(axis, own) for axis in factors),
+        bars=tuple(pass_share_bars(axis, own) for axis in factors),
     )
 
 

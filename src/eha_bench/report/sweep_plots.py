@@ -59,7 +59,7 @@ class Axis:
         """Return a value for people."""
         return self.words[round(value)] if self.words else f"{value:.4g}".replace("-", "−")
 
-    def rounded(self, value: float) -> str:
+    def short_number(self, value: float) -> str:
         """Return a value to three digits, for where there is little room."""
         return self.text(value) if self.words else self.text(float(f"{value:.3g}"))
 
@@ -137,8 +137,8 @@ def parallel_svg(axes: Sequence[Axis], passed: BoolArray) -> Markup:
         # an outer label starts or ends at the picture's edge: centred it would be cut off
         edge, anchor = {0: (4, "start"), len(axes) - 1: (_WIDTH - 4, "end")}.get(k, (x, "middle"))
         parts.append(_text(edge, 12 + 16 * (k % 2), axis.label, anchor))
-        parts.append(_text(x, height - 8, axis.rounded(ends[0]), "middle"))
-        parts.append(_text(x, top - 5, axis.rounded(ends[1]), "middle"))
+        parts.append(_text(x, height - 8, axis.short_number(ends[0]), "middle"))
+        parts.append(_text(x, top - 5, axis.short_number(ends[1]), "middle"))
     return Markup("".join([*parts, "</svg>"]))
 
 
@@ -193,7 +193,7 @@ def front(first: FloatArray, second: FloatArray) -> list[int]:
     return found[::-1]
 
 
-def kept_bars(axis: Axis, margins: FloatArray) -> Markup:
+def pass_share_bars(axis: Axis, margins: FloatArray) -> Markup:
     """Return a small bar a bin of a factor: the share of points there that keep a limit."""
     places, names = axis.bins()
     width = 100.0 / len(names)

@@ -109,7 +109,7 @@ class Watch:
         if seen.finished_results == self._done:
             return
         try:
-            history, site = self._worked_out(seen.unfinished_results)
+            history, site = self._history_and_folder(seen.unfinished_results)
             self._state = FolderState(seen, history, site)
         except EhaBenchError as error:
             self._state = FolderState(seen, last.history, last.site, error.what)
@@ -117,7 +117,7 @@ class Watch:
         if last.site is not None and self._state.site != last.site:
             shutil.rmtree(last.site, ignore_errors=True)
 
-    def _worked_out(self, unfinished: Collection[str]) -> tuple[History, Path]:
+    def _history_and_folder(self, unfinished: Collection[str]) -> tuple[History, Path]:
         file = self._own.path / _INDEX
         try:
             index = update(file, self._folder)
@@ -125,7 +125,7 @@ class Watch:
             file.unlink(missing_ok=True)
             index = update(file, self._folder)
         history = history_of(index.without(unfinished), self._folder.resolve().name)
-        history = replace(history, causes=_left_behind(self._folder, history))
+        history = replace(history, causes=_stored_causes(self._folder, history))
         self._made += 1
         site = self._own.path / f"site-{self._made}"
         site.mkdir()
@@ -135,7 +135,7 @@ class Watch:
         return history, site
 
 
-def _left_behind(folder: Path, history: History) -> Causes | None:
+def _stored_causes(folder: Path, history: History) -> Causes | None:
     """Return the causes that `eha-bench history --diagnose` left; None where it left none.
 
     Estimating them takes seconds a night: serving only shows what was found.

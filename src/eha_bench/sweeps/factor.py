@@ -73,7 +73,7 @@ class Factor(ABC):
 
     @staticmethod
     @abstractmethod
-    def applied(case: Case, values: Mapping[str, Value]) -> Case:
+    def apply(case: Case, values: Mapping[str, Value]) -> Case:
         """Return the case with other values of this kind, by key."""
 
 
@@ -87,7 +87,7 @@ class Gain(Factor):
         return gains_of(case.simulator.controllers)[self.key]
 
     @staticmethod
-    def applied(case: Case, values: Mapping[str, Value]) -> Case:
+    def apply(case: Case, values: Mapping[str, Value]) -> Case:
         """Return the case with other gains."""
         gains = {key: float(value) for key, value in values.items()}
         controllers = with_gains(case.simulator.controllers, gains)
@@ -104,7 +104,7 @@ class ModelParameter(Factor):
         return case.simulator.model.value(self.key)
 
     @staticmethod
-    def applied(case: Case, values: Mapping[str, Value]) -> Case:
+    def apply(case: Case, values: Mapping[str, Value]) -> Case:
         """Return the case with another model."""
         model = with_values(
             case.simulator.model, {key: float(value) for key, value in values.items()}
@@ -127,7 +127,7 @@ class TrialKey(Factor):
         return with_unit(value, self.unit)
 
     @staticmethod
-    def applied(case: Case, values: Mapping[str, Value]) -> Case:
+    def apply(case: Case, values: Mapping[str, Value]) -> Case:
         """Return the case with a suite that says otherwise."""
         content = copy.deepcopy(yaml_file.mapping_of(case.suite.text, str(case.suite.path)))
         for key, value in values.items():
@@ -174,7 +174,7 @@ def factor_of(kind: type[Factor], case: Case, key: str, content: Located) -> Fac
     """
     where = content.place()
     if kind is Gain:
-        controllers, written = case.simulator.controllers, _unit_written(content)
+        controllers, written = case.simulator.controllers, _written_unit(content)
         unit = unit_of_gain(controllers, key, where) or (base_unit(written) if written else "")
 
         def read_as_taken(raw: Any, at: Place) -> Value:
@@ -187,14 +187,14 @@ def factor_of(kind: type[Factor], case: Case, key: str, content: Located) -> Fac
         model = case.simulator.model
         unit = parameter_named(model, key, where)[1].unit
         span = span_of(content, lambda raw, at: read_value(model, key, raw, at))
-        return ModelParameter(key, span, unit, where, _unit_written(content))
-    written = _unit_written(content)
+        return ModelParameter(key, span, unit, where, _written_unit(content))
+    written = _written_unit(content)
     unit = base_unit(written) if written else ""
 
     def read(raw: Any, at: Place) -> Value:
         value = _quantity(raw, unit, at)
         try:
-            TrialKey.applied(case, {key: with_unit(value, unit)})
+            TrialKey.apply(case, {key: with_unit(value, unit)})
         except InputError as error:
             raise InputError(error.what, where=at, hint=error.hint) from error
         return value
@@ -225,7 +225,7 @@ def _refused(simulator: Simulator, trial: Trial) -> bool:
     return False
 
 
-def _unit_written(content: Located) -> str:
+def _written_unit(content: Located) -> str:
     """Return the unit of the first quantity of an entry that names one."""
     value = content.value
     raws = [value.get("from"), value.get("to")] if isinstance(value, dict) else value

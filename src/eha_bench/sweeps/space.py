@@ -36,7 +36,7 @@ class Space:
                 if type(factor) is kind
             }
             if values:
-                case = kind.applied(case, values)
+                case = kind.apply(case, values)
         return case
 
     def values_by_key(self, point: Sequence[Value]) -> dict[str, Value]:

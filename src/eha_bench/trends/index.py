@@ -250,7 +250,7 @@ def _scores(
                 found.append(score.measure)
     for key, measures in grouped.items():
         value = statistics.median(m.value for m in measures) if measures else None
-        side = Measure(math.nan).opened_by(measures).open
+        side = Measure(math.nan).censored_like(measures).open
         yield (*key, value, len(measures), *about[key], _median_spread(measures), side)
 
 

@@ -42,7 +42,7 @@ def design(terms: tuple[Term, ...] | list[Term], count: int) -> FloatArray:
     return np.column_stack([np.ones(count), *(term.column(count) for term in terms)])
 
 
-def _from_here(values: FloatArray) -> FloatArray:
+def _sums_to_end(values: FloatArray) -> FloatArray:
     """Return the sums of all values from each index on, along the first axis."""
     reverse: FloatArray = np.cumsum(values[::-1], axis=0)[::-1]
     return reverse
@@ -62,12 +62,12 @@ def gains(values: FloatArray, model: FloatArray, kind: Kind, count: int) -> Floa
     """
     basis, _ = np.linalg.qr(model)
     residual = values - basis @ (basis.T @ values)
-    onto, within = _from_here(residual[:count]), _from_here(basis[:count])
+    onto, within = _sums_to_end(residual[:count]), _sums_to_end(basis[:count])
     if kind is Kind.STEP:
         squares = np.arange(count, 0, -1, dtype=np.float64)
         edge = 3
     else:
-        onto, within = _from_here(onto), _from_here(within)
+        onto, within = _sums_to_end(onto), _sums_to_end(within)
         left = np.arange(count, 0, -1, dtype=np.float64)
         squares = left * (left + 1.0) * (2.0 * left + 1.0) / 6.0
         edge = 5
@@ -88,11 +88,11 @@ def pair_gains(
     """
     basis, _ = np.linalg.qr(model)
     residual = values - basis @ (basis.T @ values)
-    onto, within = _from_here(residual[:count]), _from_here(basis[:count])
+    onto, within = _sums_to_end(residual[:count]), _sums_to_end(basis[:count])
     if kind is Kind.STEP:
         squares = np.full(count - length, float(length))
     else:
-        onto, within = _from_here(onto), _from_here(within)
+        onto, within = _sums_to_end(onto), _sums_to_end(within)
         after = np.arange(count, length, -1, dtype=np.float64) - length
         squares = length * (length + 1.0) * (2.0 * length + 1.0) / 6.0 + length**2 * after
     onto, within = onto[:-length] - onto[length:], within[:-length] - within[length:]

@@ -112,7 +112,7 @@ class Measured:
         late = self.lateness.get(self.late.get(channel, ""), 0.0)
         return self.time[ticks] + taken[ticks] - late
 
-    def as_taken(
+    def at_sample_instants(
         self, channel: str, simulated: FloatArray, lateness: Mapping[str, float]
     ) -> FloatArray:
         """Return a simulated channel at the instants at which its samples were taken, (n,).

@@ -66,7 +66,7 @@ def differing_parameter(base: Baseline, missing: Excess) -> DifferingParameter |
     model, layout = base.dataset.model, base.dataset.model.plant.layout
     taken = {*model.calibrate, *model.per_run}
     keys = [key for key in model.plant.changed_between_runs if key not in taken]
-    promised = _promised(base, keys) if keys else {}
+    promised = _promised_shares(base, keys) if keys else {}
     found: list[DifferingParameter] = []
     for key in sorted(promised, key=lambda key: -promised[key]):
         if promised[key] < _PROMISED or any(item.share >= _NEARLY_ALL for item in found):
@@ -86,7 +86,7 @@ def differing_parameter(base: Baseline, missing: Excess) -> DifferingParameter |
     return max(found, key=lambda item: item.share, default=None)
 
 
-def _promised(base: Baseline, keys: Sequence[str]) -> dict[str, float]:
+def _promised_shares(base: Baseline, keys: Sequence[str]) -> dict[str, float]:
     """Return the share of the residual that slopes promise, for each value that may differ by run.
 
     Of a key that fewer than two runs leave open nothing is promised: it is left out.
@@ -105,12 +105,12 @@ def _promised(base: Baseline, keys: Sequence[str]) -> dict[str, float]:
         own = [replace(free, key=f"{key} in {run}", run=run) for run in runs]
         columns = jacobian(problem, fit.vector, own, residual)
         alike = columns.sum(axis=1, keepdims=True)
-        gain = _left(residual, shared, alike) - _left(residual, shared, columns)
+        gain = _squares_left(residual, shared, alike) - _squares_left(residual, shared, columns)
         promised[key] = gain / whole
     return promised
 
 
-def _left(residual: FloatArray, *columns: FloatArray) -> float:
+def _squares_left(residual: FloatArray, *columns: FloatArray) -> float:
     """Return the sum of squares that least squares over columns leave of a residual."""
     design = np.column_stack(columns)
     design = design / np.maximum(np.linalg.norm(design, axis=0), 1e-300)

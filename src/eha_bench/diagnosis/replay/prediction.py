@@ -259,7 +259,7 @@ def _errors(
         column = _comparable_values(name, measured, recording)
         if column is None or not (there := np.isfinite(column)).any():
             continue
-        taken = measured.as_taken(name, values, {})[there]
+        taken = measured.at_sample_instants(name, values, {})[there]
         other = np.where(np.isfinite(taken), taken, np.inf)
         with np.errstate(over="ignore"):
             found[name] = float(np.sqrt(np.mean((column[there] - other) ** 2)))

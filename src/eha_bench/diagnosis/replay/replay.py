@@ -314,7 +314,7 @@ def _columns(values: FloatArray, measured: Measured, plant: Plant) -> Columns:
     return _with_difference(
         {
             name: np.ascontiguousarray(
-                measured.as_taken(name, values[:, outputs.index(name)], measured.lateness)
+                measured.at_sample_instants(name, values[:, outputs.index(name)], measured.lateness)
             )
             for name in measured.outputs
         },

@@ -44,7 +44,7 @@ def exchange(search: Search, limits: Thresholds) -> bool:
         if best is None or best.fit.cost > search.fit.cost - least:
             continue
         found = compare(
-            switched_off(search, item), best.fit, search.groups, search.excess_base.total
+            fit_with_item_off(search, item), best.fit, search.groups, search.excess_base.total
         )
         equal = tuple(name for name in item.equivalent if name != best.candidate)
         old = item.start.candidate
@@ -90,7 +90,7 @@ def _best(
     """Return the best of some starts in an item's place, refitted to the end."""
     kept = search.snapshot()
     search.accepted = others
-    search.fit = switched_off(search, item)
+    search.fit = fit_with_item_off(search, item)
     search.excess_left = excess(search.problem, search.fit)
     try:
         coarse = search.problem.at_step(COARSE)
@@ -103,7 +103,7 @@ def _best(
         search.restore(kept)
 
 
-def switched_off(search: Search, item: Accepted) -> Fit:
+def fit_with_item_off(search: Search, item: Accepted) -> Fit:
     """Return the present fit with one item switched off."""
     vector = search.fit.vector.copy()
     vector[item.start.strength_at] = item.start.neutral

@@ -15,7 +15,7 @@ from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
-from eha_bench.diagnosis.search.exchange import switched_off
+from eha_bench.diagnosis.search.exchange import fit_with_item_off
 from eha_bench.diagnosis.search.refit import free_of, polish_at_rest
 from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 from eha_bench.plants.effect import AT
@@ -37,7 +37,7 @@ def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
         if parameter.choices and parameter.name != AT
     ]
     place = layout.index.get(f"{effect.id}.{AT}")
-    held = held_by(layout, item, fit)
+    held = held_keys(layout, item, fit)
     found = []
     for start in effect_starts(layout, effect, refined=True):
         settings = dict(start.settings)
@@ -48,7 +48,7 @@ def forms_of(layout: Layout, item: Accepted, fit: Fit) -> list[Start]:
     return found
 
 
-def held_by(layout: Layout, item: Accepted, fit: Fit) -> set[str]:
+def held_keys(layout: Layout, item: Accepted, fit: Fit) -> set[str]:
     """Return what the search that found an effect holds (a count of teeth): no form moves it."""
     effect = layout.effect(item.start.candidate)
     searched = effect.search_parameters(layout.choice_values(effect, fit.vector))
@@ -76,7 +76,7 @@ def take_best_form(search: Search, limits: Thresholds) -> bool:
     least = limits.gain * max(1.0, 1.0 + search.excess_left.relative)
     if fit.cost > search.fit.cost - least:
         return False
-    found = compare(switched_off(search, item), fit, search.groups, search.excess_base.total)
+    found = compare(fit_with_item_off(search, item), fit, search.groups, search.excess_base.total)
     search.fit = fit
     # what had fitted as well as the other form does not fit as well as this one
     search.accepted = [*kept[:-1], replace(item, start=start, comparison=found, equivalent=())]
@@ -88,7 +88,7 @@ def _rough(search: Search, item: Accepted, start: Start) -> Fit:
     """Return a rough fit of a form, from the size that the other one has or from its own."""
     index = search.problem.plant.layout.index
     own = start.apply(search.fit.vector)
-    for key in held_by(search.problem.plant.layout, item, search.fit):
+    for key in held_keys(search.problem.plant.layout, item, search.fit):
         own[index[key]] = search.fit.vector[index[key]]
     as_found = own.copy()
     for key in item.start.keys:

@@ -100,25 +100,25 @@ class Wave:
     normal: FloatArray
     right: FloatArray
 
-    def turns(self) -> dict[str, float]:
+    def lead_angles(self) -> dict[str, float]:
         """Return by how much runs begin further on, rad, if each has its own phase.
 
         The first one begins where it did.
         """
-        turns = dict(zip(dict.fromkeys(self.runs), self._turns(self.runs), strict=True))
+        turns = dict(zip(dict.fromkeys(self.runs), self._lead_angles(self.runs), strict=True))
         turns.pop(self.runs[0])
         return turns
 
-    def with_turns(self, turns: Mapping[str, float]) -> Wave:
+    def with_lead_angles(self, turns: Mapping[str, float]) -> Wave:
         """Return the wave where runs begin further on than in the scan, by name, rad."""
         gain, start = self._best([turns.get(name, 0.0) for name in self.runs])
         return replace(self, gain=gain, start=start)
 
     def gain_in_halves(self) -> float:
         """Return the predicted gain if each half of each run had its own phase."""
-        return self._best(self._turns([str(half) for half in range(len(self.runs))]))[0]
+        return self._best(self._lead_angles([str(half) for half in range(len(self.runs))]))[0]
 
-    def _turns(self, owners: Sequence[str]) -> list[float]:
+    def _lead_angles(self, owners: Sequence[str]) -> list[float]:
         """Return how much further on each owner of halves begins than the first one, rad."""
         names = list(dict.fromkeys(owners))
         shared = np.array([[float(owner == name) for name in names] for owner in owners])

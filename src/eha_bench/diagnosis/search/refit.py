@@ -91,7 +91,7 @@ def polish(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
 def polish_afresh(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
     """Fit to the end, from where the rough fit is or, if that is poor, from declared values."""
     if rough.cost > _POOR * SOFT_MEAN * search.problem.size:
-        other = begun_again(search, rough.vector, extra)
+        other = restarted_fit(search, rough.vector, extra)
         if other.cost < rough.cost:
             rough = other
     return polish(search, rough, extra)
@@ -105,7 +105,7 @@ def polish_at_rest(search: Search, rough: Fit, extra: Sequence[Start]) -> Fit:
     return polish(search, at_rest(search.problem.at_step(COARSE), rough), extra)
 
 
-def begun_again(search: Search, vector: FloatArray, extra: Sequence[Start]) -> Fit:
+def restarted_fit(search: Search, vector: FloatArray, extra: Sequence[Start]) -> Fit:
     """Fit from declared values, over short windows first and then over long ones.
 
     Without an effect the parameters had been bent to imitate it, and over long windows they may
@@ -327,7 +327,7 @@ class Near:
         after = angles_of(other.problem)
         turns = {name: after[name] - angle for name, angle in before.items()}
         other._waves = {
-            name: (own, [wave.with_turns(turns) for wave in waves])
+            name: (own, [wave.with_lead_angles(turns) for wave in waves])
             for name, (own, waves) in self._waves.items()
         }
         search.problem = search.problem.at_angles(starts)

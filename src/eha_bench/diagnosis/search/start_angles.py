@@ -56,7 +56,7 @@ def with_own_angles(search: Search, near: Near, starts: Sequence[Start]) -> Near
     more = len(angles_of(near.problem)) - 1
     if not waves or more < 1:
         return near
-    pairs = [(wave, wave.with_turns(wave.turns())) for wave in waves]
+    pairs = [(wave, wave.with_lead_angles(wave.lead_angles())) for wave in waves]
     pairs = [pair for pair in pairs if _is_an_angle(*pair, near.excess)]
     pairs.sort(key=lambda pair: -pair[1].gain)
     best = max((apart.gain for _, apart in pairs), default=0.0)
@@ -89,7 +89,7 @@ def _fit_phases(near: Near, wave: Wave, apart: Wave) -> tuple[Starts, Nearby]:
     before = angles_of(near.problem)
     starts = {
         name: StartAngle(before[name] + turn, 1.0 / wave.count)
-        for name, turn in wave.turns().items()
+        for name, turn in wave.lead_angles().items()
     }
     here = near.at_angles(starts)
     found = here.fit_together((apart.start,), apart.start.apply(near.fit.vector))

@@ -48,7 +48,7 @@ class Curves:
     def __init__(self, short: Problem, period: float, fit: Fit) -> None:
         self.short, self.period, self.fit = short, period, fit
         self.groups = groups_of(short)
-        self.before = self._explained_by(np.zeros((fit.residual.size, 0)))[0]
+        self.before = self._fit_with_columns(np.zeros((fit.residual.size, 0)))[0]
         self.excess = max(self.before.cost - SOFT_MEAN * short.size, 1.0)
         self.values = self._values()
         self.span = {
@@ -126,7 +126,7 @@ class Curves:
         for _, frequency in rough[:2]:
             near = np.linspace(frequency - step, frequency + step, 21)
             # what the parameters can do as well counts in the end
-            costs = [self._explained_by(_waves(change, time, f, 2))[0].cost for f in near]
+            costs = [self._fit_with_columns(_waves(change, time, f, 2))[0].cost for f in near]
             found = float(near[int(np.argmin(costs))])
             share, amplitudes = self._share(_waves(change, time, found, 2))
             if share > best.share + _MORE:
@@ -148,11 +148,11 @@ class Curves:
 
     def _share(self, columns: FloatArray) -> tuple[float, FloatArray]:
         """Return the share of the excess that columns explain on runs left out, and amplitudes."""
-        after, amplitudes = self._explained_by(columns)
+        after, amplitudes = self._fit_with_columns(columns)
         found = compare(self.before, after, self.groups, self.excess)
         return found.share_out, amplitudes
 
-    def _explained_by(self, columns: FloatArray) -> tuple[Fit, FloatArray]:
+    def _fit_with_columns(self, columns: FloatArray) -> tuple[Fit, FloatArray]:
         """Return the fit to first order with some columns besides the parameters' own."""
         extra = tuple(
             Free(f"curve[{k}]", -1, -np.inf, np.inf, 1.0) for k in range(columns.shape[1])

@@ -86,12 +86,12 @@ def high_end(volume_a: float, area_a: float, volume_b: float, area_b: float) -> 
     return min(volume_a / area_a, volume_b / area_b) * (1.0 - _LEFT)
 
 
-def filled_a(position: float, low: float, dead_volume_a: float, area_a: float) -> float:
+def open_volume_a(position: float, low: float, dead_volume_a: float, area_a: float) -> float:
     """Return the volume of chamber a above its dead volume, m^3."""
     return dead_volume_a + area_a * (position - low)
 
 
-def filled_b(position: float, high: float, dead_volume_b: float, area_b: float) -> float:
+def open_volume_b(position: float, high: float, dead_volume_b: float, area_b: float) -> float:
     """Return the volume of chamber b above its dead volume, m^3."""
     return dead_volume_b + area_b * (high - position)
 
@@ -124,7 +124,7 @@ def _anatomy(declared: frozenset[str]) -> Anatomy:
         )
     return Anatomy(
         (_AREA_A, _AREA_B, _DEAD_A, _DEAD_B),
-        (*common, Oil("a", filled_a, dead_a), Oil("b", filled_b, dead_b)),
+        (*common, Oil("a", open_volume_a, dead_a), Oil("b", open_volume_b, dead_b)),
     )
 
 

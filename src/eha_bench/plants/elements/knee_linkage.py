@@ -35,7 +35,7 @@ def angle(
     return math.acos(min(0.999, max(-0.999, value)))
 
 
-def turns(
+def joint_angle_per_rod(
     position: float,
     link_a: float,
     link_b: float,
@@ -51,7 +51,7 @@ def turns(
 
 
 def _anatomy(declared: frozenset[str]) -> Anatomy:
-    return Anatomy((_A, _B, _C0), (Tie("to", "on", turns, angle),))
+    return Anatomy((_A, _B, _C0), (Tie("to", "on", joint_angle_per_rod, angle),))
 
 
 KIND = ElementKind(

@@ -566,7 +566,7 @@ class NetworkPlant(Plant):
             for item in self.system.coordinates
             for place in (item.speed, item.position)
             if {item.speed, item.position} & places
-            and not (item.speed in places and (place == item.position or item.turns))
+            and not (item.speed in places and (place == item.position or item.is_rotation))
         }
         return tuple(
             item.channel
@@ -577,7 +577,7 @@ class NetworkPlant(Plant):
     def at_rest(self, measured: Mapping[str, float]) -> dict[str, float]:
         """Return pressures without a reading: a leak evens a volume out with its neighbour."""
         found: dict[str, float] = {}
-        for first, second in self._evened_out:
+        for first, second in self._pressures_equal_at_rest:
             if first in measured and second not in measured:
                 found.setdefault(second, measured[first])
             elif second in measured and first not in measured:
@@ -585,7 +585,7 @@ class NetworkPlant(Plant):
         return found
 
     @cached_property
-    def _evened_out(self) -> tuple[tuple[str, str], ...]:
+    def _pressures_equal_at_rest(self) -> tuple[tuple[str, str], ...]:
         """Pressures, two by two, that a leak between their volumes evens out at rest."""
         system = self.system
         names = {place: name for name, place in self.state_places.items()}

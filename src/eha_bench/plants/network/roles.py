@@ -288,7 +288,7 @@ def _turning_motor(system: System) -> Iterator[Spot]:
         item = system.leader_of(node)
         if item.name != node and item.node.kind is NodeKind.ROTATION:
             names = {"angle": f"X[{item.position}]", "ratio": "1.0"}
-            yield replace(_spot(system, item, names), angle=system.shown_by(item.position))
+            yield replace(_spot(system, item, names), angle=system.channel_showing(item.position))
 
 
 def _motor(system: System) -> Iterator[Spot]:
@@ -651,7 +651,7 @@ def _joint(system: System, kind: NodeKind) -> Iterator[Spot]:
     for item in system.coordinates:
         if not system.inertias(item) or item.node.kind is not kind:
             continue
-        position, speed = system.shown_by(item.position), system.shown_by(item.speed)
+        position, speed = system.channel_showing(item.position), system.channel_showing(item.speed)
         if not position:
             continue
         hooks = {

@@ -899,7 +899,7 @@ class Writer:
             number = system.column_for(driven, command)
             node = part.element.ports[loop.reads]
             coordinate = system.leader_of(node)
-            shown = system.shown_by(coordinate.position)
+            shown = system.channel_showing(coordinate.position)
             reading = system.position(node).replace(
                 f"x{coordinate.number}", f"Y[{coordinate.position}]"
             )

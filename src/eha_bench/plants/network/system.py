@@ -87,7 +87,7 @@ class Coordinate:
         return self.node.name
 
     @property
-    def turns(self) -> bool:
+    def is_rotation(self) -> bool:
         """Whether it is a rotation."""
         return self.node.kind is NodeKind.ROTATION
 
@@ -512,7 +512,7 @@ class System:
             and column.signal == self.signals[f"{column.part.name}.{loop.reference}"]
         )
 
-    def shown_by(self, state: int) -> str:
+    def channel_showing(self, state: int) -> str:
         """Return the channel that shows a state, "" where none does."""
         return next((item.channel for item in self.outputs if item.state == state), "")
 

@@ -269,7 +269,7 @@ def _unit_of(channel: str, form: BoundsFile | ScoreFile, mode: ControlMode, wher
     try:
         if form.unit:
             return base_unit(form.unit)
-        written = unit_written(form) if isinstance(form, BoundsFile) else ""
+        written = written_unit(form) if isinstance(form, BoundsFile) else ""
         if written and not likely(channel, CHANNELS, likeness=_MISSPELT):
             return base_unit(written)
     except UnitError as error:
@@ -283,7 +283,7 @@ def _unit_of(channel: str, form: BoundsFile | ScoreFile, mode: ControlMode, wher
     )
 
 
-def unit_written(form: BoundsFile) -> str:
+def written_unit(form: BoundsFile) -> str:
     """Return the unit that a limit's quantities are written in, "" where they name none."""
     texts = [str(text) for text in (form.limit, form.min, form.max) if text is not None]
     found = [match[1].strip() for text in texts for match in _WRITTEN.finditer(text)]

@@ -1,0 +1,58 @@
+"""Chooses what is added: believed, inside its bounds, and the simplest of those as good."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from eha_bench.diagnosis.fit.evidence import Groups, Improvement
+from eha_bench.diagnosis.search.equivalent import is_as_good, tie
+from eha_bench.diagnosis.search.state import Refit, Search, Thresholds
+
+
+def choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refit | None:
+    """Return what is added next of a look's candidates, the best first; None where none will do."""
+    good = [item for item in trials if _is_acceptable(search, item.comparison, limits)]
+    if not good:
+        return None
+    good = _inside_bounds(search, good)
+    chosen = good[0]
+    for item in good:
+        # a parameter is preferred where it explains as much
+        behind = item.fit.cost - chosen.fit.cost
+        if item.start.is_parameter and behind < 0.02 * chosen.comparison.gain:
+            return item
+    tied = tie(chosen.comparison.gain, chosen.fit.residual.size)
+    alike = [item for item in good if item.fit.cost - chosen.fit.cost < tied]
+    # of those that leave equally little, the one with the fewest numbers to choose is the
+    # likeliest, then the one that carries over best to runs left out
+    return min(alike, key=lambda item: (len(item.start.keys), -item.comparison.gain_out))
+
+
+def _inside_bounds(search: Search, good: list[Refit]) -> list[Refit]:
+    """Return those whose strength stands at no bound, where the best of these is as good as any.
+
+    What stands at a bound is refused in the end, and would take the place of what does as well.
+    """
+    inside = [item for item in good if item.start.bound_met(item.fit.vector) is None]
+    best = good[0]
+    if inside and is_as_good(inside[0].fit, best.fit, best.comparison.gain, search.groups):
+        return inside
+    return good
+
+
+def _is_acceptable(search: Search, found: Improvement, limits: Thresholds) -> bool:
+    enough = limits.is_enough(found, search.excess_left, len(search.effects))
+    return enough and limits.allow(found)
+
+
+def equivalents(chosen: Refit, trials: Sequence[Refit], groups: Groups) -> tuple[str, ...]:
+    """Return candidates whose fit is not worse than the chosen one's beyond resampling noise."""
+    found = []
+    for item in trials:
+        if item.candidate == chosen.candidate or item.start.is_parameter:
+            continue
+        if item.comparison.gain < 0.5 * chosen.comparison.gain:
+            continue
+        if is_as_good(item.fit, chosen.fit, chosen.comparison.gain, groups):
+            found.append(item.candidate)
+    return tuple(found)

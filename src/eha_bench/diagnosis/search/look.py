@@ -1,0 +1,237 @@
+"""One look at everything that may be missing: screened, refitted, compared on runs left out.
+
+Nuisance parameters (calibrated ones, start states, noise, friction at rest) are fitted with every
+candidate; a candidate is credited only with what these cannot do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
+from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare
+from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.side_by_side import side_by_side
+from eha_bench.diagnosis.fit.start_angles import is_periodic
+from eha_bench.diagnosis.search.exchange import CLOSE
+from eha_bench.diagnosis.search.refit import Near, is_bent, polish_afresh, polish_at_rest, refit
+from eha_bench.diagnosis.search.screen import Screen, Screened
+from eha_bench.diagnosis.search.settle import refine
+from eha_bench.diagnosis.search.start_angles import with_own_angles
+from eha_bench.diagnosis.search.state import (
+    RankedCandidate,
+    Refit,
+    Search,
+    rival_share,
+    starts_of,
+)
+from eha_bench.plants.layout import Layout
+
+_SHORTLIST = 5
+_NEAREST = 4
+_FINALISTS = 3
+_TURNING = 3
+_PROMISING = 3
+_FORMS = 3
+"""Starts of a promising candidate whose settings are moved."""
+_WORTH = 0.02
+"""Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
+outputs move by a seventh of the noise."""
+_MOSTLY = 0.3
+"""Share of the excess that may be left before effects of the shaft's angle are worth a scan."""
+_LEAST_EXCESS = 30.0
+"""Least excess, in cost, that is."""
+_LEAST = 5.0
+"""Least predicted fall of the cost that is worth a refit, which gains several times as much."""
+
+
+def look(search: Search, *, first: bool) -> list[Refit]:
+    """Screen everything, refit the most promising, and return these, the best first."""
+    layout = search.problem.plant.layout
+    used = [item.start.candidate for item in search.accepted]
+    starts = [start for start in starts_of(search, used) if start.candidate not in used]
+    turning = [effect.id for effect in layout.effects if is_periodic(effect)]
+    still = [start for start in starts if start.candidate not in turning]
+    # screening and first refits only compare candidates, so a coarser step is enough
+    coarse = search.problem.coarser(COARSE, search.fit.vector, search.fit.residual)
+    # what is small must not drown in the instants of sticking that a coarser step shifts
+    much = is_bent(search.excess_left)
+    near = Near.of(search, coarse) if much else None
+    if near is not None:
+        # over long windows only what promised most over short ones
+        still = near.promising(still, _PROMISING)
+    screen = Screen(search.problem.at_step(SCREENING) if much else coarse, search.fit)
+    screened = screen.all(still)
+    if near is None:
+        screened = _refine_promising(screen, screened, layout)
+    finals = _confirm(search, coarse, screened, near)
+    if _much_stays(search, finals):
+        own = [start for start in starts if start.candidate in turning]
+        if own:
+            near = with_own_angles(search, near or Near.of(search, coarse), own)
+            turned = _best_of_each(near.turning(own, _TURNING))
+            finals += _refit_promising(search, turned, {}, afresh=False)
+    best: dict[str, Screened] = {}
+    for item in screened:
+        best.setdefault(item.start.candidate, item)
+    finals = [_with_comparison(search, item) for item in _fit_rivals_further(search, finals)]
+    finals.sort(key=lambda item: item.fit.cost)
+    if first:
+        search.ranking = _ranking(best, finals, search)
+    return finals
+
+
+def is_worth_a_look(search: Search) -> bool:
+    """Whether enough is left to distinguish another cause from what a fit leaves over."""
+    left = search.excess_left
+    return left.relative > _WORTH and left.significance > REST_SIGNIFICANCE
+
+
+def _much_stays(search: Search, finals: Sequence[Refit]) -> bool:
+    """Whether the best of those refitted leaves so much that a scan of angles is worth its time.
+
+    Where the noise was taken too large there is hardly an excess to leave; a structure in time asks
+    for a cause all the same.
+    """
+    left = search.excess_left
+    if not is_worth_a_look(search):
+        return left.significance > REST_SIGNIFICANCE
+    reached = min((item.fit.cost for item in finals), default=search.fit.cost)
+    floor = search.fit.cost - left.total
+    return reached > floor + max(_MOSTLY * left.total, _LEAST_EXCESS)
+
+
+def _refine_promising(
+    screen: Screen, screened: Sequence[Screened], layout: Layout
+) -> list[Screened]:
+    """Return the same, the most promising ones at better settings, the best first."""
+    by_name: dict[str, list[Screened]] = {}
+    for item in screened:
+        if item.gain > _LEAST:
+            by_name.setdefault(item.start.candidate, []).append(item)
+    chosen = [item for own in [*by_name.values()][:_PROMISING] for item in own[:_FORMS]]
+    better = side_by_side(lambda item: screen.refined(item, layout), chosen)
+    left = [item for item in screened if all(item is not other for other in chosen)]
+    return sorted([*better, *left], key=lambda item: -item.gain)
+
+
+def _confirm(
+    search: Search, coarse: Problem, screened: Sequence[Screened], near: Near | None
+) -> list[Refit]:
+    """Refit the most promising roughly, and to the end those that may win.
+
+    Args:
+        search: so far. coarse: its problem at a coarse step. screened: the best first.
+        near: the same over short windows, where the search's parameters are bent; or None.
+    """
+    best: dict[str, Screened] = {}
+    second: dict[str, Screened] = {}
+    for item in screened:
+        if item.start.candidate not in best:
+            best[item.start.candidate] = item
+        elif item.start.candidate not in second:
+            second[item.start.candidate] = item
+    least = max(_LEAST, 0.01 * search.excess_left.total)
+    order = [name for name in best if best[name].gain > least]
+    trials = []
+    if near is not None:
+        trials = near.trials(_NEAREST)
+        # without the candidate the fit is there already: what ends worse than that was caught
+        caught = {item.candidate for item in trials if item.fit.cost >= search.fit.cost}
+        done = {item.candidate for item in trials} - caught
+        trials += [refit(search, coarse, best[name]) for name in order if name in caught]
+        order = [name for name in order if name not in done | caught]
+    shortlist = [best[name] for name in order[: _SHORTLIST - len(trials)]]
+    shortlist += [second[name] for name in order[:2] if name in second and second[name].gain > 0]
+    refits = side_by_side(lambda item: refit(search, coarse, item), shortlist)
+    trials = _best_of_each([*trials, *refits])
+    promised = {name: item.gain for name, item in best.items()} if near is None else {}
+    found = _refit_promising(search, trials, promised, afresh=near is None)
+    reached = max((search.fit.cost - item.fit.cost for item in found), default=0.0)
+    tried = {item.candidate for item in found}
+    # a prediction is less than a refit gains: what promises more than was reached may yet win
+    left = [best[name] for name in order if name not in tried and best[name].gain > reached]
+    more = side_by_side(lambda item: refit(search, coarse, item), left[:_SHORTLIST])
+    return [*found, *_refit_promising(search, _best_of_each(more), promised, afresh=near is None)]
+
+
+def _refit_promising(
+    search: Search, trials: Sequence[Refit], promised: Mapping[str, float], *, afresh: bool
+) -> list[Refit]:
+    """Refit those to the end that may win, the best first.
+
+    Args:
+        search: so far. trials: refitted roughly. promised: candidate -> gain that was predicted: a
+            rough refit that gains less has not arrived. afresh: a fit may begin elsewhere.
+    """
+    gains = {item.candidate: search.fit.cost - item.fit.cost for item in trials}
+    hopes = {name: max(gain, promised.get(name, 0.0)) for name, gain in gains.items()}
+    done: list[Refit] = []
+    top = 0.0
+    for number, trial in enumerate(sorted(trials, key=lambda item: -hopes[item.candidate])):
+        least = rival_share(0.5, top, search.excess_left.total) * top
+        hopeless = number > 0 and (number >= _FINALISTS or hopes[trial.candidate] < least)
+        if gains[trial.candidate] <= 0.0 or hopeless:
+            done.append(trial)
+            continue
+        # where a rival has reached the noise already, a better place cannot beat it
+        again = afresh and top < 0.95 * search.excess_left.total
+        to_the_end = polish_afresh if again else polish_at_rest
+        done.append(replace(trial, fit=to_the_end(search, trial.fit, [trial.start])))
+        top = max(top, search.fit.cost - done[-1].fit.cost)
+    return done
+
+
+def _fit_rivals_further(search: Search, finals: Sequence[Refit]) -> list[Refit]:
+    """Fit close rivals further: which comes first must not depend on which fit stopped earlier."""
+    order = sorted(finals, key=lambda item: item.fit.cost)
+    top = max((search.fit.cost - item.fit.cost for item in order), default=0.0)
+    least = rival_share(CLOSE, top, search.excess_left.total) * top
+    close = [t for t in order[:_FINALISTS] if search.fit.cost - t.fit.cost > least > 0.0]
+    if len(close) < 2:
+        return order
+    # nor on what a coarse step leaves
+    refine(search, close[0].fit.vector)
+    done = [replace(t, fit=polish_at_rest(search, t.fit, [t.start])) for t in close]
+    return [*done, *(item for item in order if all(item is not other for other in close))]
+
+
+def _ranking(
+    best: dict[str, Screened], finals: Sequence[Refit], search: Search
+) -> list[RankedCandidate]:
+    lines = [
+        RankedCandidate(
+            item.candidate,
+            min(item.comparison.share, item.comparison.share_out),
+            item.comparison.p_value,
+            item.fit.cost,
+            best[item.candidate].gain if item.candidate in best else item.comparison.gain,
+            True,
+        )
+        for item in finals
+    ]
+    done = {item.candidate for item in finals}
+    # where there is hardly any excess, shares of it mean nothing
+    scale = max(search.excess_left.total, 300.0)
+    lines += [
+        RankedCandidate(
+            name, item.gain / scale, float("nan"), search.fit.cost - item.gain, item.gain, False
+        )
+        for name, item in best.items()
+        if name not in done
+    ]
+    return lines
+
+
+def _best_of_each(trials: Sequence[Refit]) -> list[Refit]:
+    best: dict[str, Refit] = {}
+    for item in trials:
+        if item.candidate not in best or item.fit.cost < best[item.candidate].fit.cost:
+            best[item.candidate] = item
+    return sorted(best.values(), key=lambda item: item.fit.cost)
+
+
+def _with_comparison(search: Search, trial: Refit) -> Refit:
+    found = compare(search.fit, trial.fit, search.groups, search.excess_left.total)
+    return replace(trial, comparison=found)
