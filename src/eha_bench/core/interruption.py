@@ -21,6 +21,8 @@ from contextvars import ContextVar
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from eha_bench.core.progress import still_at_work
+
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 
 
@@ -142,8 +144,11 @@ def checkpoints(asked: Callable[[], bool]) -> Iterator[None]:
 def checkpoint() -> None:
     """Stop here if that was asked for: long work calls it where it can be left.
 
+    A listener hears there that work goes on (`still_at_work`).
+
     Raises:
         KeyboardInterrupt: within `checkpoints`, after a stop was asked for.
     """
     if _asked.get()():
         raise KeyboardInterrupt
+    still_at_work()

@@ -15,7 +15,7 @@ from eha_bench.core.errors import EhaBenchError, InputError, Place
 from eha_bench.core.finite import finite_or_none
 from eha_bench.core.interruption import Interruption, checkpoints, signals_raised_after
 from eha_bench.core.output_folder import writable
-from eha_bench.core.progress import ProgressHook
+from eha_bench.core.progress import ProgressHook, live_progress
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
 from eha_bench.diagnosis.fit.baseline import (
     Baseline,
@@ -172,8 +172,8 @@ def calibrate(
             where=Place(file=loaded.source),
             hint="diagnose fits its parameters under `calibrate` with every candidate",
         )
-    with signals_raised_after(kept=out is not None):
-        return _calibrate(loaded, out, progress)
+    with signals_raised_after(kept=out is not None), live_progress(progress) as live:
+        return _calibrate(loaded, out, live)
 
 
 def _calibrate(loaded: Dataset, out: str | Path | None, progress: ProgressHook) -> Calibration:

@@ -12,7 +12,7 @@ from typing import Any
 from eha_bench.core.errors import EhaBenchError
 from eha_bench.core.interruption import Interruption, checkpoints
 from eha_bench.core.output_folder import writable
-from eha_bench.core.progress import ProgressHook
+from eha_bench.core.progress import ProgressHook, live_progress
 from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.diagnosis.conclusion import Conclusion
 from eha_bench.diagnosis.data.dataset import Dataset, load_dataset
@@ -42,7 +42,7 @@ def diagnose(
     Args:
         dataset: dataset.yaml, a dict of what it would hold, or as loaded.
         out: folder that gets diagnosis.json, revised.yaml and recalibrated.yaml.
-        progress: called with the stage and the fraction of it done.
+        progress: called with the stage and the fraction of it done, every second or two.
         workers: do the fits that are independent; this process does so on threads.
 
     Raises:
@@ -57,14 +57,19 @@ def diagnose(
         found = replace(diagnose_points(loaded, progress), seconds=time.perf_counter() - started)
         found.keep(out)
         return found
-    with one_thread_of_algebra(), Interruption() as asked, count_simulated_time() as spent:
-        progress("calibrate", 0.0)
+    with (
+        one_thread_of_algebra(),
+        Interruption() as asked,
+        count_simulated_time() as spent,
+        live_progress(progress) as live,
+    ):
+        live("calibrate", 0.0)
         try:
             with checkpoints(asked), fits_by(workers):
-                base, interrupted = calibrated_baseline(loaded, progress), False
+                base, interrupted = calibrated_baseline(loaded, live), False
         except CalibrationInterrupted as stop:
             base, interrupted = stop.baseline, True
-        conclusion = Conclusion(loaded, base, out, progress)
+        conclusion = Conclusion(loaded, base, out, live)
         conclusion.keep(complete=False)
         try:
             found = conclusion.interrupted() if interrupted else conclusion.whole(asked, workers)
