@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,6 +21,8 @@ from eha_bench.plants.effects import (
     seal_friction,
 )
 from eha_bench.plants.elements import knee_linkage
+from eha_bench.plants.model import DeclaredEffect, Model, load_model
+from eha_bench.plants.plant import Drive
 
 LONG = np.arange(0.0, 1.5, 1e-3)
 # the shaft settles within 20 ms, against an open bypass
@@ -449,3 +453,81 @@ def test_heavier_rod_friction_only_takes_energy(bare_knee, effect) -> None:
         speed = np.abs(out["piston_velocity"])
         assert speed.max() <= 0.3 * (1 + 1e-6), friction
         assert speed[-1] < 0.1, friction
+
+
+PENDULUM = """
+plant: pendulum_drive
+nodes:
+  motor_shaft: {kind: rotation}
+  output:      {kind: rotation, inertia: 0.03 kg*m^2}
+elements:
+  motor:    {kind: motor, on: motor_shaft, resistance: 2.3 ohm, torque_constant: 0.0083 N*m/A}
+  gear:     {kind: gear, from: motor_shaft, to: output, ratio: 193}
+  pendulum: {kind: pendulum, on: output, mass: 0.8 kg, length: 180 mm}
+  friction: {kind: friction, on: output, viscous: 0.1 N*m*s/rad}
+inputs:   {duty: motor.duty, supply_voltage: motor.supply_voltage}
+channels: {angle: output.angle, velocity: output.speed}
+"""
+
+
+@pytest.fixture(scope="module")
+def pendulum(tmp_path_factory) -> Model:
+    file = tmp_path_factory.mktemp("pendulum") / "plant.yaml"
+    file.write_text(PENDULUM)
+    return load_model(file)
+
+
+SWING = np.arange(0.0, 2.0, 1e-3)
+
+
+def swung(model: Model, play: DeclaredEffect | None, step: float = 2e-5) -> dict[str, np.ndarray]:
+    inputs = {"duty": 0.4 * np.sin(5.0 * SWING), "supply_voltage": np.full(SWING.size, 12.0)}
+    model = model if play is None else model.with_effect(play)
+    drive = Drive(SWING, inputs, {"angle": 0.3, "velocity": 0.0})
+    out = model.plant.simulate(model.vector(), drive, step)
+    return dict(zip(model.plant.outputs, out.T, strict=True))
+
+
+GAP, STIFFNESS = 0.2, 3e3
+
+
+@pytest.fixture(scope="module")
+def two_masses() -> np.ndarray:
+    """The shaft's angle by the two balances of the docstring and an implicit solver."""
+    ratio, torque, resistance, own, hung = 193, 0.0083, 2.3, 0.03, 0.8 * 0.18
+    damping = 2.0 * 0.5 * np.sqrt(STIFFNESS * own)
+
+    def slope(t: float, y: np.ndarray) -> list[float]:
+        x, v, x_load, v_load = y
+        deep = max(abs(x - x_load) - 0.5 * GAP, 0.0)
+        side = 1.0 if x > x_load else -1.0
+        pushed = side * STIFFNESS * deep + (damping * (v - v_load) if deep > 0.0 else 0.0)
+        pushed = side * max(side * pushed, 0.0)
+        volts = 12.0 * 0.4 * math.sin(5.0 * math.floor(t * 1e3 + 1e-9) / 1e3)
+        drive = torque * ratio * (volts - torque * ratio * v) / resistance
+        weight = hung * 9.80665 * math.sin(x_load)
+        return [v, (drive - 0.1 * v - pushed) / own, v_load, (pushed - weight) / (hung * 0.18)]
+
+    # the weight leans on the lower end, and squeezes it
+    squeezed = hung * 9.80665 * np.sin(0.3) / STIFFNESS
+    first = [0.3, 0.0, 0.3 - 0.5 * GAP - squeezed, 0.0]
+    found = solve_ivp(slope, (0.0, 2.0), first, "LSODA", SWING, rtol=1e-7, atol=1e-9, max_step=1e-3)
+    return found.y[0]
+
+
+@pytest.mark.parametrize(("step", "share"), [(1e-3, 0.01), (2e-5, 1e-3)])
+def test_pendulum_behind_a_play_falls_through_it_as_two_masses_do(
+    pendulum, two_masses, effect, step: float, share: float
+) -> None:
+    play = effect("joint_backlash", gap=GAP, side="load", joint_stiffness=STIFFNESS)
+    got, plain = swung(pendulum, play, step), swung(pendulum, None)
+    seen = np.max(np.abs(plain["angle"] - two_masses))
+    assert seen > 0.05
+    assert np.max(np.abs(got["angle"] - two_masses)) < share * seen
+
+
+@pytest.mark.parametrize("step", [1e-3, 2e-5])
+def test_a_pendulum_behind_no_play_hangs_on_its_shaft(pendulum, effect, step: float) -> None:
+    tight = swung(pendulum, effect("joint_backlash", gap=1e-6, side="load"), step)
+    plain = swung(pendulum, None)
+    assert np.max(np.abs(tight["angle"] - plain["angle"])) < 0.002 * np.ptp(plain["angle"])

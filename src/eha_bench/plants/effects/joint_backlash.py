@@ -8,7 +8,8 @@ Read in two ways, by where the sensors sit (`side`):
 
   `position_sensor`: only the position is read there; `joint`: the velocity too, which is then 0
   while the gap is crossed.
-* `load`: the sensors are on the rod, and the load is beyond the play. Rod and load are two masses
+* `load`: the sensors are on the rod (or shaft), and the load is beyond the play: of a rod all the
+  mass that is declared, of a shaft the elements that it carries (a pendulum). The two are masses
   that touch only at the ends of the gap, through a stiff and damped contact (a dead zone)::
 
       d = x - x_load
@@ -37,10 +38,8 @@ from eha_bench.plants.effect import Action, Effect, Equation
 from eha_bench.plants.parameter import Parameter, choice
 
 _POSITION, _JOINT, _LOAD = 0.0, 1.0, 2.0
-# slower than this the rod counts as at rest at the first sample, m/s
-_AT_REST = 5e-3
 # step of the integration, in radians of the rod's vibration on the contact
-_RESOLVED = 0.12
+_RESOLVED = 0.2
 
 
 class Joint(NamedTuple):
@@ -53,29 +52,40 @@ class Joint(NamedTuple):
 
 
 class Load(NamedTuple):
-    """The load beyond the play, and what pulls at it."""
+    """The load beyond the play, and what pulls at it where it is."""
 
     load_x: float
     load_v: float
-    whole_mass: float
-    pulled: float
+    load_mass: float
+    pulled_there: float
 
 
 @njit()
-def _share(speed: float) -> float:
-    """Return the end of the gap that drives: -1 ... 1."""
-    return min(1.0, max(-1.0, speed / _AT_REST))
+def _share(speed: float, resting: float) -> float:
+    """Return the end of the gap that drives: -1 ... 1; slower than `resting` it is at rest."""
+    return min(1.0, max(-1.0, speed / resting))
+
+
+@njit()
+def _squeeze(d: float, joint: Joint) -> float:
+    """Return how far the contact is pressed, m: 0 within the gap; `d` = x - x_load."""
+    return d - min(max(d, -0.5 * joint.gap), 0.5 * joint.gap)
+
+
+@njit()
+def _damping(joint: Joint) -> float:
+    """Return the damping of the contact, N*s/m."""
+    return 2.0 * joint.joint_damping * math.sqrt(joint.joint_stiffness * joint.rod_mass)
 
 
 @njit()
 def _contact(d: float, closing: float, joint: Joint) -> float:
     """Return the force from the rod on the load, N; `d` = x - x_load, `closing` = its rate."""
-    damping = 2.0 * joint.joint_damping * math.sqrt(joint.joint_stiffness * joint.rod_mass)
-    if d > 0.5 * joint.gap:
-        return max(0.0, joint.joint_stiffness * (d - 0.5 * joint.gap) + damping * closing)
-    if d < -0.5 * joint.gap:
-        return min(0.0, joint.joint_stiffness * (d + 0.5 * joint.gap) + damping * closing)
-    return 0.0
+    squeeze = _squeeze(d, joint)
+    if squeeze == 0.0:
+        return 0.0
+    force = joint.joint_stiffness * squeeze + _damping(joint) * closing
+    return force if force * squeeze > 0.0 else 0.0
 
 
 def reading(value: float, read: float, side: float) -> float:
@@ -90,9 +100,9 @@ def reading_velocity(value: float, position: float, read: float, gap: float, sid
     return 0.0
 
 
-def behind(position: float, speed: float, gap: float, side: float) -> float:
+def behind(position: float, speed: float, resting: float, gap: float, side: float) -> float:
     """Return the rod's position behind a first reading, m."""
-    return position if side == _LOAD else position + 0.5 * gap * _share(speed)
+    return position if side == _LOAD else position + 0.5 * gap * _share(speed, resting)
 
 
 def drag(read: float, position: float, gap: float) -> float:
@@ -100,24 +110,31 @@ def drag(read: float, position: float, gap: float) -> float:
     return min(max(read, position - 0.5 * gap), position + 0.5 * gap)
 
 
-def read_at_first(position: float, speed: float, gap: float) -> float:
+def read_at_first(position: float, speed: float, resting: float, gap: float) -> float:
     """Return the position beyond the play at the first sample, m."""
-    return position - 0.5 * gap * _share(speed)
+    return position - 0.5 * gap * _share(speed, resting)
 
 
 def engaged_load(
     load: float,
+    t: float,
     position: float,
     speed: float,
+    moment: float,
     load_x: float,
     load_v: float,
     side: float,
     joint: Joint,
 ) -> float:
-    """Return the load's force on the rod, N: where it is beyond the play, that of the contact."""
+    """Return the load's force on the rod, N: where it is beyond the play, that of the contact.
+
+    The load waits in the middle of the rod's step; beside a rod that moves by more in half a step
+    than the contact gives, it would let go at one end of the step and be hit at the other.
+    """
     if side != _LOAD:
         return load
-    return -_contact(position - load_x, speed - load_v, joint)
+    there = load_x + (t - moment) * load_v
+    return -_contact(position - there, speed - load_v, joint)
 
 
 def lone_mass(mass: float, side: float, rod_mass: float) -> float:
@@ -128,7 +145,7 @@ def lone_mass(mass: float, side: float, rod_mass: float) -> float:
 @njit()
 def _load_acceleration(d: float, closing: float, beyond: Load, joint: Joint) -> float:
     """Return the load's acceleration with the rod `d` from it, closing at a rate, m/s^2."""
-    return (_contact(d, closing, joint) + beyond.pulled) / beyond.whole_mass
+    return (_contact(d, closing, joint) + beyond.pulled_there) / beyond.load_mass
 
 
 def move_by(
@@ -160,16 +177,40 @@ def push_load(
     speed: float,
     h: float,
 ) -> float:
-    """Return the load's velocity after a time h, m/s, pushed where the rod was looked at."""
-    there = beyond.load_x - way if position == seen else beyond.load_x
-    return beyond.load_v + h * _load_acceleration(
-        position - there, speed - beyond.load_v, beyond, joint
-    )
+    """Return the load's velocity after a time h, m/s, pushed where the rod was looked at.
+
+    In the first half of a step the contact damps the velocity before it, in the second the one
+    after it (implicit Euler, the first's adjoint): rod and load are pushed by the same impulse to
+    the second order. Both halves alike would make the load heavier by c h / 2.
+    """
+    if position == seen:
+        there = beyond.load_x - way
+        return beyond.load_v + h * _load_acceleration(
+            position - there, speed - beyond.load_v, beyond, joint
+        )
+    free = beyond.load_v + h * beyond.pulled_there / beyond.load_mass
+    squeeze = _squeeze(position - beyond.load_x, joint)
+    if squeeze == 0.0:
+        return free
+    damped = h * _damping(joint) / beyond.load_mass
+    spring = h * joint.joint_stiffness * squeeze / beyond.load_mass
+    pushed = (free + spring + damped * speed) / (1.0 + damped)
+    return pushed if (pushed - free) * squeeze > 0.0 else free
 
 
 def look(position: float) -> float:
     """Return where the rod was when the load last moved, m."""
     return position
+
+
+def arrive(t: float, h: float) -> float:
+    """Return the time at which the load is where it has moved, s."""
+    return t + h
+
+
+def wait(t: float) -> float:
+    """Return the time at which the load has not moved yet, s."""
+    return t
 
 
 def stay() -> float:
@@ -180,10 +221,11 @@ def stay() -> float:
 def load_at_first(
     position: float,
     speed: float,
+    resting: float,
     pushed: float,
     viscous_force: float,
     coulomb: float,
-    whole_mass: float,
+    load_mass: float,
     pulled: float,
     gap: float,
     joint_stiffness: float,
@@ -193,11 +235,11 @@ def load_at_first(
     """Return the load's position at the first sample, m: at the end of the gap that pushes it."""
     load = -pulled
     force = load
-    if abs(speed) >= _AT_REST:
+    if abs(speed) >= resting:
         push = pushed - viscous_force
         push -= math.copysign(coulomb, speed)
-        force += whole_mass * (push - load) / (rod_mass + whole_mass)
-    side = _share(speed) if force == 0.0 else math.copysign(1.0, force)
+        force += load_mass * (push - load) / (rod_mass + load_mass)
+    side = _share(speed, resting) if force == 0.0 else math.copysign(1.0, force)
     # a speed that was measured is never nothing: so only a run begins
     share = rest if speed == 0.0 else 1.0
     squeezed = force / joint_stiffness if share == 1.0 else 0.0
@@ -216,6 +258,31 @@ def resolve(h: float, locked: bool, side: float, joint_stiffness: float, rod_mas
     return min(h, _RESOLVED * math.sqrt(rod_mass / joint_stiffness))
 
 
+def _before_a_load(balance: Equation) -> Action:
+    """Return what a play does before a load, which it sets apart in a balance."""
+    return Action(
+        {
+            "read_position": reading,
+            "read_speed": reading_velocity,
+            "initial_position": behind,
+            "load": engaged_load,
+            "inertia": lone_mass,
+            "longest": resolve,
+        },
+        Equation.MEASUREMENT,
+        chosen_by="side",
+        equations={"load": balance},
+        advance={
+            "read": drag, "way": move_by, "load_x": move_load, "load_v": push_load,
+            "seen": look, "moment": arrive,
+        },
+        start={
+            "read": read_at_first, "way": stay, "load_x": load_at_first,
+            "load_v": speed_at_first, "seen": look, "moment": wait,
+        },
+    )  # fmt: skip
+
+
 EFFECT = Effect(
     id="joint_backlash",
     summary="Play in the joint between the rod and what it moves.",
@@ -223,8 +290,8 @@ EFFECT = Effect(
         Parameter("gap", "{play}", 3e-4, 0.0, 0.5, "g"),
         choice("side", ("position_sensor", "joint", "load"), "what is beyond the play"),
         Parameter(
-            "joint_stiffness", "N/m", 2e7, 1e5, 1e8, "k",
-            "hardened pin of the rod", searched=False, when=("side", ("load",)),
+            "joint_stiffness", "{stiffness}", 1.0, 1.0, 1e9, "k",
+            "hardened pin, or teeth", searched=False, when=("side", ("load",)),
         ),
         Parameter(
             "joint_damping", "", 0.5, 0.01, 2.0, "zeta",
@@ -232,7 +299,7 @@ EFFECT = Effect(
         ),
         Parameter(
             "rod_mass", "kg", 2.0, 0.5, 1e3, "", "rod and piston alone",
-            when=("side", ("load",)),
+            when=("side", ("load",)), role="sliding_joint",
         ),
         Parameter(
             "rest", "", 1.0, -1.0, 1.0, "",
@@ -241,27 +308,8 @@ EFFECT = Effect(
         ),
     ),
     actions={
-        "sliding_joint": Action(
-            {
-                "read_position": reading,
-                "read_speed": reading_velocity,
-                "initial_position": behind,
-                "load": engaged_load,
-                "inertia": lone_mass,
-                "longest": resolve,
-            },
-            Equation.MEASUREMENT,
-            chosen_by="side",
-            equations={"load": Equation.FORCE},
-            advance={
-                "read": drag, "way": move_by, "load_x": move_load, "load_v": push_load,
-                "seen": look,
-            },
-            start={
-                "read": read_at_first, "way": stay, "load_x": load_at_first,
-                "load_v": speed_at_first, "seen": look,
-            },
-        ),
+        "sliding_joint": _before_a_load(Equation.FORCE),
+        "loaded_shaft": _before_a_load(Equation.TORQUE),
         "turning_joint": Action(
             {
                 "read_position": reading,
@@ -274,7 +322,7 @@ EFFECT = Effect(
             start={"read": read_at_first},
         ),
     },
-    states=("read", "way", "load_x", "load_v", "seen"),
+    states=("read", "way", "load_x", "load_v", "seen", "moment"),
     source="Nordin, Gutman, Automatica 38 (2002) 1633, doi:10.1016/S0005-1098(02)00047-X",
     separate=(
         "reverse slowly and compare rod and joint: with play the joint waits, "

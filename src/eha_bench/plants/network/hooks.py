@@ -18,6 +18,7 @@ CONDUCTANCES = "conductances"
 """Group of the places where a conductance between volumes may come and go."""
 _CONDUCTANCE = re.compile(r"(link|ground|[a-z_]+_slope):")
 _OF_EFFECT = re.compile(r"@([a-z_]+\.[a-z_]+)")
+_OWN = "own"
 
 
 @dataclass(frozen=True)
@@ -213,11 +214,17 @@ class Hooks:
             here = f"({here} or P[{at}] == {float(effect.places.index(EVERYWHERE))!r})"
         return f"{strong} and {here}"
 
-    def _resolved(self, expression: str) -> str:
-        """Return an expression with parameters of effects, `@effect.name`, put in; 0 for none."""
+    def _resolved(self, expression: str, effect: BoundEffect, spot: Spot) -> str:
+        """Return an expression with parameters of effects, `@effect.name`, put in; 0 for none.
+
+        `@own.name` is a state of the effect that asks, at its spot.
+        """
 
         def place(found: re.Match[str]) -> str:
-            key = found[1]
+            owner, _, name = (key := found[1]).partition(".")
+            if owner == _OWN:
+                state = f"{effect.id}.{name}@{spot.name}"
+                return f"S[{self.states[state]}]" if state in self.states else "0.0"
             return f"P[{self.layout.index[key]}]" if key in self.layout.index else "0.0"
 
         return _OF_EFFECT.sub(place, expression)
@@ -251,9 +258,9 @@ class Hooks:
             place, size = self.layout.index[key], self.layout.by_key[key].size
             return f"P[{place}]" if size == 1 else f"numba.carray(behind(P, {place}), {size})"
         if name in known:
-            return self._resolved(known[name])
+            return self._resolved(known[name], effect, spot)
         if name in spot.names:
-            return self._resolved(spot.names[name])
+            return self._resolved(spot.names[name], effect, spot)
         own = (*(item.name for item in effect.parameters if item.name != AT), *effect.effect.states)
         raise PluginError(
             f"effect '{effect.id}' asks for '{name}' in {function.__name__}",

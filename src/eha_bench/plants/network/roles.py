@@ -20,6 +20,10 @@ from eha_bench.plants.network.system import BoundElement, Coordinate, PlantInput
 _STATE = re.compile(r"\b([vxp])(\d+)\b")
 _TIME = re.compile(r"\bt\b")
 _USUAL_PRESSURE = 1e6
+_PIN = 2e7
+"""Stiffness of a rod's hardened pin, N/m."""
+_CONTACT = 1e3
+"""How fast a shaft swings on the teeth that it leans on, rad/s: faster asks for shorter steps."""
 
 HOLDING = "holding"
 """The role of a balance at standstill, which no network has: see `pump_hold`."""
@@ -637,49 +641,84 @@ def _pressure_sensor(system: System) -> Iterator[Spot]:
             )
 
 
+def _loaded_shaft(system: System) -> Iterator[Spot]:
+    """A shaft whose angle is measured and that carries masses: the joint between it and these."""
+    for item in system.coordinates:
+        own, carried = system.inertias_of_nodes(item), system.inertias_of_elements(item)
+        if item.node.kind is not NodeKind.ROTATION or not own or not carried:
+            continue
+        for spot in _joint(system, item):
+            call = [*system.state_names, "t", "X", "P", "S"]
+            call[item.position], call[item.speed] = "@own.load_x", "@own.load_v"
+            names = {
+                **spot.names,
+                "rod_mass": " + ".join(shown_expression(system, text) for text in own),
+                "load_mass": " + ".join(shown_expression(system, text) for text in carried),
+                "pulled_there": shown_expression(
+                    system, f"outside{item.number}({', '.join(call)})"
+                ),
+            }
+            stiffness = _CONTACT**2 * (_usual_inertia(system, item) or 1.0)
+            yield replace(spot, names=names, usual={**spot.usual, "stiffness": stiffness})
+
+
 def _sliding_joint(system: System) -> Iterator[Spot]:
     """A rod whose position is measured: the joint between it and what it moves."""
-    return _joint(system, NodeKind.TRANSLATION)
+    for item in system.coordinates:
+        if item.node.kind is NodeKind.TRANSLATION:
+            yield from _joint(system, item)
 
 
 def _turning_joint(system: System) -> Iterator[Spot]:
     """A shaft whose angle is measured: the coupling between it and its sensor."""
-    return _joint(system, NodeKind.ROTATION)
-
-
-def _joint(system: System, kind: NodeKind) -> Iterator[Spot]:
     for item in system.coordinates:
-        if not system.inertias(item) or item.node.kind is not kind:
-            continue
-        position, speed = system.channel_showing(item.position), system.channel_showing(item.speed)
-        if not position:
-            continue
-        hooks = {
-            **_coordinate_hooks(item),
-            "read_position": (Hook(f"reading:{position}"),),
-            "initial_position": (Hook(f"initial:{position}"),),
-            "read_speed": (Hook(f"reading:{speed}"),) if speed else (),
-            "longest": (Hook("longest"),),
-        }
-        call = ", ".join([*system.state_names, "t", "X", "P", "S"])
-        frictions = [
-            str(system.parameter(part.name, "coulomb"))
-            for part, term, ratio in system.terms(item, Friction)
-            if term.level is not None and not ratio
-        ]
-        names = {
-            **_motion(system, item),
-            "pushed": shown_expression(system, f"drive{item.number}({call})"),
-            "pulled": shown_expression(system, f"outside{item.number}({call})"),
-            "viscous_force": _viscous(system, item),
-            "whole_mass": " + ".join(
-                shown_expression(system, text) for text in system.inertias(item)
-            ),
-            "coulomb": " + ".join(frictions) or "0.0",
-        }
-        units = {**UNITS[item.node.kind], "play": UNITS[item.node.kind]["position"]}
-        usual = {"play": 1.0 if kind is NodeKind.TRANSLATION else 30.0}
-        yield Spot(item.name, Equation.MEASUREMENT, hooks, names, units, usual)
+        if item.node.kind is NodeKind.ROTATION:
+            yield from _joint(system, item)
+
+
+def _usual_inertia(system: System, item: Coordinate) -> float:
+    """Return what a shaft weighs without what it carries, as declared, kg*m^2."""
+    key = system.slot_of.get(f"{item.name}.inertia")
+    return system.parameters[system.index[key]].default if key is not None else 0.0
+
+
+def _joint(system: System, item: Coordinate) -> Iterator[Spot]:
+    position, speed = system.channel_showing(item.position), system.channel_showing(item.speed)
+    if not position or not system.inertias(item):
+        return
+    kind = item.node.kind
+    play = 1.0 if kind is NodeKind.TRANSLATION else 30.0
+    hooks = {
+        **_coordinate_hooks(item),
+        "read_position": (Hook(f"reading:{position}"),),
+        "initial_position": (Hook(f"initial:{position}"),),
+        "read_speed": (Hook(f"reading:{speed}"),) if speed else (),
+        "longest": (Hook("longest"),),
+    }
+    call = ", ".join([*system.state_names, "t", "X", "P", "S"])
+    frictions = [
+        str(system.parameter(part.name, "coulomb"))
+        for part, term, ratio in system.terms(item, Friction)
+        if term.level is not None and not ratio
+    ]
+    pulled = shown_expression(system, f"outside{item.number}({call})")
+    names = {
+        **_motion(system, item),
+        "pushed": shown_expression(system, f"drive{item.number}({call})"),
+        "pulled": pulled,
+        "pulled_there": pulled,
+        "viscous_force": _viscous(system, item),
+        "load_mass": " + ".join(shown_expression(system, text) for text in system.inertias(item)),
+        "coulomb": " + ".join(frictions) or "0.0",
+        "resting": repr(5e-3 * play),
+    }
+    units = {
+        **UNITS[kind],
+        "play": UNITS[kind]["position"],
+        "stiffness": "N/m" if kind is NodeKind.TRANSLATION else "N*m/rad",
+    }
+    usual = {"play": play, "stiffness": _PIN}
+    yield Spot(item.name, Equation.MEASUREMENT, hooks, names, units, usual)
 
 
 def _viscous(system: System, item: Coordinate) -> str:
@@ -949,6 +988,7 @@ _ROLES: Mapping[str, Callable[[System], Iterator[Spot]]] = {
     "oil": _oil,
     "pressure_sensor": _pressure_sensor,
     "sliding_joint": _sliding_joint,
+    "loaded_shaft": _loaded_shaft,
     "turning_joint": _turning_joint,
     "hanging": _hanging,
     "slide": _slide,

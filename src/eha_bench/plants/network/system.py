@@ -802,6 +802,10 @@ class System:
 
     def inertias(self, item: Coordinate) -> list[str]:
         """Return the expressions whose sum is a coordinate's inertia."""
+        return [*self.inertias_of_nodes(item), *self.inertias_of_elements(item)]
+
+    def inertias_of_nodes(self, item: Coordinate) -> list[str]:
+        """Return what a coordinate's own nodes weigh."""
         found = []
         names = [item.name, *(n for n, c in self.leaders.items() if c[-1] == item.name)]
         for name in names:
@@ -810,6 +814,11 @@ class System:
                 if value is not None:
                     ratio = self.ratio(name)
                     found.append(f"({ratio}) * ({ratio}) * {value}" if ratio else value)
+        return found
+
+    def inertias_of_elements(self, item: Coordinate) -> list[str]:
+        """Return what the elements on a coordinate add to its inertia."""
+        found = []
         for part, term, ratio in self.terms(item, Inertia):
             value = self.call(part, term.law)
             found.append(f"({ratio}) * ({ratio}) * {value}" if ratio else value)
