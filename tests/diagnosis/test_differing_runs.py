@@ -60,6 +60,7 @@ def differing(base: Baseline) -> DifferingParameter | None:
     return differing_parameter(base, excess(base.problem, base.fit))
 
 
+@pytest.mark.slow  # a whole calibration
 def test_a_load_that_differs_is_found_with_its_value_in_each_run(tmp_path: Path) -> None:
     found = differing(calibrated(tmp_path, [2.0, -3.0, 5.0], [0.0, 0.0, 0.0]))
     assert found is not None
@@ -70,6 +71,7 @@ def test_a_load_that_differs_is_found_with_its_value_in_each_run(tmp_path: Path)
     assert "-2.999 in 1" in found.note
 
 
+@pytest.mark.slow  # a whole calibration
 def test_a_mass_that_was_bolted_on_in_one_run_is_found(tmp_path: Path) -> None:
     found = differing(calibrated(tmp_path, [0.0, 0.0, 0.0], [0.0, 6.0, 0.0]))
     assert found is not None
@@ -79,6 +81,7 @@ def test_a_mass_that_was_bolted_on_in_one_run_is_found(tmp_path: Path) -> None:
     assert third == pytest.approx(first, abs=0.3)
 
 
+@pytest.mark.slow  # a whole calibration
 def test_runs_that_are_alike_do_not_differ(tmp_path: Path) -> None:
     # the same load in all of them is something else that is missing
     assert differing(calibrated(tmp_path, [4.0, 4.0, 4.0], [0.0, 0.0, 0.0])) is None

@@ -185,6 +185,7 @@ def test_a_stage_that_fails_leaves_what_was_found_before(tmp_path, monkeypatch):
     assert_kept(tmp_path / "out", "score", ["coulomb_friction"])
 
 
+@pytest.mark.slow  # a whole search
 def test_the_command_names_the_stage_and_leaves_with_a_status_of_its_own(tmp_path, monkeypatch):
     break_stage(monkeypatch, "conclusion.decide")
     arguments = ["diagnose", str(write_drive(tmp_path, seconds=1.5)), "--out", str(tmp_path / "o")]

@@ -227,6 +227,7 @@ def test_an_fmu_of_a_fixed_step_is_held_to_it(version: int, tmp_path: Path) -> N
     assert eha_bench.run(tmp_path / "suite.yaml", out=tmp_path / "out").status.value == "passed"
 
 
+@pytest.mark.slow  # waits until the bench gives it up
 def test_an_fmu_that_does_not_come_back_is_a_fault(folder: Path, version: int) -> None:
     hangs = "answers_within: 2 s\nparameters:\n  hangs_at: 0.01\n"
     target = written(folder, version, "parameters:\n", hangs)
