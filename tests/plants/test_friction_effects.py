@@ -183,9 +183,37 @@ def test_pump_ripple_moves_the_oil_of_its_angle(bare_knee, effect) -> None:
 
 @given(theta=st.floats(-20, 20), dp=st.floats(-3e7, 3e7), omega=st.floats(-300, 300))
 def test_ideal_ripple_gives_the_oil_what_it_takes_from_the_shaft(theta, dp, omega) -> None:
-    flow = pump_ripple.delivery(1e-7 * omega, theta, 0.1, 9.0, 0.3, 1.0)
-    torque = pump_ripple.reaction(-1e-7 * dp, theta, dp, 1e-7, 1.0, 0.1, 9.0, 0.3, 1.0)
-    assert flow * dp == pytest.approx(-torque * omega, rel=1e-12, abs=1e-12)
+    for pulse in (0.0, 1.0):
+        own = pump_ripple.Pulses(0.1, 0.3, pulse, 1.0, 1.0)
+        flow = pump_ripple.delivery(1e-7 * omega, theta, 9.0, own)
+        torque = pump_ripple.reaction(-1e-7 * dp, theta, dp, 1e-7, 1.0, 9.0, own)
+        assert flow * dp == pytest.approx(-torque * omega, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize(("pistons", "count"), [(5, 10.0), (7, 14.0), (8, 8.0), (9, 18.0)])
+def test_pulses_of_pistons_are_the_sum_of_their_strokes(pistons: int, count: float) -> None:
+    """Every piston delivers its sine while it moves in; the sum of all has cusps."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 20001)
+    shift = 2.0 * np.pi * np.arange(pistons)[:, None] / pistons
+    flow = np.maximum(np.sin(angle + shift), 0.0).sum(axis=0)
+    flow /= flow[:-1].mean()
+    ripple = 0.5 * np.ptp(flow)
+    top = angle[np.argmax(flow)]
+    own = pump_ripple.Pulses(ripple, -count * top, 1.0, 0.0, 1.0)
+    got = np.array([pump_ripple.delivery(1.0, one, count, own) for one in angle])
+    assert np.max(np.abs(got - flow)) < 0.03 * ripple
+    assert got[:-1].mean() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_share_of_the_pulses_reaches_the_shaft(bare_knee, effect) -> None:
+    time = np.arange(0.0, 0.2, 1e-3)
+    runs = {}
+    both = {"acts_on": "flow_and_torque"}
+    for name, own in (("flow", {}), ("none", {**both, "torque_share": 0.0}), ("all", both)):
+        ripple = effect("pump_ripple", ripple=0.3, count=7.0, **own)
+        runs[name] = bare_knee.run(time, 5.0, ripple)["motor_speed"]
+    np.testing.assert_allclose(runs["none"], runs["flow"], rtol=0, atol=1e-9)
+    assert np.max(np.abs(runs["all"] - runs["flow"])) > 0.1
 
 
 def test_rod_friction_of_each_effect_holds_up_to_its_level(knee, effect) -> None:
