@@ -45,12 +45,32 @@ class Basins:
         return found
 
 
-def search() -> GainSearch:
+@dataclass
+class Corner:
+    """Stands for `GainTrials`: limits that only two gains at their ends and a third one keep."""
+
+    space: Space
+
+    def margins(
+        self,
+        points: Sequence[Point],
+        machines: Sequence[Machine],
+        stop: Callable[[], bool] = lambda: False,
+    ) -> list[FloatArray]:
+        found = []
+        for point in points:
+            x, y, z = (float(value) for value in point)
+            margin = 0.002 - 0.3 * (1.0 - x) - 0.3 * y - 2.0 * (z - 0.43) ** 2
+            found.append(np.array([[margin, 1.0]] * len(machines)))
+        return found
+
+
+def search(kind: Callable[[Space], Basins | Corner] = Basins) -> GainSearch:
     gains = tuple(
         Gain(name, Range(0.0, 1.0, 5, False), "", Place(file="vary.yaml"))
         for name in ("a.x", "a.y", "a.z")
     )
-    trying = Basins(Space(cast("object", None), gains))
+    trying = kind(Space(cast("object", None), gains))
     machine = Machine(-1, cast("object", None))
     return GainSearch(cast("GainTrials", trying), [machine], Worst(), lambda: False, lambda _: None)
 
@@ -61,6 +81,17 @@ def test_a_narrow_basin_is_found_beside_a_wide_one(seed: int) -> None:
     found.explore(first_population([], 3, 45, seed), 112, 12, seed)
     assert len(found.tried) == 112
     assert found.best.worth > 0.08
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_gains_at_the_ends_of_their_ranges_are_tried(seed: int) -> None:
+    """Places between the ends come near them, and a limit that leaves little room asks for them."""
+    found = search(Corner)
+    found.explore(first_population([], 3, 20, seed), 80, 12, seed, until=0.0)
+    assert found.best.shares[:2] == (1.0, 0.0)
+    assert found.best.worth >= 0.0
+    # and no more is tried than that takes
+    assert len(found.tried) < 80
 
 
 def test_the_same_seed_tries_the_same_places() -> None:

@@ -73,14 +73,26 @@ class GainSearch:
         """Those that were tried on all machines."""
         return [item for item in self.tried if len(item.margins) == len(self.machines)]
 
-    def explore(self, start: FloatArray, candidates: int, batch: int, seed: int) -> None:
-        """Try first places, (n, gains) of shares, and batches of those that promise most."""
+    def explore(
+        self,
+        start: FloatArray,
+        candidates: int,
+        batch: int,
+        seed: int,
+        until: float = math.inf,
+    ) -> None:
+        """Try first places, (n, gains) of shares, and batches of those that promise most.
+
+        Args:
+            start: first places. candidates: how many are tried, with these. batch: at once.
+            seed: of places that are looked at. until: worth of which one is enough.
+        """
         if self.stop():
             return
         self._worths(start.T)
         generator = np.random.default_rng(seed)
         for done in range(len(start), candidates, batch):
-            if self.stop():
+            if self.stop() or self.best.worth >= until:
                 return
             shares = np.array([item.shares for item in self.tried])
             margins = np.array([item.margins.min(axis=0) for item in self.tried])

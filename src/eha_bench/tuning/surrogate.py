@@ -15,8 +15,10 @@ from eha_bench.core.arrays import FloatArray
 
 _WEIGHTS = (0.4, 0.7, 0.95, 1.0)
 """Of the prediction, against the distance, in turn."""
-_SPREADS = (0.2, 0.05, 0.015)
+_SPREADS = (0.2, 0.05, 0.015, 0.004)
 """Standard deviations of places around the best ones, in shares of the ranges."""
+_BEYOND = 0.15
+"""How far beyond the ends places are drawn, in shares of the ranges; these then lie at the ends."""
 _BEST = 3
 _POOL = 400
 """Places that are looked at, all over the ranges and around the best ones each."""
@@ -61,7 +63,9 @@ def next_places(
 
 def _pool(best: FloatArray, gains: int, generator: np.random.Generator) -> FloatArray:
     """Return places all over the ranges, and around the best ones, some gains of which change."""
-    parts = [generator.random((_POOL, gains))]
+    # the best gains often lie at ends of their ranges, which a place drawn between them never does
+    stretched = (1.0 + 2.0 * _BEYOND) * generator.random((_POOL, gains)) - _BEYOND
+    parts = [np.clip(stretched, 0.0, 1.0)]
     for spread in _SPREADS:
         centre = best[generator.integers(len(best), size=_POOL)]
         moved = spread * generator.standard_normal(centre.shape)

@@ -48,6 +48,10 @@ _SHARE_SPREAD = 0.4
 _SPREAD = 0.08
 """Standard deviation of the second search's first population, in shares of the ranges."""
 _FINALISTS = 2
+_NEAR_MISS = -0.1
+"""Least margin of the best, in shares of a limit, from which it may be that others keep all."""
+_LONGER = 2
+"""How many times as many candidates are then tried before it is called infeasible."""
 _MOST_DOUBTS = 8
 """Limits, or sets of them, of which a separate search finds out whether they can be kept."""
 _GENERATIONS_OF_DOUBT = 4
@@ -174,6 +178,11 @@ class _Tuning:
         start = first_population(known, len(space.factors), spread, effort.seed)
         with suppress(KeyboardInterrupt):  # asked for twice: the best so far stands
             first.explore(start, candidates, size, effort.seed)
+            if first.tried and _NEAR_MISS < first.best.worth < 0.0:
+                # where limits leave little room, few candidates find none of it: from places anew,
+                # as more around the best ones would stay in their basin
+                again = first_population([], len(space.factors), 2 * spread, effort.seed + 1)
+                first.explore(again, _LONGER * candidates, size, effort.seed + 1, until=0.0)
         if not first.tried:
             raise KeyboardInterrupt
         self._check_scored(first)
