@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from eha_bench.core import progress
-from eha_bench.core.interruption import checkpoint
+from eha_bench.core.interruption import checkpoint, result_at_checkpoints
 from eha_bench.core.progress import live_progress, still_at_work
 
 
@@ -47,3 +49,14 @@ def test_only_the_thread_that_asked_for_progress_hears_of_it(clock: list[float])
         assert len(heard) == 1
         live.repeat_if_due()
     assert heard == [threading.get_ident()] * 2
+
+
+def test_progress_is_repeated_while_others_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many short pieces of work, none of which is as long as the time between two calls."""
+    monkeypatch.setattr(progress, "REPEATED_AFTER", 0.05)
+    heard: list[float] = []
+    with ThreadPoolExecutor(1) as pool, live_progress(lambda *_: heard.append(1.0)) as live:
+        live("search", 0.5)
+        for future in [pool.submit(time.sleep, 0.02) for _ in range(20)]:
+            result_at_checkpoints(future)
+    assert len(heard) >= 4

@@ -16,12 +16,15 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import FrameType, TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
-from eha_bench.core.progress import still_at_work
+from eha_bench.core.progress import REPEATED_AFTER, still_at_work
+
+Value = TypeVar("Value")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 
@@ -152,3 +155,16 @@ def checkpoint() -> None:
     if _asked.get()():
         raise KeyboardInterrupt
     still_at_work()
+
+
+def result_at_checkpoints(future: Future[Value]) -> Value:
+    """Return a future's result; until it is there, and with it, this thread is at a checkpoint.
+
+    Raises:
+        KeyboardInterrupt: as `checkpoint` does.
+    """
+    while True:
+        done = wait([future], timeout=REPEATED_AFTER).done
+        checkpoint()
+        if done:
+            return future.result()

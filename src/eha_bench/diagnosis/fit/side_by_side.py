@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, closing, contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
@@ -20,9 +20,8 @@ from typing import Generic, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from eha_bench.core.interruption import checkpoint
+from eha_bench.core.interruption import checkpoint, result_at_checkpoints
 from eha_bench.core.processors import usable_processors
-from eha_bench.core.progress import REPEATED_AFTER
 from eha_bench.core.workers import IN_PROCESS, Workers
 from eha_bench.diagnosis.fit.effort import count_simulated_time, note_simulated_time
 
@@ -72,17 +71,10 @@ class OnThreads(Way):
         # a context each: who counts simulations or asks for a stop here does so there as well
         started = [_pool(PROCESSORS).submit(copy_context().run, alone, item) for item in items]
         try:
-            return [_result(future) for future in started]
+            return [result_at_checkpoints(future) for future in started]
         finally:
             for future in started:
                 future.cancel()
-
-
-def _result(future: Future[Value]) -> Value:
-    """Wait for a result, at checkpoints: nothing else is said while all threads work."""
-    while not wait([future], timeout=REPEATED_AFTER).done:
-        checkpoint()
-    return future.result()
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ import numpy as np
 
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.channels import unit_of
+from eha_bench.core.interruption import result_at_checkpoints
 from eha_bench.core.processors import usable_processors
 from eha_bench.diagnosis.data.dataset import Use
 from eha_bench.diagnosis.data.gate import Measured
@@ -118,11 +119,16 @@ def replay(
         return _one(measured, models, values, late, noise)
 
     with ThreadPoolExecutor(_WORKERS) as pool:
-        for number, item in enumerate(pool.map(one, usable)):
-            found.append(item)
-            note_simulated_time(len(models) * float(item.time[-1]))
-            if progress:
-                progress((number + 1) / len(usable))
+        started = [pool.submit(one, item) for item in usable]
+        try:
+            for number, (item, future) in enumerate(zip(usable, started, strict=True)):
+                found.append(result_at_checkpoints(future))
+                note_simulated_time(len(models) * float(item.time[-1]))
+                if progress:
+                    progress((number + 1) / len(usable))
+        finally:
+            for future in started:
+                future.cancel()
     return tuple(found)
 
 
