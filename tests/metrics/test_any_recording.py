@@ -164,6 +164,12 @@ def test_a_score_or_a_reason(kit, kind):
     run()
 
 
+def test_a_noisy_response_that_is_clipped_has_a_score_or_a_reason(kit):
+    """It lies on its limit, and crosses a level with a slope of nothing."""
+    drawn = iter([50.0, 0.05, 0.0, 1.0, 69, "saturated", False, 0.0, False])
+    check(*recorded(lambda _: next(drawn), kit, "step"))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_score_or_a_reason_a_thousand_times(kit, kind):

@@ -58,7 +58,9 @@ class Crossing:
     def budget(self, level: Budget, noise: Noise) -> Budget:
         """Return what moves its time, in s; `level` is the budget of the level that it crosses."""
         own = type_a("noise", self.variance, noise.freedom) + level
-        return own.scaled(1.0 / self.slope) + between("interpolation", self.between)
+        # a response that lies on the level (of a sensor at its end) crosses it at any time
+        per_unit = 1.0 / self.slope if self.slope != 0.0 else math.inf
+        return own.scaled(per_unit) + between("interpolation", self.between)
 
     def interval(self, level: Budget, noise: Noise) -> tuple[float, float]:
         """Return where the response cannot be distinguished from the level, at 95 % (s).
