@@ -1,5 +1,6 @@
 """The search for the basin: it finds a small one beside a large one, and goes to its bottom."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import cast
@@ -21,51 +22,46 @@ SMALL = np.array([0.9, 0.85, 0.3])
 
 
 @dataclass
-class Basins:
-    """Stands for `GainTrials`: a wide basin that just fails, and a narrow one that passes.
+class Landscape(ABC):
+    """Stands for `GainTrials`: the margins of two limits, by gains from 0 to 1."""
+
+    space: Space
+
+    @abstractmethod
+    def of(self, x: FloatArray) -> tuple[float, float]:
+        """Return the margins at three gains."""
+
+    def margins(
+        self,
+        points: Sequence[Point],
+        machines: Sequence[Machine],
+        stop: Callable[[], bool] = lambda: False,
+    ) -> list[FloatArray]:
+        gains = [np.array([float(value) for value in point]) for point in points]
+        return [np.array([self.of(x)] * len(machines)) for x in gains]
+
+
+class Basins(Landscape):
+    """A wide basin that just fails, and a narrow one that passes.
 
     Beyond a ridge the first limit is not scored, as of a step that does not settle.
     """
 
-    space: Space
-
-    def margins(
-        self,
-        points: Sequence[Point],
-        machines: Sequence[Machine],
-        stop: Callable[[], bool] = lambda: False,
-    ) -> list[FloatArray]:
-        found = []
-        for point in points:
-            x = np.array([float(value) for value in point])
-            wide = -0.03 - 0.5 * float(np.sum((x - 0.3) ** 2))
-            narrow = 0.1 - 1.5 * float(np.sum((x - SMALL) ** 2))
-            first = max(wide, narrow) if x[0] + x[1] - x[2] < 1.7 else float("nan")
-            found.append(np.array([[first, 0.5 - x[2] / 2.0]] * len(machines)))
-        return found
+    def of(self, x: FloatArray) -> tuple[float, float]:
+        wide = -0.03 - 0.5 * float(np.sum((x - 0.3) ** 2))
+        narrow = 0.1 - 1.5 * float(np.sum((x - SMALL) ** 2))
+        first = max(wide, narrow) if x[0] + x[1] - x[2] < 1.7 else float("nan")
+        return first, 0.5 - x[2] / 2.0
 
 
-@dataclass
-class Corner:
-    """Stands for `GainTrials`: limits that only two gains at their ends and a third one keep."""
+class Corner(Landscape):
+    """A limit that only two gains at their ends and a third one keep."""
 
-    space: Space
-
-    def margins(
-        self,
-        points: Sequence[Point],
-        machines: Sequence[Machine],
-        stop: Callable[[], bool] = lambda: False,
-    ) -> list[FloatArray]:
-        found = []
-        for point in points:
-            x, y, z = (float(value) for value in point)
-            margin = 0.002 - 0.3 * (1.0 - x) - 0.3 * y - 2.0 * (z - 0.43) ** 2
-            found.append(np.array([[margin, 1.0]] * len(machines)))
-        return found
+    def of(self, x: FloatArray) -> tuple[float, float]:
+        return 0.002 - 0.3 * (1.0 - x[0]) - 0.3 * x[1] - 2.0 * (x[2] - 0.43) ** 2, 1.0
 
 
-def search(kind: Callable[[Space], Basins | Corner] = Basins) -> GainSearch:
+def search(kind: type[Landscape] = Basins) -> GainSearch:
     gains = tuple(
         Gain(name, Range(0.0, 1.0, 5, False), "", Place(file="vary.yaml"))
         for name in ("a.x", "a.y", "a.z")
