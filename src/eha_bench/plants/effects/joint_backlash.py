@@ -1,4 +1,4 @@
-"""Play in the joint between the rod and what it moves.
+"""Play in the joint between a rod or shaft and what it moves.
 
 Read in two ways, by where the sensors sit (`side`):
 
@@ -285,7 +285,7 @@ def _before_a_load(balance: Equation) -> Action:
 
 EFFECT = Effect(
     id="joint_backlash",
-    summary="Play in the joint between the rod and what it moves.",
+    summary="Play in the joint between a rod or shaft and what it moves.",
     parameters=(
         Parameter("gap", "{play}", 3e-4, 0.0, 0.5, "g"),
         choice("side", ("position_sensor", "joint", "load"), "what is beyond the play"),
