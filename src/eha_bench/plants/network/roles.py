@@ -103,14 +103,15 @@ def _on(system: System, item: Coordinate, kind: str) -> list[BoundElement]:
     ]
 
 
-def _default(system: System, part: BoundElement, name: str) -> float:
-    key = system.slot_of.get(f"{part.name}.{name}")
+def _default(system: System, owner: str, name: str) -> float:
+    """Return what a node or an element declares, 0 where it has no such parameter."""
+    key = system.slot_of.get(f"{owner}.{name}")
     return system.parameters[system.index[key]].default if key is not None else 0.0
 
 
 def usual_effort(system: System, item: Coordinate) -> float:
     """Return a force (or torque) that matters at a coordinate, N (or N*m)."""
-    levels = [_default(system, part, "coulomb") for part, _, _ in system.terms(item, Friction)]
+    levels = [_default(system, part.name, "coulomb") for part, _, _ in system.terms(item, Friction)]
     if any(level > 0.0 for level in levels):
         return sum(levels)
     found = [0.0]
@@ -123,21 +124,23 @@ def usual_effort(system: System, item: Coordinate) -> float:
         kind = part.element.kind.id
         ratio = _ratio(system, port)
         if kind == "motor":
-            torque = _default(system, part, "torque_constant")
-            resistance = _default(system, part, "resistance")
-            limit = _default(system, part, "current_limit")
-            supply = _default(system, part, "supply_voltage") or 12.0
+            torque = _default(system, part.name, "torque_constant")
+            resistance = _default(system, part.name, "resistance")
+            limit = _default(system, part.name, "current_limit")
+            supply = _default(system, part.name, "supply_voltage") or 12.0
             current = supply / resistance if resistance else min(limit, 10.0) or 1.0
             found.append(0.03 * torque * current * ratio)
         elif kind == "linear_motor":
-            found.append(0.5 * _default(system, part, "force_constant") * ratio)
+            found.append(0.5 * _default(system, part.name, "force_constant") * ratio)
         elif kind == "cylinder":
-            found.append(0.1 * _USUAL_PRESSURE * _default(system, part, "area_a") * ratio)
+            found.append(0.1 * _USUAL_PRESSURE * _default(system, part.name, "area_a") * ratio)
         elif kind == "pump":
-            found.append(0.3 * _USUAL_PRESSURE * _default(system, part, "displacement") * ratio)
+            found.append(
+                0.3 * _USUAL_PRESSURE * _default(system, part.name, "displacement") * ratio
+            )
         elif kind == "pendulum":
-            weight = _default(system, part, "mass") * _default(system, part, "gravity")
-            found.append(0.05 * weight * _default(system, part, "length") * ratio)
+            weight = _default(system, part.name, "mass") * _default(system, part.name, "gravity")
+            found.append(0.05 * weight * _default(system, part.name, "length") * ratio)
     return max(found) or 1.0
 
 
@@ -147,11 +150,13 @@ def usual_flow(system: System) -> float:
     for part in system.parts.values():
         kind = part.element.kind.id
         if kind == "pump":
-            found.append(0.01 * _default(system, part, "displacement") * 100.0)
+            found.append(0.01 * _default(system, part.name, "displacement") * 100.0)
         elif kind == "spool_valve":
-            found.append(0.01 * _default(system, part, "flow_gain") * 0.1 * _USUAL_PRESSURE**0.5)
+            found.append(
+                0.01 * _default(system, part.name, "flow_gain") * 0.1 * _USUAL_PRESSURE**0.5
+            )
         elif kind == "cylinder":
-            found.append(0.01 * _default(system, part, "area_a") * 0.05)
+            found.append(0.01 * _default(system, part.name, "area_a") * 0.05)
     return found[0] if found else 1e-7
 
 
@@ -160,7 +165,7 @@ def _ratio(system: System, node: str) -> float:
     ratio = 1.0
     while node in system.leaders:
         part, tie = system._ties[node]
-        ratio *= abs(_default(system, part, "ratio")) or 1.0
+        ratio *= abs(_default(system, part.name, "ratio")) or 1.0
         node = part.element.ports[tie.leader]
     return ratio
 
@@ -171,18 +176,20 @@ def _usual_position(system: System, item: Coordinate) -> float:
         return 2e-4
     for part in _on(system, item, "pump"):
         area = next(
-            (_default(system, other, "area_a") for other in system.parts.values()
+            (_default(system, other.name, "area_a") for other in system.parts.values()
              if other.element.kind.id == "cylinder"), 0.0,
         )  # fmt: skip
         if area:
             # the turn of the pump that moves its piston so far
-            return 2e-4 * area / _default(system, part, "displacement")
+            return 2e-4 * area / _default(system, part.name, "displacement")
     return 0.01
 
 
 def _usual_speed(system: System, item: Coordinate, effort: float) -> float:
     """Return a speed that matters, m/s or rad/s: there viscous friction is as large as the rest."""
-    declared = [_default(system, part, "viscous") for part, _, _ in system.terms(item, Friction)]
+    declared = [
+        _default(system, part.name, "viscous") for part, _, _ in system.terms(item, Friction)
+    ]
     if sum(declared) > 0.0:
         return effort / sum(declared)
     return 0.1 if item.node.kind is NodeKind.TRANSLATION else 10.0
@@ -192,7 +199,7 @@ def _usual(system: System, item: Coordinate) -> dict[str, float]:
     effort, position = usual_effort(system, item), _usual_position(system, item)
     speed = _usual_speed(system, item, effort)
     stribeck = 5e-3 if item.node.kind is NodeKind.TRANSLATION else 0.3
-    declared = [_default(system, part, "stribeck_speed")
+    declared = [_default(system, part.name, "stribeck_speed")
                 for part, _, _ in system.terms(item, Friction)]  # fmt: skip
     return {
         "effort": effort,
@@ -339,10 +346,12 @@ def _motors(system: System) -> Iterator[tuple[BoundElement, Spot]]:
 
 def _largest_current(system: System, part: BoundElement) -> float:
     """Return about the largest current (or voltage) of a motor."""
-    resistance = _default(system, part, "resistance")
+    resistance = _default(system, part.name, "resistance")
     if resistance:
-        return (_default(system, part, "supply_voltage") or 12.0) / resistance
-    limit = _default(system, part, "current_limit") or _default(system, part, "voltage_limit")
+        return (_default(system, part.name, "supply_voltage") or 12.0) / resistance
+    limit = _default(system, part.name, "current_limit") or _default(
+        system, part.name, "voltage_limit"
+    )
     return limit if limit < 1e4 else 10.0
 
 
@@ -437,7 +446,7 @@ def _drive(system: System) -> Iterator[Spot]:
 def _usual_command(system: System, column: PlantInput, part: BoundElement) -> float:
     """Return a command that matters, in its unit."""
     if column.command is not None and column.command.limit:
-        limit = _default(system, part, column.command.limit)
+        limit = _default(system, part.name, column.command.limit)
         if 0.0 < limit < 1e3:
             return limit
     return 10.0
@@ -658,7 +667,7 @@ def _loaded_shaft(system: System) -> Iterator[Spot]:
                     system, f"outside{item.number}({', '.join(call)})"
                 ),
             }
-            stiffness = _CONTACT**2 * (_usual_inertia(system, item) or 1.0)
+            stiffness = _CONTACT**2 * (_default(system, item.name, "inertia") or 1.0)
             yield replace(spot, names=names, usual={**spot.usual, "stiffness": stiffness})
 
 
@@ -674,12 +683,6 @@ def _turning_joint(system: System) -> Iterator[Spot]:
     for item in system.coordinates:
         if item.node.kind is NodeKind.ROTATION:
             yield from _joint(system, item)
-
-
-def _usual_inertia(system: System, item: Coordinate) -> float:
-    """Return what a shaft weighs without what it carries, as declared, kg*m^2."""
-    key = system.slot_of.get(f"{item.name}.inertia")
-    return system.parameters[system.index[key]].default if key is not None else 0.0
 
 
 def _joint(system: System, item: Coordinate) -> Iterator[Spot]:
