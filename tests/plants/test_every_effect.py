@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from eha_bench.core import plugins, units
 from eha_bench.plants.effect import BoundEffect, Effect, registered_effects
-from eha_bench.plants.model import DeclaredEffect, Model
+from eha_bench.plants.model import DeclaredEffect, Model, load_model
 from eha_bench.plants.network.plant import NetworkPlant
 from eha_bench.plants.plant import Drive
 from eha_bench.plants.registry import get_plant
@@ -190,6 +192,32 @@ def test_a_plant_has_the_effects_that_it_has_places_for() -> None:
     assert {"coulomb_friction", "asymmetric_friction", "load_dependent_friction"} <= drive
     assert not drive & {"entrained_air", "pump_ripple", "valve_lag", "pressure_sensor_lag"}
     assert not set(KNEE) & {"valve_deadband", "supply_sag", "load_dependent_friction"}
+
+
+LOGGED_SUPPLY = """
+plant: seal_rig
+nodes:
+  air:      {kind: reservoir, pressure: 1 bar}
+  ambient:  {kind: reservoir, pressure: 0 bar}
+  carriage: {kind: translation}
+  rod:      {kind: translation, mass: 0.3 kg}
+elements:
+  cylinder: {kind: cylinder, on: rod, a: air, b: ambient, area_a: 5 cm^2, area_b: 5 cm^2}
+  cell:     {kind: load_cell, between: [rod, carriage], stiffness: 4e4 N/m, damping: 50 N*s/m}
+channels: {carriage_position: carriage.position, cell_force: cell.force}
+"""
+
+
+@pytest.mark.parametrize("logged", [False, True])
+def test_a_supply_sags_only_where_its_pressure_is_not_logged(tmp_path: Path, logged: bool) -> None:
+    """What an input gives is as it was measured: nothing unknown can act there either."""
+    path = tmp_path / "plant.yaml"
+    path.write_text(LOGGED_SUPPLY + "inputs: {air_pressure: air.pressure}\n" * logged)
+    layout = load_model(path).plant.layout
+    assert ("supply_sag" in {effect.id for effect in layout.effects}) is not logged
+    places = {spot.name for spot in layout.effect("learned").spots}
+    assert places - {"air"} == {"rod", "carriage_position.sensor", "cell_force.sensor"}
+    assert ("air" in places) is not logged
 
 
 def test_same_input_gives_the_same_bits() -> None:

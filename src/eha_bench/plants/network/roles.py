@@ -789,9 +789,12 @@ def _slide(system: System) -> Iterator[Spot]:
 
 
 def _supply(system: System) -> Iterator[Spot]:
-    """A reservoir that oil is drawn from through a line or a valve."""
+    """A reservoir that oil is drawn from through a line or a valve, its pressure no input."""
+    logged = {column.signal for column in system.columns}
     for node in system.network.nodes.values():
         if node.kind is not NodeKind.RESERVOIR:
+            continue
+        if system.signals[f"{node.name}.pressure"] in logged:
             continue
         pressure = node.values.get("pressure", 0.0)
         others = [
