@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,11 @@ class Ended:
         """Whether one cause is named, and the hidden one is not in it."""
         named = self.verdict == "effect" and len(self.causes) == 1
         return named and truth.name not in self.causes[0].split("+")
+
+    @staticmethod
+    def read(content: Mapping[str, Any]) -> Ended:
+        """Read one that was kept."""
+        return Ended(content["verdict"], tuple(content["causes"]))
 
 
 @dataclass(frozen=True)
@@ -85,13 +91,10 @@ class Case:
     def read(path: Path) -> Case:
         """Read a case that was kept."""
         content = json.loads(path.read_text())
-
-        def ended(item: dict[str, Any]) -> Ended:
-            return Ended(item["verdict"], tuple(item["causes"]))
-
         truth = Truth(content["truth"]["name"], tuple(content["truth"]["variables"]))
-        own = {"truth": truth, "before": ended(content["before"]), "ended": ended(content["ended"])}
-        others = {name: ended(item) for name, item in content["others"].items()}
+        own = {"truth": truth, "before": Ended.read(content["before"]),
+               "ended": Ended.read(content["ended"])}  # fmt: skip
+        others = {name: Ended.read(item) for name, item in content["others"].items()}
         return Case(**{**content, **own, "others": others})
 
 

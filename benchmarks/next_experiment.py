@@ -32,7 +32,7 @@ from benchmarks.table import Row, write_rows
 from eha_bench.suites import Suite, load_suite
 
 BUDGET = 30.0
-"""Bench time of a proposal, s."""
+"""Bench time of a proposal that is asked for, s."""
 GOALS = {"right single name": 0.9, "wrong name": 0.02}
 CHANCE, D_OPTIMAL = "by chance", "D-optimal"
 
@@ -49,12 +49,16 @@ def performed(rig: BlindRig, folder: Path, suite: Suite, name: str) -> tuple[Pat
 
 
 def diagnosed(dataset: Path, folder: Path) -> Ended:
-    """Diagnose, and return how that ended."""
+    """Diagnose, and return how that ended; what was diagnosed already is read."""
     import eha_bench
 
-    found = eha_bench.diagnose(dataset, folder)
-    left = [item.cause for item in found.rivals if item.standing != "runner_up"]
-    return Ended(found.verdict.value, tuple(dict.fromkeys(left)))
+    kept = folder / "ended.json"
+    if not kept.exists():
+        found = eha_bench.diagnose(dataset, folder)
+        left = [item.cause for item in found.rivals if item.standing != "runner_up"]
+        ended = Ended(found.verdict.value, tuple(dict.fromkeys(left)))
+        kept.write_text(json.dumps(asdict(ended)))
+    return Ended.read(json.loads(kept.read_text()))
 
 
 def run_case(
@@ -63,6 +67,7 @@ def run_case(
     number: int,
     folder: Path,
     others: Sequence[str],
+    budget: float,
 ) -> Case:
     """Record, diagnose, plan, run and diagnose again."""
     import eha_bench
@@ -80,7 +85,7 @@ def run_case(
     if len(before.causes) > 1:
         began = time.perf_counter()
         planned = eha_bench.next_experiment(
-            folder / "before", folder / "next.yaml", budget=BUDGET, safety=folder / "safe.yaml"
+            folder / "before", folder / "next.yaml", budget=budget, safety=folder / "safe.yaml"
         )
         took, ending = time.perf_counter() - began, planned.ending.value
         if planned.odds is not None:
@@ -168,6 +173,7 @@ def main() -> int:
     parser.add_argument("--plants", nargs="+", choices=sorted(SAFETY), default=sorted(SAFETY))
     parser.add_argument("--cases", type=int, default=3, help="machines an effect")
     parser.add_argument("--first", type=int, default=0, help="number of the first machine")
+    parser.add_argument("--budget", type=float, default=BUDGET, help="bench time, s")
     parser.add_argument("--effects", nargs="+", help="ids; all listed ones by default")
     parser.add_argument("--foreign", action="store_true", help="effects that no diagnosis knows")
     parser.add_argument("--others", nargs="*", choices=[CHANCE, D_OPTIMAL],
@@ -194,7 +200,7 @@ def main() -> int:
                 if time.perf_counter() - began > 60.0 * given.minutes:
                     continue
                 folder = out / f"{plant}-{key}-{number}"
-                done.append(run_case(plant, machine, number, folder, given.others))
+                done.append(run_case(plant, machine, number, folder, given.others, given.budget))
                 print(table(done[-1:])[1][0], flush=True)
                 if done[-1].ambiguous:
                     again += asked_again(done[-1], machine, folder, given.proposals)
