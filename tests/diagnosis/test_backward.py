@@ -16,6 +16,7 @@ from known_search import RUNS, TICKS, LinearProblem, add, search_of, shape, stre
 
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.uncertainty import Spread, spreads
+from eha_bench.diagnosis.outcome import honest
 from eha_bench.diagnosis.outcome.honest import prune
 from eha_bench.diagnosis.search import backward
 from eha_bench.diagnosis.search.backward import (
@@ -24,7 +25,7 @@ from eha_bench.diagnosis.search.backward import (
     without,
     without_idle,
 )
-from eha_bench.diagnosis.search.state import Search, Thresholds
+from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
 
 FIRST, SECOND = "coulomb_friction", "current_lag"
 KEYS = {FIRST: "coulomb_friction.friction_force", SECOND: "current_lag.time_constant"}
@@ -79,6 +80,28 @@ def test_little_that_runs_disagree_on_is_not_accepted() -> None:
     (note,) = prune(search)
     assert note.startswith("current_lag is not accepted: without it the others explain as much")
     assert [item.start.candidate for item in search.effects] == [FIRST]
+
+
+def test_what_another_one_leaves_at_its_bound_is_not_accepted_either(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without the second, the fit takes the first to the end of its range."""
+    search = found(DISAGREED)
+    first, second = search.accepted
+    search.accepted[1] = replace(second, comparison=first.comparison)
+    assert first.start.bound_met(search.fit.vector) is None
+
+    def taken_to_the_bound(search: Search, item: Accepted) -> Fit:
+        fit = without(search, item)
+        if item.start.candidate == SECOND:
+            fit.vector[first.start.strength_at] = first.start.high
+        return fit
+
+    monkeypatch.setattr(honest, "without", taken_to_the_bound)
+    notes = prune(search)
+    assert [note.partition(" is not accepted: ")[0] for note in notes] == [SECOND, FIRST]
+    assert "its strength is at its bound" in notes[1]
+    assert not search.effects
 
 
 def test_much_that_runs_disagree_on_stays_as_more_may_be_missing() -> None:

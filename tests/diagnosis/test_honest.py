@@ -22,7 +22,7 @@ from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import Improvement
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
-from eha_bench.diagnosis.outcome.honest import _against, curve_is_worse, worse
+from eha_bench.diagnosis.outcome.honest import _against, against_the_end, curve_is_worse, worse
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search.state import Accepted, Thresholds
 from eha_bench.plants.model import Model
@@ -117,6 +117,32 @@ def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
     )
     text = _against(search, item, Thresholds())
     assert re.search(says, text) if says else text == ""
+
+
+@pytest.mark.parametrize(
+    ("strengths", "holdout", "refused", "says"),
+    [
+        ((0.02, 0.03), {}, None, ""),
+        ((0.02, 0.5), {}, "relief_valve", "is at its bound, 0.5"),
+        ((0.02, 0.03), {"p": error(1.0, 1.5)}, "entrained_air", "held-out"),
+    ],
+)
+def test_an_effect_against_the_end_of_a_fit(strengths, holdout, refused, says):
+    """The last fit may take a strength to its bound; of worse replays the weakest is to blame."""
+    import numpy as np
+
+    items = [
+        Accepted(Start(name, (), at, 0.0, 0.02, 0.0, 0.5, (f"{name}.size",), "flow"), gain, ())
+        for at, (name, gain) in enumerate(
+            [("entrained_air", replace(GOOD, gain=10.0)), ("relief_valve", GOOD)]
+        )
+    ]
+    end = replace(
+        found(holdout=holdout), revised=SimpleNamespace(vector=lambda: np.array(strengths))
+    )
+    told = against_the_end(SimpleNamespace(effects=items), end)
+    assert (None if told is None else told[0].start.candidate) == refused
+    assert told is None or says in told[1]
 
 
 @pytest.mark.parametrize(

@@ -18,14 +18,19 @@ from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
 from eha_bench.diagnosis.outcome.differing_runs import differing_parameter
 from eha_bench.diagnosis.outcome.findings import assemble
-from eha_bench.diagnosis.outcome.honest import curve_is_worse, prune, worse
+from eha_bench.diagnosis.outcome.honest import (
+    against_the_end,
+    curve_is_worse,
+    prune,
+    refusal,
+)
 from eha_bench.diagnosis.outcome.model_errors import held_out_windows, with_replay_errors
 from eha_bench.diagnosis.outcome.own_noise import with_own_noise, with_slow_noise
 from eha_bench.diagnosis.outcome.revise import revised_model
 from eha_bench.diagnosis.outcome.rivals import other_rivals
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.backward import drop, without
-from eha_bench.diagnosis.search.state import begin
+from eha_bench.diagnosis.search.state import Accepted, begin
 from eha_bench.diagnosis.unknown.locator import locate
 
 _NOTHING: Final = 5.0
@@ -65,8 +70,11 @@ class Conclusion:
             self.decision = self._decision_so_far()
             return self._assemble(complete=False)
         found = self._assemble(complete=True)
-        while found.complete and found.verdict is Verdict.EFFECT and (why := worse(found)):
-            found = self._without_the_weakest(why)
+        while found.complete and found.verdict is Verdict.EFFECT:
+            against = against_the_end(self.search, found)
+            if against is None:
+                break
+            found = self._without_effect(*against)
         if found.complete and self.decision.learned and (why := curve_is_worse(found)):
             found = self._without_the_curve(why)
         if found.complete and found.verdict is Verdict.UNKNOWN:
@@ -157,14 +165,12 @@ class Conclusion:
         self.found = replace(found, complete=complete)
         return self.found
 
-    def _without_the_weakest(self, why: str) -> Diagnosis:
-        """Decide again without the weakest effect, with which runs never fitted are worse."""
-        search = self.search
-        weakest = min(search.effects, key=lambda item: item.comparison.gain)
+    def _without_effect(self, item: Accepted, why: str) -> Diagnosis:
+        """Decide again without an effect that the end speaks against."""
         self.stage = "decide"
-        drop(search, weakest, without(search, weakest))
-        self.refused.append(f"{weakest.start.candidate} is not accepted: {why}")
-        self.decision = decide(search, COARSE, self._on_progress, self.refused)
+        drop(self.search, item, without(self.search, item))
+        self.refused += [refusal(item, why), *prune(self.search)]
+        self.decision = decide(self.search, COARSE, self._on_progress, self.refused)
         return self._assemble(complete=True)
 
     def _unknown_in_held_out(self) -> Diagnosis:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite, isnan, sqrt
 
+from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
 from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess, is_unexplained
@@ -40,11 +41,22 @@ _NOT_DISTINCT = (
 
 
 def prune(search: Search, limits: Thresholds | None = None) -> list[str]:
-    """Take out of a search what its own figures speak against; say what, one sentence each."""
+    """Take out of a search what its own figures speak against; say what, one sentence each.
+
+    What one leaves may take the others to a bound, so these are looked at again.
+    """
     limits = limits or Thresholds()
     if not search.effects:
         return []
     _deepen_base(search, limits)
+    notes: list[str] = []
+    while found := _dropped(search, limits):
+        notes += found
+    return notes
+
+
+def _dropped(search: Search, limits: Thresholds) -> list[str]:
+    """Take out what the figures speak against as they are; say what, one sentence each."""
     notes = []
     for item in reversed(search.effects):
         refit: Fit | None = None
@@ -53,16 +65,42 @@ def prune(search: Search, limits: Thresholds | None = None) -> list[str]:
             refit = without(search, item)
             reason = _beside_others(search, item, refit, limits)
         if reason:
-            notes.append(f"{item.start.candidate} is not accepted: {reason}")
+            notes.append(refusal(item, reason))
             drop(search, item, refit or without(search, item))
     return notes
+
+
+def refusal(item: Accepted, reason: str) -> str:
+    """Say why an effect does not stand."""
+    return f"{item.start.candidate} is not accepted: {reason}"
+
+
+def against_the_end(search: Search, found: Diagnosis) -> tuple[Accepted, str] | None:
+    """Return an effect that a finished diagnosis speaks against, and why; None where all stand.
+
+    Args:
+        search: with the effects. found: its end, fitted to the bottom of the cost and replayed.
+    """
+    vector = found.revised.vector()
+    for item in search.effects:
+        if reason := _at_bound(item, vector):
+            return item, reason
+    if reason := worse(found):
+        return min(search.effects, key=lambda item: item.comparison.gain), reason
+    return None
+
+
+def _at_bound(item: Accepted, vector: FloatArray) -> str:
+    """Say that an effect's strength stands at a bound, or nothing."""
+    bound = item.start.bound_met(vector)
+    return "" if bound is None else f"its strength is at its bound, {bound:.4g}"
 
 
 def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
     """Say what speaks against an effect that was added, or nothing."""
     start, found = item.start, item.comparison
-    if (bound := start.bound_met(search.fit.vector)) is not None:
-        return f"its strength is at its bound, {bound:.4g}"
+    if reason := _at_bound(item, search.fit.vector):
+        return reason
     if found.explained_out <= 0.0 or found.gain_out <= 0.0:
         return "it explains nothing on runs left out of the fit"
     if found.p_value > _LIKELY:
