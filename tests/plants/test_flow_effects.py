@@ -90,11 +90,33 @@ def test_relief_valve_limits_the_pump(knee, effect) -> None:
     assert knee.run(time, 30.0)["pressure_a"].max() > 20e6
 
 
-@given(p_a=st.floats(0, 4e7), p_b=st.floats(0, 4e7), route=st.sampled_from([0.0, 1.0]))
-def test_relief_valve_only_lets_oil_down(p_a, p_b, route) -> None:
-    a = relief_valve.into_a(0.0, p_a, p_b, 1e-9, 5e6, route)
-    b = relief_valve.into_b(0.0, p_a, p_b, 1e-9, 5e6, route)
+def test_relief_valve_with_a_drained_spring_is_opened_by_the_higher_pressure(
+    bare_knee, effect
+) -> None:
+    """From 12 MPa it lets oil over until 10 MPa are left, whatever the other chamber holds."""
+    time = np.arange(0.0, 0.02, 1e-4)
+    ports = {"valve_conductance": 1e-10, "setting": 10e6, "route": "ports"}
+    drained = effect("relief_valve", **ports, opened_by="pressure")
+    got = _resting(bare_knee, time, [drained], 12e6, 5e6)
+    rate = 1e-10 * BETA / VOLUME
+    out = 2e6 * (1.0 - np.exp(-rate * time))
+    np.testing.assert_allclose(got["pressure_a"], 12e6 - out, rtol=2e-3)
+    np.testing.assert_allclose(got["pressure_b"], 5e6 + out, rtol=2e-3)
+    by_difference = _resting(bare_knee, time, [effect("relief_valve", **ports)], 12e6, 5e6)
+    np.testing.assert_allclose(by_difference["pressure_a"], 12e6, rtol=1e-12)
+
+
+@given(
+    p_a=st.floats(0, 4e7), p_b=st.floats(0, 4e7),
+    route=st.sampled_from([0.0, 1.0]), opened_by=st.sampled_from([0.0, 1.0]),
+)  # fmt: skip
+def test_relief_valve_only_lets_oil_down(p_a, p_b, route, opened_by) -> None:
+    own = relief_valve.Valve(1e-9, 5e6, route, opened_by)
+    a = relief_valve.into_a(0.0, p_a, p_b, own)
+    b = relief_valve.into_b(0.0, p_a, p_b, own)
     assert a * p_a + b * p_b <= 0.0
+    if route:
+        assert a == -b
 
 
 def test_oil_with_air_has_its_limits() -> None:

@@ -2,8 +2,13 @@
 
     q = G max(0, p - p_r)
 
-either from each chamber to the reservoir (p of the chamber), or from one chamber to the other
-(p = |p_a - p_b|). The valve's own motion is fast against the chambers' and is left out. A relief
+either from each chamber to the reservoir (p of the chamber), or from one chamber to the other.
+There the difference of the pressures opens it (p = |p_a - p_b|), or, where its spring chamber is
+drained, the higher pressure alone; then as much flows as if that were the drop, never uphill:
+
+    q = G max(0, min(p - p_r, p - p_other))
+
+The valve's own motion is fast against the chambers' and is left out. A relief
 valve opens far above what a machine works at, and then lets a pump's whole flow out within some
 bar: a setting of a few bar, or one that the pressure is above half of the time, is a leak's.
 
@@ -12,56 +17,73 @@ Source: Merritt, Hydraulic Control Systems, Wiley 1967; Yang et al. 2023, Sectio
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+from eha_bench.plants.compiled import njit
 from eha_bench.plants.effect import Action, Effect, Opening
 from eha_bench.plants.parameter import Parameter, choice
 
 _TANK, _PORTS = 0.0, 1.0
+_DIFFERENCE = 0.0
 
 
-def into_a(
-    flow: float, p_a: float, p_b: float, valve_conductance: float, setting: float, route: float
-) -> float:
+class Valve(NamedTuple):
+    """The effect's own parameters."""
+
+    valve_conductance: float
+    setting: float
+    route: float
+    opened_by: float
+
+
+@njit()
+def _across(p: float, other: float, setting: float, opened_by: float) -> float:
+    """Return the pressure by which a valve from one chamber to the other is open, Pa."""
+    if opened_by == _DIFFERENCE:
+        return max(0.0, p - other - setting)
+    return max(0.0, min(p - setting, p - other))
+
+
+@njit()
+def _over(p: float, other: float, own: Valve) -> float:
+    """Return the pressure by which the valves lead out of a chamber, less into it, Pa."""
+    if own.route == _TANK:
+        return max(0.0, p - own.setting)
+    out = _across(p, other, own.setting, own.opened_by)
+    return out - _across(other, p, own.setting, own.opened_by)
+
+
+def into_a(flow: float, p_a: float, p_b: float, own: Valve) -> float:
     """Return the flow into chamber A less what the valves let out, plus what they let in."""
-    if route == _TANK:
-        return flow - valve_conductance * max(0.0, p_a - setting)
-    over = max(0.0, p_a - p_b - setting) - max(0.0, p_b - p_a - setting)
-    return flow - valve_conductance * over
+    return flow - own.valve_conductance * _over(p_a, p_b, own)
 
 
-def into_b(
-    flow: float, p_a: float, p_b: float, valve_conductance: float, setting: float, route: float
-) -> float:
+def into_b(flow: float, p_a: float, p_b: float, own: Valve) -> float:
     """Return the flow into chamber B less what the valves let out, plus what they let in."""
-    if route == _TANK:
-        return flow - valve_conductance * max(0.0, p_b - setting)
-    over = max(0.0, p_a - p_b - setting) - max(0.0, p_b - p_a - setting)
-    return flow + valve_conductance * over
+    return flow - own.valve_conductance * _over(p_b, p_a, own)
 
 
-def slope_a(
-    value: float, p_a: float, valve_conductance: float, setting: float, route: float
-) -> float:
+def slope_a(value: float, p_a: float, own: Valve) -> float:
     """Return the conductance from chamber A to the reservoir, m^3/(s*Pa)."""
-    return value + valve_conductance if route == _TANK and p_a > setting else value
+    return value + own.valve_conductance if own.route == _TANK and p_a > own.setting else value
 
 
-def slope_b(
-    value: float, p_b: float, valve_conductance: float, setting: float, route: float
-) -> float:
+def slope_b(value: float, p_b: float, own: Valve) -> float:
     """Return the conductance from chamber B to the reservoir, m^3/(s*Pa)."""
-    return value + valve_conductance if route == _TANK and p_b > setting else value
+    return value + own.valve_conductance if own.route == _TANK and p_b > own.setting else value
 
 
-def slope_ab(
-    value: float, p_a: float, p_b: float, valve_conductance: float, setting: float, route: float
-) -> float:
+def slope_ab(value: float, p_a: float, p_b: float, own: Valve) -> float:
     """Return the conductance between the chambers, m^3/(s*Pa)."""
-    return value + valve_conductance if route == _PORTS and abs(p_a - p_b) > setting else value
+    is_open = own.route == _PORTS and _over(p_a, p_b, own) != 0.0
+    return value + own.valve_conductance if is_open else value
 
 
-def limited_pressure(p_a: float, p_b: float, route: float) -> float:
+def limited_pressure(p_a: float, p_b: float, route: float, opened_by: float) -> float:
     """Return the pressure that the setting is held against, Pa."""
-    return max(p_a, p_b) if route == _TANK else abs(p_a - p_b)
+    if route == _TANK or opened_by != _DIFFERENCE:
+        return max(p_a, p_b)
+    return abs(p_a - p_b)
 
 
 EFFECT = Effect(
@@ -71,6 +93,10 @@ EFFECT = Effect(
         Parameter("valve_conductance", "m^3/(s*Pa)", 1e-12, 0.0, 1e-7, "G"),
         Parameter("setting", "Pa", 20e6, 2e6, 1e8, "p_r"),
         choice("route", ("tank", "ports"), "where the oil goes"),
+        choice(
+            "opened_by", ("difference", "pressure"), "what opens it between the ports",
+            refines=True,
+        ),
     ),
     actions={
         "chambers": Action(
@@ -92,4 +118,4 @@ EFFECT = Effect(
         # a third apart: from a setting that is much lower or higher, no fit finds its way
         for setting in (4e6, 5.3e6, 7.1e6, 9.5e6, 12.6e6, 16.8e6, 22.4e6, 30e6)
     ),
-)
+)  # fmt: skip
