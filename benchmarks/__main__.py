@@ -33,6 +33,7 @@ FULL: dict[str, list[str]] = {
     "tuned_rigs": ["--cases", "4"],
     "blind": ["--cases", "40"],
     "traps": [],
+    "thresholds": [],
     "league": [],
     "next_experiment": ["--cases", "4", "--proposals", "5"],
     "pool": [],
@@ -56,6 +57,7 @@ QUICK: dict[str, list[str]] = {
     "tuned_rigs": ["--quick"],
     "blind": ["--cases", "1"],
     "traps": ["--only", "stall"],
+    "thresholds": ["--quick"],
     # of the product itself, `blind` tells that it runs
     "league": ["--quick", "--entrant", "sindy", "evolution", "declared"],
     "next_experiment": ["--quick"],

@@ -108,9 +108,11 @@ class Growth:
 
 
 def _exponent(sizes: tuple[int, ...], costs: tuple[float, ...]) -> float:
-    if len(sizes) < 2:
+    found = [(size, cost) for size, cost in zip(sizes, costs, strict=True) if math.isfinite(cost)]
+    if len(found) < 2:
         return math.nan
-    return math.log(costs[-1] / costs[-2]) / math.log(sizes[-1] / sizes[-2])
+    (before, less), (after, more) = found[-2:]
+    return math.log(more / less) / math.log(after / before)
 
 
 def files(folder: Path, ticks: int) -> Iterator[Work]:
@@ -239,13 +241,22 @@ def diagnoses(folder: Path, ticks: int) -> Iterator[Work]:
     yield Work("diagnose", "ticks", ticks, lambda: eb.diagnose(case, folder / "diagnosis"))
 
 
+LONG = 120.0
+"""Processor time, s, from which work is not done again for its memory: tracing takes six times."""
+
+
 def cost(act: Act, rounds: int) -> tuple[float, float]:
-    """Return seconds of the processor, the best of some rounds, and the peak of memory in MB."""
+    """Return seconds of the processor, the best of some rounds, and the peak of memory in MB.
+
+    The memory is NaN where that would take too long.
+    """
     seconds = math.inf
     for _ in range(rounds):
         start = time.process_time()
         act()
         seconds = min(seconds, time.process_time() - start)
+    if seconds > LONG:
+        return seconds, math.nan
     tracemalloc.start()
     act()
     peak = tracemalloc.get_traced_memory()[1]
@@ -305,6 +316,8 @@ def _steps(values: Iterable[float]) -> str:
 
 def _three(value: float) -> str:
     """Return a number of three digits, large ones in groups."""
+    if math.isnan(value):
+        return "–"
     rounded = float(f"{value:.3g}")
     return f"{rounded:,.0f}".replace(",", " ") if rounded >= 100 else f"{rounded:g}"
 

@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from known_search import RUNS, TICKS, LinearProblem, add, search_of, shape, strength
 
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.fit.uncertainty import Spread, spreads
 from eha_bench.diagnosis.outcome import honest
 from eha_bench.diagnosis.outcome.honest import prune
@@ -25,7 +26,7 @@ from eha_bench.diagnosis.search.backward import (
     without,
     without_idle,
 )
-from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
+from eha_bench.diagnosis.search.state import Accepted, Search
 
 FIRST, SECOND = "coulomb_friction", "current_lag"
 KEYS = {FIRST: "coulomb_friction.friction_force", SECOND: "current_lag.time_constant"}
@@ -61,7 +62,7 @@ def found(parts: Sequence[float]) -> Search:
 def test_what_runs_agree_on_stays() -> None:
     search = found(AGREED)
     assert not is_loose(search, search.accepted[-1])
-    assert without_idle(search, Thresholds()) is None
+    assert without_idle(search) is None
     assert prune(search) == []
     assert [item.start.candidate for item in search.effects] == [FIRST, SECOND]
     assert strength(search, search.fit, SECOND) == pytest.approx(UNIT, rel=0.1)

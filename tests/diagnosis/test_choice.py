@@ -21,9 +21,10 @@ from eha_bench.diagnosis.fit.evidence import SOFT_MEAN, Improvement
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.own_parameters import Places
 from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.search import choice, equivalent, look, stepwise
 from eha_bench.diagnosis.search.screen import Screen
-from eha_bench.diagnosis.search.state import Refit, Search, Thresholds
+from eha_bench.diagnosis.search.state import Refit, Search
 from eha_bench.plants.model import Model
 
 FRICTION = "viscous_friction"
@@ -58,7 +59,7 @@ def test_of_two_that_leave_as_little_the_one_that_carries_over_is_chosen(
     """The rival's cost is lower by 2 of 1,000, which is a tie."""
     best = search.fit.cost - 1000.0
     trials = [trial(search, RIVAL, best, outs[0]), trial(search, RIGHT, best + 2.0, outs[1])]
-    found = choice.choose(search, trials, Thresholds())
+    found = choice.choose(search, trials)
     assert found is not None
     assert found.candidate == chosen
 
@@ -66,7 +67,7 @@ def test_of_two_that_leave_as_little_the_one_that_carries_over_is_chosen(
 def test_one_that_leaves_clearly_less_is_chosen_whatever_carries_over(search: Search) -> None:
     best = search.fit.cost - 1000.0
     trials = [trial(search, RIVAL, best, 850.0), trial(search, RIGHT, best + 40.0, 900.0)]
-    found = choice.choose(search, trials, Thresholds())
+    found = choice.choose(search, trials)
     assert found is not None
     assert found.candidate == RIVAL
 
@@ -85,7 +86,7 @@ def test_one_at_its_bound_is_chosen_only_where_no_other_is_as_good(
     vector = search.fit.vector.copy()
     vector[strong.start.strength_at] = share * strong.start.high
     strong = replace(strong, fit=replace(strong.fit, vector=vector))
-    found = choice.choose(search, [strong, trial(search, RIVAL, best + 8.0)], Thresholds())
+    found = choice.choose(search, [strong, trial(search, RIVAL, best + 8.0)])
     assert found is not None
     assert found.candidate == chosen
 
@@ -174,7 +175,7 @@ def test_another_is_as_good_where_runs_left_out_do_not_prefer_the_chosen_one(
     noise = SOFT_MEAN * search.fit.residual.size
     chosen = replace(search.fit, cost=left * noise)
     other = replace(chosen, cost=chosen.cost + behind)
-    assert equivalent.is_as_good(other, chosen, 1000.0, search.groups) is equal
+    assert equivalent.is_as_good(search, other, chosen, 1000.0) is equal
 
 
 @pytest.mark.parametrize(
@@ -188,7 +189,7 @@ def test_what_was_refused_for_its_share_is_looked_at_again_with_other_noise(
     item = replace(item, comparison=replace(item.comparison, share=0.1, p_value=p_value))
     search.looks.append([item])
     search.looked_from = search.fit if looked_since else None
-    assert stepwise._refused_for_its_share(search, Thresholds()) is again
+    assert stepwise._refused_for_its_share(search) is again
 
 
 class Peaks:

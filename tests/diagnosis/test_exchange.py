@@ -15,9 +15,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 from known_search import LinearProblem, add, assumed, refitted, search_of, shape, strength
 
 from eha_bench.diagnosis.fit.candidates import Start
+from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.search import exchange as module
 from eha_bench.diagnosis.search.exchange import exchange
-from eha_bench.diagnosis.search.state import Refit, Search, Thresholds
+from eha_bench.diagnosis.search.state import Refit, Search
 
 TRUE, ALIKE, OTHER = "coulomb_friction", "current_deadband", "current_lag"
 STRENGTH = {
@@ -68,7 +69,7 @@ def test_the_wrong_look_alike_is_replaced(tried: list[Any]) -> None:
     search = search_of(problem(), "viscous_friction")
     add(search, ALIKE, TRUE, OTHER)
     before = search.fit.cost
-    assert exchange(search, Thresholds())
+    assert exchange(search)
     assert names(search) == [TRUE]
     assert strength(search, search.fit, TRUE) == pytest.approx(7.0, rel=0.05)
     assert strength(search, search.fit, ALIKE) == 0.0
@@ -83,12 +84,12 @@ def test_the_right_one_stays_and_is_not_tried_twice(tried: list[Any]) -> None:
     search = search_of(problem(), "viscous_friction")
     add(search, TRUE, ALIKE, OTHER)
     fit, left = search.fit, search.excess_left
-    assert not exchange(search, Thresholds())
+    assert not exchange(search)
     assert names(search) == [TRUE]
     assert (search.fit, search.excess_left, search.exchanged_from) == (fit, left, fit)
     attempts = len(tried)
     assert attempts == 1
-    assert not exchange(search, Thresholds())
+    assert not exchange(search)
     assert len(tried) == attempts
 
 
@@ -97,15 +98,16 @@ def test_less_than_the_least_gain_changes_nothing(
     gain: float, changed: bool, tried: list[Any]
 ) -> None:
     search = search_of(problem(), "viscous_friction")
+    search.thresholds = Thresholds(gain=gain)
     add(search, ALIKE, TRUE)
-    assert exchange(search, Thresholds(gain=gain)) is changed
+    assert exchange(search) is changed
     assert names(search) == ([TRUE] if changed else [ALIKE])
 
 
 def test_only_close_rivals_of_its_own_look_are_tried(tried: list[Any]) -> None:
     search = search_of(problem(), "viscous_friction")
     add(search, ALIKE, TRUE, OTHER)
-    exchange(search, Thresholds())
+    exchange(search)
     # the lag gained next to nothing in that look
     assert tried == [({ALIKE, TRUE}, set())]
 
@@ -115,7 +117,7 @@ def test_what_else_was_added_is_kept_meanwhile_and_no_rival(tried: list[Any]) ->
     search = search_of(both, "viscous_friction")
     add(search, OTHER)
     add(search, ALIKE, TRUE, OTHER)
-    exchange(search, Thresholds())
+    exchange(search)
     assert tried == [({OTHER}, {ALIKE}), ({ALIKE, TRUE}, {OTHER})]
     assert names(search) == [OTHER, TRUE]
     assert strength(search, search.fit, OTHER) == pytest.approx(0.04, rel=0.1)
@@ -124,7 +126,7 @@ def test_what_else_was_added_is_kept_meanwhile_and_no_rival(tried: list[Any]) ->
 def test_an_assumed_parameter_is_never_exchanged(tried: list[Any]) -> None:
     search = search_of(problem(), "viscous_friction")
     search.accepted.append(assumed("voltage_limit"))
-    assert not exchange(search, Thresholds())
+    assert not exchange(search)
     assert tried == []
 
 
@@ -134,7 +136,7 @@ def test_the_winner_is_not_its_own_equal(tried: list[Any]) -> None:
     search.accepted[0] = search.accepted[0].__class__(
         search.accepted[0].start, search.accepted[0].comparison, (TRUE, OTHER)
     )
-    exchange(search, Thresholds())
+    exchange(search)
     assert search.accepted[0].equivalent == (OTHER,)
 
 
@@ -151,5 +153,5 @@ def test_an_interruption_leaves_the_search_as_it_was(
     stopped: Callable[..., None] = stop
     monkeypatch.setattr(module, "polish_at_rest", stopped)
     with pytest.raises(KeyboardInterrupt):
-        exchange(search, Thresholds())
+        exchange(search)
     assert (search.fit, search.excess_left, search.accepted, search.problem) == kept

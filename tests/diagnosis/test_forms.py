@@ -17,7 +17,7 @@ from known_search import LinearProblem, add, assumed, model, search_of, shape, s
 from eha_bench.diagnosis.fit.candidates import effect_starts
 from eha_bench.diagnosis.fit.evidence import NOT_COMPARED
 from eha_bench.diagnosis.search.forms import forms_of, held_keys, take_best_form
-from eha_bench.diagnosis.search.state import Accepted, Thresholds
+from eha_bench.diagnosis.search.state import Accepted
 from eha_bench.plants.network.file import load_plant
 
 EFFECT, OTHER = "coulomb_friction", "current_lag"
@@ -42,7 +42,7 @@ def test_the_form_that_fits_takes_what_is_left() -> None:
     add(search, EFFECT)
     assert form(search) == "constant"
     left = search.excess_left.total
-    assert take_best_form(search, Thresholds())
+    assert take_best_form(search)
     # these readings do not tell how it falls
     assert form(search) in {"stribeck", "exponential"}
     assert search.excess_left.total < 0.05 * left
@@ -59,7 +59,7 @@ def test_another_cause_is_left_to_be_found(ratio: float | None) -> None:
     truth = {"current_lag.time_constant": 2e-3} | ({RATIO: ratio} if ratio else {})
     search = search_of(problem(**truth), "viscous_friction")
     add(search, EFFECT)
-    assert take_best_form(search, Thresholds()) is (ratio is not None)
+    assert take_best_form(search) is (ratio is not None)
     assert search.excess_left.relative > 0.5
     add(search, OTHER)
     assert strength(search, search.fit, OTHER) == pytest.approx(2e-3, rel=0.05)
@@ -69,7 +69,7 @@ def test_another_cause_is_left_to_be_found(ratio: float | None) -> None:
 def test_an_assumed_parameter_has_no_forms() -> None:
     search = search_of(problem(**{RATIO: 2.0}), "viscous_friction")
     search.accepted.append(assumed("mass"))
-    assert not take_best_form(search, Thresholds())
+    assert not take_best_form(search)
 
 
 def test_forms_are_of_the_place_where_the_effect_acts() -> None:

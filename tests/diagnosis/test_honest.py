@@ -20,11 +20,14 @@ from eha_bench.core.errors import BUG
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.candidates import Start
 from eha_bench.diagnosis.fit.evidence import Improvement
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Verdict
-from eha_bench.diagnosis.outcome.honest import _against, against_the_end, curve_is_worse, worse
+from eha_bench.diagnosis.outcome.honest import _against, against_the_end
+from eha_bench.diagnosis.outcome.honest import curve_is_worse as curve_is_worse_by
+from eha_bench.diagnosis.outcome.honest import worse as worse_by
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
-from eha_bench.diagnosis.search.state import Accepted, Thresholds
+from eha_bench.diagnosis.search.state import Accepted
 from eha_bench.plants.model import Model
 
 GOOD = Improvement(5e4, 5e4, 0.9, 0.9, 1e-9, 1.0, 0.9)
@@ -39,12 +42,19 @@ def found(**groups: dict[str, ChannelError]) -> Diagnosis:
     return Diagnosis(Verdict.EFFECT, model, model, **groups)
 
 
+def worse(end: Diagnosis) -> str:
+    return worse_by(end, DEFAULT)
+
+
+def curve_is_worse(end: Diagnosis) -> str:
+    return curve_is_worse_by(end, DEFAULT)
+
+
 def test_a_model_that_is_worse_on_runs_never_fitted_is_told():
     better = {"pressure_a": error(5.0, 1.0)}
     assert worse(found(holdout=better, unseen=better)) == ""
-    assert "held-out runs grows, 5.79 times" in worse(
-        found(holdout={"pressure_a": error(2.19, 12.67), "motor_speed": error(0.01, 0.01)})
-    )
+    grown = {"pressure_a": error(2.19, 12.67), "motor_speed": error(0.01, 0.01)}
+    assert "held-out runs grows, 5.79 times" in worse(found(holdout=grown))
     assert "unseen" in worse(found(holdout=better, unseen={"pressure_a": error(2.0, 4.0)}))
     assert "without end" in worse(found(holdout={"pressure_a": error(2.0, float("inf"))}))
     # one that diverged before is no worse
@@ -70,7 +80,9 @@ def windows(after: float, replay: float = 1.0, start: float = 0.0) -> ChannelErr
     ],
 )
 def test_held_out_runs_that_show_more_than_training_speak_against_none(train, holdout, says):
-    told = beyond_training(found(train={"p": train}, holdout={"p": holdout, "q": windows(9.0)}))
+    told = beyond_training(
+        found(train={"p": train}, holdout={"p": holdout, "q": windows(9.0)}), DEFAULT
+    )
     assert says in told if says else told == ""
 
 
@@ -111,11 +123,12 @@ def test_an_effect_against_its_own_figures(strength, comparison, missing, says):
                   "flow")  # fmt: skip
     item = Accepted(start, comparison, ())
     search = SimpleNamespace(
+        thresholds=DEFAULT,
         effects=[item],
         fit=SimpleNamespace(vector=np.array([strength])),
         excess_base=SimpleNamespace(relative=missing, significance=40.0),
     )
-    text = _against(search, item, Thresholds())
+    text = _against(search, item)
     assert re.search(says, text) if says else text == ""
 
 
@@ -140,7 +153,7 @@ def test_an_effect_against_the_end_of_a_fit(strengths, holdout, refused, says):
     end = replace(
         found(holdout=holdout), revised=SimpleNamespace(vector=lambda: np.array(strengths))
     )
-    told = against_the_end(SimpleNamespace(effects=items), end)
+    told = against_the_end(SimpleNamespace(effects=items, thresholds=DEFAULT), end)
     assert (None if told is None else told[0].start.candidate) == refused
     assert told is None or says in told[1]
 
@@ -174,12 +187,13 @@ def test_an_effect_that_may_as_well_be_nothing_needs_an_error_with_structure(
                   "flow")  # fmt: skip
     item = Accepted(start, replace(GOOD, p_value=p_value), ())
     search = SimpleNamespace(
+        thresholds=DEFAULT,
         effects=[item],
         fit=fit,
         groups=Groups(*(tuple(np.array_split(np.arange(400), parts)) for parts in (4, 40))),
         excess_base=SimpleNamespace(relative=0.5, significance=significance, size=400),
     )
-    text = _against(search, item, Thresholds())
+    text = _against(search, item)
     assert (text == "") is stands, text
     assert stands or "not distinct from zero" in text
 

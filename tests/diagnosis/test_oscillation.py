@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from eha_bench.core.arrays import FloatArray
-from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE
 from eha_bench.diagnosis.fit.oscillation import LOUD, oscillation
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
 
 
 def resonant(generator: np.random.Generator, turn: float, kept: float) -> FloatArray:
@@ -22,7 +22,7 @@ def resonant(generator: np.random.Generator, turn: float, kept: float) -> FloatA
 def test_a_resonance_that_is_missing_swings(turn: float) -> None:
     generator = np.random.default_rng(0)
     parts = [generator.standard_normal(1000) + resonant(generator, turn, 0.95) for _ in range(4)]
-    assert oscillation(parts) > 2.0 * REST_SIGNIFICANCE
+    assert oscillation(parts) > 2.0 * DEFAULT.structure
 
 
 @pytest.mark.parametrize("size", [1.0, 1.5, 4.0])
@@ -30,13 +30,13 @@ def test_white_noise_of_any_size_does_not_swing(size: float) -> None:
     """The largest of a hundred frequencies' powers, in two hundred residuals."""
     generator = np.random.default_rng(1)
     found = [oscillation([*size * generator.standard_normal((4, 500))]) for _ in range(200)]
-    assert max(found) < REST_SIGNIFICANCE
+    assert max(found) < DEFAULT.structure
 
 
 def test_what_is_hardly_more_than_noise_is_not_asked() -> None:
     swing = np.sin(np.arange(4000))
     assert oscillation([np.sqrt(1.9 * LOUD) * swing]) == 0.0
-    assert oscillation([np.sqrt(2.1 * LOUD) * swing]) > REST_SIGNIFICANCE
+    assert oscillation([np.sqrt(2.1 * LOUD) * swing]) > DEFAULT.structure
 
 
 def test_noise_that_grows_with_the_slope_does_not_swing() -> None:
@@ -46,7 +46,7 @@ def test_noise_that_grows_with_the_slope_does_not_swing() -> None:
     found = [
         oscillation([*((1.0 + slope) * generator.standard_normal((4, 1000)))]) for _ in range(50)
     ]
-    assert max(found) < REST_SIGNIFICANCE
+    assert max(found) < DEFAULT.structure
 
 
 def test_too_little_swings_by_chance_alone() -> None:

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from known_search import LinearProblem, add, search_of, shape, strength
 
-from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, is_unexplained
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.search import stepwise
 from eha_bench.diagnosis.search.refit import is_bent
 
@@ -25,7 +25,7 @@ def test_a_second_pass_keeps_the_fit_without_effects(monkeypatch: pytest.MonkeyP
     """Noise told anew begins a second pass: the share of what was found must not become nothing."""
     slopes = {FRICTION: 0.2 * shape(0.0), STRENGTH: 5.0 * shape(1.0)}
     search = search_of(LinearProblem(slopes, {STRENGTH: 0.13}), FRICTION)
-    assert is_unexplained(search.excess_base)
+    assert DEFAULT.is_unexplained(search.excess_base)
     assert not is_bent(search.excess_base)
     add(search, EFFECT)
     before = search.excess_base.total
@@ -50,5 +50,5 @@ def test_what_comes_in_bursts_is_not_single_outliers(errors: Any, unexplained: b
     problem.readings[rows] += 9.0 * np.where(np.arange(rows.size) % 2, -1.0, 1.0)
     rest = search_of(problem, FRICTION).excess_base
     assert rest.relative > 0.2
-    assert rest.significance < REST_SIGNIFICANCE
-    assert is_unexplained(rest) is unexplained
+    assert rest.significance < DEFAULT.structure
+    assert DEFAULT.is_unexplained(rest) is unexplained

@@ -22,6 +22,7 @@ from eha_bench.diagnosis.fit.evidence import Excess, Groups
 from eha_bench.diagnosis.fit.least_squares import Fit, free_parameters, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.short_windows import aligned_problem
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.outcome import decide as decide_module
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
@@ -237,7 +238,8 @@ def test_what_was_not_located_is_in_no_equation(monkeypatch: pytest.MonkeyPatch)
     """Where no place can act there is no equation, and none is made up."""
     left = Excess(1e4, 1000, 50.0, {})
     search = cast("Search", SimpleNamespace(
-        excess_left=left, excess_base=left, effects=[], fit=None,
+        excess_left=left, excess_base=left, effects=[], fit=None, is_unexplained=True,
+        thresholds=DEFAULT,
         problem=SimpleNamespace(plant=None),
     ))  # fmt: skip
     monkeypatch.setattr(decide_module, "places_of", lambda _: ("somewhere",))

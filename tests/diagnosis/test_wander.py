@@ -18,6 +18,7 @@ from eha_bench.diagnosis.data.wander import LARGEST, NoiseStretch, Wander, cosin
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.baseline import Baseline
 from eha_bench.diagnosis.fit.prepared import orthonormal, orthonormal_of_many
+from eha_bench.diagnosis.fit.thresholds import DEFAULT
 from eha_bench.diagnosis.outcome import own_noise
 from eha_bench.diagnosis.outcome.decide import Decision
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
@@ -108,7 +109,9 @@ def test_only_a_little_that_nothing_explains_may_be_the_sensors_own(
 ) -> None:
     monkeypatch.setattr(own_noise, "wandering", lambda *_: pytest.fail("asked"))
     search = SimpleNamespace(
-        excess_base=SimpleNamespace(relative=relative, significance=40.0), accepted=accepted
+        excess_base=SimpleNamespace(relative=relative, significance=40.0),
+        accepted=accepted,
+        thresholds=DEFAULT,
     )
     unknown = Unknown("torque", (), "", followed)
     decision = SimpleNamespace(verdict=verdict, unknown=unknown)
@@ -129,7 +132,9 @@ def test_noise_is_told_from_a_fit_only_where_a_little_with_structure_is_left(
 ) -> None:
     monkeypatch.setattr(own_noise, "with_noise_of_residual", lambda *_: pytest.fail("asked"))
     search = SimpleNamespace(
-        excess_left=SimpleNamespace(relative=relative, significance=significance), effects=effects
+        excess_left=SimpleNamespace(relative=relative, significance=significance),
+        effects=effects,
+        thresholds=DEFAULT,
     )
     found = own_noise.with_own_noise(cast("Baseline", None), cast("Search", search))
     assert found is None
@@ -151,6 +156,7 @@ def test_noise_is_asked_of_a_fit_that_leaves_structure_or_another_level(
     monkeypatch.setattr(own_noise, "with_noise_of_residual", asked)
     search = SimpleNamespace(
         excess_left=SimpleNamespace(relative=relative, significance=significance),
+        thresholds=DEFAULT,
         effects=effects,
         problem=SimpleNamespace(prepare=lambda _: None),
         fit=SimpleNamespace(vector=None),

@@ -119,9 +119,22 @@ def test_relief_valve_only_lets_oil_down(p_a, p_b, route, opened_by) -> None:
         assert a == -b
 
 
+def test_bubbles_dissolve_as_the_pressure_rises() -> None:
+    """Half of s is left half-way to p_d, none beyond; below p_0 all of it."""
+
+    def modulus(p: float, dissolution: float, air: float = 0.02) -> float:
+        own = (BETA, p, air, 1.0, 1e5, 0.0, dissolution, 2e7 + 1e5)
+        return entrained_air.effective_bulk_modulus(*own)
+
+    assert modulus(2.1e7, 1.0) == BETA
+    assert modulus(5e4, 1.0) == modulus(5e4, 0.0)
+    half = 0.01 / (0.98 + 0.01)  # a fraction with half the volume of air per volume of oil
+    assert modulus(1e7 + 1e5, 1.0) == pytest.approx(modulus(1e7 + 1e5, 0.0, half), rel=1e-12)
+
+
 def test_oil_with_air_has_its_limits() -> None:
     def modulus(p, air=0.02, index=1.0):
-        return entrained_air.effective_bulk_modulus(BETA, p, air, index, 1e5, 0.0)
+        return entrained_air.effective_bulk_modulus(BETA, p, air, index, 1e5, 0.0, 0.0, 2e7)
 
     assert modulus(1e12) == pytest.approx(BETA, rel=1e-3)
     # at p_0 the volumes are as declared: compliances add in proportion
@@ -136,8 +149,8 @@ def test_oil_with_air_has_its_limits() -> None:
 
 @given(p=st.floats(1e5, 4e7), air=st.floats(1e-4, 0.3))
 def test_air_only_softens_and_less_at_high_pressure(p, air) -> None:
-    here = entrained_air.effective_bulk_modulus(BETA, p, air, 1.0, 1e5, 0.0)
-    higher = entrained_air.effective_bulk_modulus(BETA, p * 1.1, air, 1.0, 1e5, 0.0)
+    here = entrained_air.effective_bulk_modulus(BETA, p, air, 1.0, 1e5, 0.0, 0.0, 2e7)
+    higher = entrained_air.effective_bulk_modulus(BETA, p * 1.1, air, 1.0, 1e5, 0.0, 0.0, 2e7)
     assert 0 < here <= higher <= BETA
 
 
@@ -155,7 +168,10 @@ def test_compressing_oil_with_air_follows_the_mixture_law(bare_knee, effect) -> 
     # integrate V / beta_e dp with the fixed chamber volume of the model, Eq. (4)
     grid = np.linspace(p[0], p[-1], 200001)
     beta = np.array(
-        [entrained_air.effective_bulk_modulus(BETA, q, 0.05, 1.0, 1e5, 0.0) for q in grid[::100]]
+        [
+            entrained_air.effective_bulk_modulus(BETA, q, 0.05, 1.0, 1e5, 0.0, 0.0, 2e7)
+            for q in grid[::100]
+        ]
     )
     compliance = np.interp(grid, grid[::100], VOLUME / beta)
     taken = np.concatenate(([0], np.cumsum(0.5 * (compliance[1:] + compliance[:-1]))))

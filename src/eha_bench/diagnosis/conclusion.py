@@ -13,6 +13,7 @@ from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.fit.baseline import COARSE, Baseline
 from eha_bench.diagnosis.fit.side_by_side import fits_by
 from eha_bench.diagnosis.fit.start_angles import starts_of
+from eha_bench.diagnosis.fit.thresholds import DEFAULT, Thresholds
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
@@ -45,15 +46,22 @@ class Conclusion:
     Args:
         dataset: with the declared model. base: calibrated. out: folder, or None.
         progress: called with the stage and the fraction of it done.
+        thresholds: of the verdict.
     """
 
     def __init__(
-        self, dataset: Dataset, base: Baseline, out: str | Path | None, progress: ProgressHook
+        self,
+        dataset: Dataset,
+        base: Baseline,
+        out: str | Path | None,
+        progress: ProgressHook,
+        thresholds: Thresholds = DEFAULT,
     ) -> None:
         self.dataset, self.base, self.out, self.progress = dataset, base, out, progress
+        self.thresholds = thresholds
         self.stage = "search"
         self.refused: list[str] = []
-        self.search = begin(base)
+        self.search = begin(base, thresholds)
         note = "no effect was tried yet, so the verdict is open"
         self.decision = self._open(note)
         self.found = _calibration_alone(dataset, base, self.decision)
@@ -64,7 +72,7 @@ class Conclusion:
             with checkpoints(asked), fits_by(workers):
                 self._decide()
                 if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
-                    self.base, self.search = slow, begin(slow)
+                    self.base, self.search = slow, begin(slow, self.thresholds)
                     self._decide()
         except KeyboardInterrupt:
             self.decision = self._decision_so_far()
@@ -75,11 +83,15 @@ class Conclusion:
             if against is None:
                 break
             found = self._without_effect(*against)
-        if found.complete and self.decision.learned and (why := curve_is_worse(found)):
+        if (
+            found.complete
+            and self.decision.learned
+            and (why := curve_is_worse(found, self.thresholds))
+        ):
             found = self._without_the_curve(why)
         if found.complete and found.verdict is Verdict.UNKNOWN:
             self.found = found = self._with_differing_runs(found)
-        if found.complete and (why := beyond_training(found)):
+        if found.complete and (why := beyond_training(found, self.thresholds)):
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
                 found = self._unknown_in_held_out()

@@ -23,6 +23,7 @@ from eha_bench.diagnosis.fit.baseline import (
 )
 from eha_bench.diagnosis.fit.effort import count_simulated_time
 from eha_bench.diagnosis.fit.side_by_side import fits_by, one_thread_of_algebra
+from eha_bench.diagnosis.fit.thresholds import DEFAULT, Thresholds
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.points import diagnose_points
 from eha_bench.plants.static_plant import StaticPlant
@@ -33,6 +34,7 @@ def diagnose(
     out: str | Path | None = None,
     progress: ProgressHook = no_progress,
     workers: Workers = IN_PROCESS,
+    thresholds: Thresholds = DEFAULT,
 ) -> Diagnosis:
     """Close the loop: residual, cause, revised model, errors before and after.
 
@@ -44,6 +46,7 @@ def diagnose(
         out: folder that gets diagnosis.json, revised.yaml and recalibrated.yaml.
         progress: called with the stage and the fraction of it done, every second or two.
         workers: do the fits that are independent; this process does so on threads.
+        thresholds: of the verdict.
 
     Raises:
         InputError: a file is wrong or missing, nothing can be compared, or `out` cannot be used.
@@ -69,7 +72,7 @@ def diagnose(
                 base, interrupted = calibrated_baseline(loaded, live), False
         except CalibrationInterrupted as stop:
             base, interrupted = stop.baseline, True
-        conclusion = Conclusion(loaded, base, out, live)
+        conclusion = Conclusion(loaded, base, out, live, thresholds)
         conclusion.keep(complete=False)
         try:
             found = conclusion.interrupted() if interrupted else conclusion.whole(asked, workers)

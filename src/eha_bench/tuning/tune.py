@@ -205,13 +205,29 @@ class _Tuning:
             second.run(start, self._generations(size, 1.0 - _SHARE_AT_FITTED), effort.seed)
             chosen = second.best if second.tried else chosen
             if second.tried and not self.interrupted():
-                chosen, after, declared = self._proven(second, before, draws, posterior)
+                as_declared = _tried_at(first, before)
+                chosen, after, declared = self._proven(second, before, as_declared, draws)
         return self._tuned_result(first, chosen, before, after, declared, second)
 
     def _proven(
-        self, second: GainSearch, before: Point, draws: Sequence[Draw], posterior: Posterior
+        self,
+        second: GainSearch,
+        before: Point,
+        as_declared: TriedGains | None,
+        draws: Sequence[Draw],
     ) -> tuple[TriedGains, Probability, Probability]:
-        """Return the best of the finalists over all draws, and the gains as they were."""
+        """Return the best over all draws, what it does there, and what the declared gains do.
+
+        The best is one of the finalists, chosen on few draws, or the declared gains where these are
+        within their ranges.
+
+        Args:
+            second: the search over few draws. before: the declared gains.
+            as_declared: the same as they were tried, None where they are outside their ranges.
+            draws: on which they are checked.
+        """
+        posterior = self.posterior
+        assert posterior is not None
         machines = [Machine(draw.number, draw.model, posterior.remainder) for draw in draws]
         finalists: list[TriedGains] = []
         for item in sorted(second.whole, key=lambda item: -item.worth):
@@ -230,12 +246,13 @@ class _Tuning:
             if not rows:
                 raise KeyboardInterrupt  # the best of the search stands
             found.append(Probability(limits, tuple(draws), tuple(rows[0]), notes=posterior.notes))
-        worths = [self.aim.of(item.margins) for item in found[:-1]]
+        candidates = finalists if as_declared is None else [*finalists, as_declared]
+        worths = [self.aim.of(item.margins) for item in found[: len(candidates)]]
         best = int(np.argmax(worths))
         after, declared = (
             self._with_beyond(found[place], points[place], posterior) for place in (best, -1)
         )
-        return finalists[best], after, declared
+        return candidates[best], after, declared
 
     def _with_beyond(self, found: Probability, point: Point, posterior: Posterior) -> Probability:
         """Return it with what lies beyond the recordings: as fitted, which the draws are about."""
@@ -342,6 +359,19 @@ class _Tuning:
             tuple(notes),
             not self.interrupted(),
         )
+
+
+def _tried_at(search: GainSearch, point: Point) -> TriedGains | None:
+    """Return what was tried at a point, None for nothing."""
+    wanted = np.array(point, dtype=np.float64)
+    return next(
+        (
+            item
+            for item in search.tried
+            if np.allclose(np.array(item.point, float), wanted, 1e-9, 0.0)
+        ),
+        None,
+    )
 
 
 def _declared_gains(space: Space) -> list[float]:

@@ -33,12 +33,6 @@ def _soft_mean() -> float:
 
 
 _CONCERNED = 0.03
-REST_RELATIVE = 0.03
-"""A rest below this share of the noise's cost is not worth a new cause."""
-REST_SIGNIFICANCE = 8.0
-_BURSTS = 0.2
-"""The same of a rest that comes in bursts: what acts in few instants has hardly any other structure
-in time, while single outliers and a wrong level of the noise do not come together."""
 _FURTHEST = 8.0
 """Size of a residual beyond which it counts as one of that size, in the noise."""
 _GAP = np.array([np.nan])
@@ -133,13 +127,6 @@ class Excess:
     def relative(self) -> float:
         """Excess as a share of the noise's cost."""
         return self.total / (SOFT_MEAN * self.size)
-
-
-def is_unexplained(rest: Excess) -> bool:
-    """Whether a residual holds more than noise and what a nearly right model leaves."""
-    if rest.relative > _BURSTS and rest.bursts > REST_SIGNIFICANCE:
-        return True
-    return rest.relative > REST_RELATIVE and rest.significance > REST_SIGNIFICANCE
 
 
 def excess(problem: Problem, fit: Fit) -> Excess:

@@ -12,20 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import isfinite, nan
 
+from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 
-_WINDOWS = 1.5
-"""Growth of an error over windows from training to held-out runs; healthy ones of four plants had
-at most 1.11."""
-_REPLAY = 5.0
-"""The same of whole replays, in noise floors, where small errors add up; healthy ones had 2.4."""
 
-
-def beyond_training(found: Diagnosis) -> str:
+def beyond_training(found: Diagnosis, limits: Thresholds) -> str:
     """Say what held-out runs show that training runs do not, or nothing."""
-    windows = _worst(found, _over_windows, _WINDOWS)
-    replays = _worst(found, _over_replays, _REPLAY)
+    windows = _worst(found, _over_windows, limits.windows)
+    replays = _worst(found, _over_replays, limits.replays)
     worst = windows or replays
     if worst is None:
         return ""

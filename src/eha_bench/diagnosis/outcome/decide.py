@@ -8,24 +8,15 @@ from dataclasses import dataclass, replace
 from eha_bench.core.per_cent import per_cent
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.candidates import LEARNED
-from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN, is_unexplained
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import soften
 from eha_bench.diagnosis.outcome.diagnosis import Unknown, Verdict
-from eha_bench.diagnosis.search.state import Search, Thresholds
+from eha_bench.diagnosis.search.state import Search
 from eha_bench.diagnosis.unknown.curves import LocatedCurve
 from eha_bench.diagnosis.unknown.learn import learn, times_of
 from eha_bench.diagnosis.unknown.locator import Locator, locate
 from eha_bench.diagnosis.unknown.places import places_of
-
-_EXPLAINED = 0.5
-"""Share of the excess from which known effects are the verdict, whatever else is missing."""
-_BEATEN = 0.5
-"""Share of what known effects explain below which a learned curve is not a rival to them."""
-_NOTHING = 0.005
-"""Share of the excess that is none."""
-_TOLD = 0.1
-"""Share of the excess from which a curve's variable is what it depends on."""
 
 _TIMES = 9.0
 """Share above the noise from which a note counts in times the noise, not in per cent."""
@@ -60,20 +51,20 @@ def decide(
         search: finished. step: integration step of the localisation, s. progress: called often.
         earlier: what was refused before, one sentence each.
     """
-    rest = search.excess_left
-    unexplained = is_unexplained(rest)
+    rest, limits = search.excess_left, search.thresholds
+    unexplained = search.is_unexplained
     before = max(search.excess_base.total, 1.0)
     share = 1.0 - max(rest.total, 0.0) / before
     notes = [
         *earlier,
         _remaining(rest.relative, search.excess_base.relative),
     ]
-    if search.effects and (not unexplained or share >= _EXPLAINED):
+    if search.effects and (not unexplained or share >= limits.explained):
         if unexplained:
             notes.append("the causes found do not explain everything: something else is missing")
         return Decision(Verdict.EFFECT, search.fit, tuple(notes), None)
     if not unexplained:
-        if rest.relative > REST_RELATIVE:
+        if rest.relative > limits.rest:
             worst = max(rest.by_channel, key=lambda name: rest.by_channel[name])
             notes.append(
                 "that has no structure in time: single outliers, or more noise than estimated, "
@@ -117,8 +108,8 @@ def _beside_a_remainder(
     assert found.unknown is not None
     place = found.unknown.equation
     there = all(item.start.equation == place for item in known.effects)
-    much = Thresholds().is_much(search.excess_base)
-    if not (much and there and found.unknown.share < _BEATEN * share):
+    much = search.thresholds.is_much(search.excess_base)
+    if not (much and there and found.unknown.share < search.thresholds.beaten * share):
         return found
     search.restore(known)
     text = (
@@ -172,7 +163,7 @@ def _decision_with_curve(
     soft, _ = soften(search.fit.residual, fit.soft)
     before = float(soft @ soft)
     share = (before - fit.cost) / max(before - floor, 1.0)
-    if not share > _NOTHING:
+    if not share > search.thresholds.nothing:
         text = f"{_acting(best.template.equation, '')}; no curve that was tried "
         text += "explains any of it, so what it depends on remains open"
         unknown = Unknown(best.template.equation, (), text, 0.0)
@@ -180,7 +171,7 @@ def _decision_with_curve(
     template = best.template
     period = float(fit.vector[search.problem.plant.layout.index[f"{LEARNED}.period"]])
     text = _acting(template.equation, template.place)
-    if share > _TOLD:
+    if share > search.thresholds.follows:
         text += f" and depends on {template.variable}"
         if period:
             text += f", periodic with {period:.4g} (SI)"

@@ -14,8 +14,9 @@ from math import isfinite, isnan, sqrt
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.per_cent import per_cent
 from eha_bench.diagnosis.fit.baseline import COARSE
-from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare, excess, is_unexplained
+from eha_bench.diagnosis.fit.evidence import compare, excess
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
+from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis
 from eha_bench.diagnosis.replay.errors_by_channel import ChannelError
 from eha_bench.diagnosis.search.backward import (
@@ -25,45 +26,36 @@ from eha_bench.diagnosis.search.backward import (
     is_within_disagreement,
     without,
 )
-from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
-
-_WORSE = 1.05
-"""Growth of the error of whole replays from which a model is worse: less is chance."""
-_LIKELY = 0.05
-"""Probability from which chance may as well have made a gain."""
-_CLEAR = 4.0
-"""Size of an effect, in its standard deviations, from which it is not nothing; fresh cases at the
-hardest strength had 8 and more, what forms within the noise imitate has 2."""
+from eha_bench.diagnosis.search.state import Accepted, Search
 
 _NOT_DISTINCT = (
     "its size is not distinct from zero, and the error without it has no structure in time"
 )
 
 
-def prune(search: Search, limits: Thresholds | None = None) -> list[str]:
+def prune(search: Search) -> list[str]:
     """Take out of a search what its own figures speak against; say what, one sentence each.
 
     What one leaves may take the others to a bound, so these are looked at again.
     """
-    limits = limits or Thresholds()
     if not search.effects:
         return []
-    _deepen_base(search, limits)
+    _deepen_base(search)
     notes: list[str] = []
-    while found := _dropped(search, limits):
+    while found := _dropped(search):
         notes += found
     return notes
 
 
-def _dropped(search: Search, limits: Thresholds) -> list[str]:
+def _dropped(search: Search) -> list[str]:
     """Take out what the figures speak against as they are; say what, one sentence each."""
     notes = []
     for item in reversed(search.effects):
         refit: Fit | None = None
-        reason = _against(search, item, limits)
+        reason = _against(search, item)
         if not reason and len(search.effects) > 1 and is_loose(search, item):
             refit = without(search, item)
-            reason = _beside_others(search, item, refit, limits)
+            reason = _beside_others(search, item, refit)
         if reason:
             notes.append(refusal(item, reason))
             drop(search, item, refit or without(search, item))
@@ -85,7 +77,7 @@ def against_the_end(search: Search, found: Diagnosis) -> tuple[Accepted, str] | 
     for item in search.effects:
         if reason := _at_bound(item, vector):
             return item, reason
-    if reason := worse(found):
+    if reason := worse(found, search.thresholds):
         return min(search.effects, key=lambda item: item.comparison.gain), reason
     return None
 
@@ -96,18 +88,18 @@ def _at_bound(item: Accepted, vector: FloatArray) -> str:
     return "" if bound is None else f"its strength is at its bound, {bound:.4g}"
 
 
-def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
+def _against(search: Search, item: Accepted) -> str:
     """Say what speaks against an effect that was added, or nothing."""
-    start, found = item.start, item.comparison
+    start, found, limits = item.start, item.comparison, search.thresholds
     if reason := _at_bound(item, search.fit.vector):
         return reason
     if found.explained_out <= 0.0 or found.gain_out <= 0.0:
         return "it explains nothing on runs left out of the fit"
-    if found.p_value > _LIKELY:
+    if found.p_value > limits.likely:
         return f"its gain may be chance (p {found.p_value:.2g})"
     missing = search.excess_base
-    if missing.significance <= REST_SIGNIFICANCE and not (
-        limits.is_clear(found, missing.size) or deviations_off(search, start) > _CLEAR
+    if not limits.has_structure(missing) and not (
+        limits.is_clear(found, missing.size) or deviations_off(search, start) > limits.clear
     ):
         return _NOT_DISTINCT
     if len(search.effects) == 1 and not limits.is_enough(found, missing, 0):
@@ -116,26 +108,26 @@ def _against(search: Search, item: Accepted, limits: Thresholds) -> str:
     return ""
 
 
-def _beside_others(search: Search, item: Accepted, refit: Fit, limits: Thresholds) -> str:
+def _beside_others(search: Search, item: Accepted, refit: Fit) -> str:
     """Say why the others do as well without an effect that is not sure, or nothing.
 
     Args:
-        search: with it. item: the effect. refit: without it. limits: when an effect is believed.
+        search: with it. item: the effect. refit: without it.
     """
     if is_within_disagreement(search, item, refit.cost - search.fit.cost):
         return "without it the others explain as much, within what runs disagree by"
-    missing = excess(search.problem, refit)
+    limits, missing = search.thresholds, excess(search.problem, refit)
     found = compare(refit, search.fit, search.groups, missing.total)
     if (
-        is_unexplained(missing)
+        limits.is_unexplained(missing)
         or limits.is_clear(found, missing.size)
-        or deviations_off(search, item.start) > _CLEAR
+        or deviations_off(search, item.start) > limits.clear
     ):
         return ""
     return _NOT_DISTINCT
 
 
-def _deepen_base(search: Search, limits: Thresholds) -> None:
+def _deepen_base(search: Search) -> None:
     """Begin the fit without any effect where the one with them has ended, too.
 
     It may have been caught where it began, and a better place would take from what effects gain.
@@ -145,12 +137,12 @@ def _deepen_base(search: Search, limits: Thresholds) -> None:
         vector[item.start.strength_at] = item.start.neutral
     coarse = search.problem.at_step(max(search.problem.step, COARSE))
     other = levenberg_marquardt(coarse, vector, search.base.free, iterations=6, refresh=1)
-    if other.cost > search.base.cost - limits.gain:
+    if other.cost > search.base.cost - search.thresholds.gain:
         return
     other = levenberg_marquardt(
         search.problem, other.vector, search.base.free, iterations=4, known=other.columns, refresh=0
     )
-    if other.cost > search.base.cost - limits.gain:
+    if other.cost > search.base.cost - search.thresholds.gain:
         return
     search.base, search.excess_base = other, excess(search.problem, other)
     if len(search.accepted) == 1:
@@ -159,11 +151,11 @@ def _deepen_base(search: Search, limits: Thresholds) -> None:
         search.accepted = [replace(item, comparison=found)]
 
 
-def worse(found: Diagnosis) -> str:
+def worse(found: Diagnosis, limits: Thresholds) -> str:
     """Say on which runs the revised model is worse than the recalibrated one, or nothing."""
     for kind, errors in (("held-out", found.holdout), ("unseen", found.unseen)):
         ratio = growth(errors)
-        if ratio > _WORSE:
+        if ratio > limits.worse:
             by = f"{ratio:.3g} times" if isfinite(ratio) else "without end"
             return f"with it the error of whole replays of {kind} runs grows, {by}"
     return ""
@@ -187,12 +179,12 @@ def growth(errors: Mapping[str, ChannelError]) -> float:
     return sqrt(after / before) if known else 1.0
 
 
-def curve_is_worse(found: Diagnosis) -> str:
+def curve_is_worse(found: Diagnosis, limits: Thresholds) -> str:
     """Say on which runs a learned curve makes the errors larger, or nothing.
 
     Runs that were never fitted count as they do for an effect; else all have to be worse.
     """
-    if why := worse(found):
+    if why := worse(found, limits):
         return why
     groups = [group for group in (found.train, found.holdout, found.unseen) if group]
     if groups and all(growth(group) > 1.0 for group in groups):

@@ -50,7 +50,7 @@ def other_forms(search: Search, item: Accepted, start: Start, fit: Fit) -> list[
     found = []
     for chosen, other in forms:
         best = _best_fit(search, item, other, start, fit)
-        if is_as_good(best, search.fit, item.comparison.gain, search.groups):
+        if is_as_good(search, best, search.fit, item.comparison.gain):
             words = ", ".join(
                 f"{choices[at].name} {choices[at].choices[int(value)]}"
                 for at, value in chosen.items()

@@ -13,12 +13,7 @@ from dataclasses import replace
 
 from eha_bench.diagnosis.data.wander import Wander
 from eha_bench.diagnosis.fit.baseline import Baseline, colour_notes
-from eha_bench.diagnosis.fit.evidence import (
-    REST_RELATIVE,
-    REST_SIGNIFICANCE,
-    excess,
-    is_unexplained,
-)
+from eha_bench.diagnosis.fit.evidence import excess
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.wandering import (
     refit_with_noise,
@@ -55,23 +50,23 @@ def with_own_noise(base: Baseline, search: Search) -> tuple[Baseline, Search] | 
     Args:
         base: as calibrated. search: finished.
     """
-    rest = search.excess_left
-    structured = rest.significance > REST_SIGNIFICANCE
+    rest, limits = search.excess_left, search.thresholds
+    structured = limits.has_structure(rest)
     # a fit that leaves less than the noise says that the noise was taken too large; one that leaves
     # more, without structure, that it was taken from what the model without the effects left
-    another = rest.relative < -REST_RELATIVE or (bool(search.effects) and rest.relative > _WRONG)
+    another = rest.relative < -limits.rest or (bool(search.effects) and rest.relative > _WRONG)
     if rest.relative > _MUCH or not (structured or another):
         return None
     search.problem.prepare(search.fit.vector)
     problem = with_noise_of_residual(search.problem, search.fit.vector)
     fit = refit_with_noise(problem, search.fit)
     wander: Mapping[str, Wander] = {}
-    if search.effects and excess(problem, fit).significance > REST_SIGNIFICANCE:
+    if search.effects and limits.has_structure(excess(problem, fit)):
         wander = wandering(problem, fit)
     if wander:
         wandered = with_wander(problem, wander)
         beside = refit_with_noise(wandered, fit)
-        if excess(wandered, beside).significance > REST_SIGNIFICANCE:
+        if limits.has_structure(excess(wandered, beside)):
             wander = {}
         else:
             problem, fit = wandered, beside
@@ -99,7 +94,10 @@ def with_slow_noise(base: Baseline, search: Search, decision: Decision) -> Basel
     problem = with_wander(problem, wander)
     fit = refit_with_noise(problem, fit)
     left = excess(problem, fit)
-    if is_unexplained(left) and left.significance > _LEFT * search.excess_base.significance:
+    if (
+        search.thresholds.is_unexplained(left)
+        and left.significance > _LEFT * search.excess_base.significance
+    ):
         return None
     return _with_noise(replace(base, fit=fit), problem, wander)
 

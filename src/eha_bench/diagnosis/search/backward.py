@@ -15,15 +15,10 @@ from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.profile import cost_with
 from eha_bench.diagnosis.fit.uncertainty import Spread, spreads
 from eha_bench.diagnosis.search.refit import BENT, polish_afresh, sticks
-from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
-
-_SURE = 5.0
-"""Size, in standard deviations, from which an effect is there beyond doubt."""
-_LITTLE = 0.05
-"""Share of the excess before any effect that is little: a form that is off by a fifth leaves it."""
+from eha_bench.diagnosis.search.state import Accepted, Search
 
 
-def without_idle(search: Search, limits: Thresholds) -> Fit | None:
+def without_idle(search: Search) -> Fit | None:
     """Return the fit without what was added last, if that does nothing; else None.
 
     Its refit only led the others to a better place.
@@ -39,12 +34,12 @@ def without_idle(search: Search, limits: Thresholds) -> Fit | None:
     for free in fit.free:
         if free.at == start.strength_at:
             least = min(least, cost_with(search.problem, fit, free.key, start.neutral))
-    idle = least - fit.cost < limits.gain
+    idle = least - fit.cost < search.thresholds.gain
     little = item.comparison.gain < BENT * SOFT_MEAN * search.problem.size
     if not (idle or little):
         return None
     trial = without(search, item)
-    return trial if idle or trial.cost - fit.cost < limits.gain else None
+    return trial if idle or trial.cost - fit.cost < search.thresholds.gain else None
 
 
 def deviations_off(search: Search, start: Start) -> float:
@@ -63,7 +58,7 @@ def deviations_off(search: Search, start: Start) -> float:
 
 def is_loose(search: Search, item: Accepted) -> bool:
     """Whether an effect is so few standard deviations large that one without it may fit as well."""
-    return deviations_off(search, item.start) <= _SURE
+    return deviations_off(search, item.start) <= search.thresholds.loose
 
 
 def is_within_disagreement(search: Search, item: Accepted, fall: float) -> bool:
@@ -76,7 +71,7 @@ def is_within_disagreement(search: Search, item: Accepted, fall: float) -> bool:
         search: with it. item: of its effects. fall: of the cost by it, the others refitted.
     """
     spread = _strength_spread(search, item.start)
-    little = fall < _LITTLE * search.excess_base.total
+    little = fall < search.thresholds.little * search.excess_base.total
     return spread is not None and little and fall < spread.least_fall
 
 
@@ -95,8 +90,9 @@ def drop(search: Search, item: Accepted, fit: Fit) -> None:
         search.base, search.excess_base = search.fit, search.excess_left
 
 
-def review(search: Search, limits: Thresholds) -> None:
+def review(search: Search) -> None:
     """Take out what a later addition has made needless."""
+    limits = search.thresholds
     for item in list(search.accepted[:-1]):
         trial = without(search, item)
         left = excess(search.problem, trial)
@@ -105,7 +101,7 @@ def review(search: Search, limits: Thresholds) -> None:
             drop(search, item, trial)
 
 
-def release(search: Search, limits: Thresholds) -> None:
+def release(search: Search) -> None:
     """Take out effects whose size may as well be nothing, and which nothing is lost without.
 
     One that led the others out of a poor place is left over where they could not get there alone.
@@ -114,7 +110,7 @@ def release(search: Search, limits: Thresholds) -> None:
         if not is_loose(search, item):
             continue
         trial = without(search, item)
-        if trial.cost - search.fit.cost < limits.gain:
+        if trial.cost - search.fit.cost < search.thresholds.gain:
             drop(search, item, trial)
 
 

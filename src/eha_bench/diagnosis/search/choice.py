@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from eha_bench.diagnosis.fit.evidence import Groups, Improvement
+from eha_bench.diagnosis.fit.evidence import Improvement
 from eha_bench.diagnosis.search.equivalent import is_as_good, tie
-from eha_bench.diagnosis.search.state import Refit, Search, Thresholds
+from eha_bench.diagnosis.search.state import Refit, Search
 
 
-def choose(search: Search, trials: Sequence[Refit], limits: Thresholds) -> Refit | None:
+def choose(search: Search, trials: Sequence[Refit]) -> Refit | None:
     """Return what is added next of a look's candidates, the best first; None where none will do."""
-    good = [item for item in trials if _is_acceptable(search, item.comparison, limits)]
+    good = [item for item in trials if _is_acceptable(search, item.comparison)]
     if not good:
         return None
     good = _inside_bounds(search, good)
@@ -35,17 +35,18 @@ def _inside_bounds(search: Search, good: list[Refit]) -> list[Refit]:
     """
     inside = [item for item in good if item.start.bound_met(item.fit.vector) is None]
     best = good[0]
-    if inside and is_as_good(inside[0].fit, best.fit, best.comparison.gain, search.groups):
+    if inside and is_as_good(search, inside[0].fit, best.fit, best.comparison.gain):
         return inside
     return good
 
 
-def _is_acceptable(search: Search, found: Improvement, limits: Thresholds) -> bool:
+def _is_acceptable(search: Search, found: Improvement) -> bool:
+    limits = search.thresholds
     enough = limits.is_enough(found, search.excess_left, len(search.effects))
     return enough and limits.allow(found)
 
 
-def equivalents(chosen: Refit, trials: Sequence[Refit], groups: Groups) -> tuple[str, ...]:
+def equivalents(search: Search, chosen: Refit, trials: Sequence[Refit]) -> tuple[str, ...]:
     """Return candidates whose fit is not worse than the chosen one's beyond resampling noise."""
     found = []
     for item in trials:
@@ -53,6 +54,6 @@ def equivalents(chosen: Refit, trials: Sequence[Refit], groups: Groups) -> tuple
             continue
         if item.comparison.gain < 0.5 * chosen.comparison.gain:
             continue
-        if is_as_good(item.fit, chosen.fit, chosen.comparison.gain, groups):
+        if is_as_good(search, item.fit, chosen.fit, chosen.comparison.gain):
             found.append(item.candidate)
     return tuple(found)

@@ -19,7 +19,7 @@ from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.equivalent import is_as_good
 from eha_bench.diagnosis.search.refit import Near, polish_at_rest
-from eha_bench.diagnosis.search.state import Accepted, Refit, Search, Thresholds, starts_of
+from eha_bench.diagnosis.search.state import Accepted, Refit, Search, starts_of
 
 _RIVALS = 3
 CLOSE = 0.4
@@ -27,7 +27,7 @@ CLOSE = 0.4
 _TRIED = 3
 
 
-def exchange(search: Search, limits: Thresholds) -> bool:
+def exchange(search: Search) -> bool:
     """Replace what was added by what fits better in its place; return whether anything changed."""
     if search.exchanged_from is search.fit:
         return False
@@ -39,8 +39,7 @@ def exchange(search: Search, limits: Thresholds) -> bool:
             continue
         others = [other for other in search.accepted if other is not item]
         best = _best(search, item, others, starts)
-        # what no candidate explains makes chance gain as much more than noise would
-        least = limits.gain * max(1.0, 1.0 + search.excess_left.relative)
+        least = search.thresholds.least_gain(search.excess_left)
         if best is None or best.fit.cost > search.fit.cost - least:
             continue
         found = compare(
@@ -48,7 +47,7 @@ def exchange(search: Search, limits: Thresholds) -> bool:
         )
         equal = tuple(name for name in item.equivalent if name != best.candidate)
         old = item.start.candidate
-        if old != best.candidate and is_as_good(search.fit, best.fit, found.gain, search.groups):
+        if old != best.candidate and is_as_good(search, search.fit, best.fit, found.gain):
             equal = (old, *equal)
         search.accepted[place] = Accepted(best.start, found, equal)
         search.fit = best.fit

@@ -17,7 +17,7 @@ from eha_bench.diagnosis.fit.problem import cost_of
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.search.exchange import fit_with_item_off
 from eha_bench.diagnosis.search.refit import free_of, polish_at_rest
-from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds
+from eha_bench.diagnosis.search.state import Accepted, Search
 from eha_bench.plants.effect import AT
 from eha_bench.plants.layout import Layout
 
@@ -55,7 +55,7 @@ def held_keys(layout: Layout, item: Accepted, fit: Fit) -> set[str]:
     return {f"{effect.id}.{parameter.name}" for parameter in searched} - {*item.start.keys}
 
 
-def take_best_form(search: Search, limits: Thresholds) -> bool:
+def take_best_form(search: Search) -> bool:
     """Give what was added last its form that fits best; return whether that is another one."""
     item = search.accepted[-1]
     if item.start.is_parameter:
@@ -72,9 +72,7 @@ def take_best_form(search: Search, limits: Thresholds) -> bool:
     if not done:
         return False
     start, fit = min(done, key=lambda trial: trial[1].cost)
-    # what no candidate explains makes chance gain as much more than noise would
-    least = limits.gain * max(1.0, 1.0 + search.excess_left.relative)
-    if fit.cost > search.fit.cost - least:
+    if fit.cost > search.fit.cost - search.thresholds.least_gain(search.excess_left):
         return False
     found = compare(fit_with_item_off(search, item), fit, search.groups, search.excess_base.total)
     search.fit = fit

@@ -17,7 +17,7 @@ from eha_bench.diagnosis.fit.start_angles import is_periodic
 from eha_bench.diagnosis.search.backward import without
 from eha_bench.diagnosis.search.refit import Near, Nearby, polish_at_rest
 from eha_bench.diagnosis.search.settle import rebase, settle
-from eha_bench.diagnosis.search.state import Accepted, Search, Thresholds, starts_of
+from eha_bench.diagnosis.search.state import Accepted, Search, starts_of
 
 _FIRSTS = 4
 _SECONDS = 3
@@ -29,9 +29,9 @@ _LARGER = 0.4
 """Share of it that the larger of two must explain alone: half, less what both could."""
 
 
-def joint(search: Search, limits: Thresholds) -> bool:
+def joint(search: Search) -> bool:
     """Replace what was found by two that explain more together; return whether they do."""
-    kept = search.snapshot()
+    limits, kept = search.thresholds, search.snapshot()
     search.accepted, search.fit = [], search.base
     search.excess_left = search.excess_base
     try:
@@ -42,7 +42,7 @@ def joint(search: Search, limits: Thresholds) -> bool:
         return False
     left = best.fit.cost - SOFT_MEAN * search.problem.size
     before = search.excess_base.total
-    if left > (1.0 - limits.together) * before:
+    if before - left < limits.together * before:
         return False
     search.fit = best.fit
     search.accepted = [Accepted(start, NOT_COMPARED, ()) for start in best.starts]

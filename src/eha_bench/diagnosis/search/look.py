@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from eha_bench.diagnosis.fit.baseline import COARSE, SCREENING
-from eha_bench.diagnosis.fit.evidence import REST_SIGNIFICANCE, compare
+from eha_bench.diagnosis.fit.evidence import compare
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.fit.side_by_side import side_by_side
 from eha_bench.diagnosis.fit.start_angles import is_periodic
@@ -35,9 +35,6 @@ _TURNING = 3
 _PROMISING = 3
 _FORMS = 3
 """Starts of a promising candidate whose settings are moved."""
-_WORTH = 0.02
-"""Excess, as a share of the noise's cost, that is worth another look: that of an effect whose
-outputs move by a seventh of the noise."""
 _MOSTLY = 0.3
 """Share of the excess that may be left before effects of the shaft's angle are worth a scan."""
 _LEAST_EXCESS = 30.0
@@ -84,8 +81,7 @@ def look(search: Search, *, first: bool) -> list[Refit]:
 
 def is_worth_a_look(search: Search) -> bool:
     """Whether enough is left to distinguish another cause from what a fit leaves over."""
-    left = search.excess_left
-    return left.relative > _WORTH and left.significance > REST_SIGNIFICANCE
+    return search.thresholds.is_worth_a_look(search.excess_left)
 
 
 def _much_stays(search: Search, finals: Sequence[Refit]) -> bool:
@@ -96,7 +92,7 @@ def _much_stays(search: Search, finals: Sequence[Refit]) -> bool:
     """
     left = search.excess_left
     if not is_worth_a_look(search):
-        return left.significance > REST_SIGNIFICANCE
+        return search.thresholds.has_structure(left)
     reached = min((item.fit.cost for item in finals), default=search.fit.cost)
     floor = search.fit.cost - left.total
     return reached > floor + max(_MOSTLY * left.total, _LEAST_EXCESS)

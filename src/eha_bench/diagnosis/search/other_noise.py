@@ -8,19 +8,15 @@ from eha_bench.diagnosis.fit.evidence import compare, excess, groups_of
 from eha_bench.diagnosis.fit.least_squares import Fit, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem
 from eha_bench.diagnosis.search.backward import drop, without
-from eha_bench.diagnosis.search.state import Search, Thresholds
+from eha_bench.diagnosis.search.state import Search
 
 
-def refitted_search(
-    search: Search, problem: Problem, fit: Fit, limits: Thresholds | None = None
-) -> Search:
+def refitted_search(search: Search, problem: Problem, fit: Fit) -> Search:
     """Return a search with what was found fitted again, less what is not believed there.
 
     Args:
         search: finished. problem: the same windows, with other noise. fit: what was found, there.
-        limits: of what is believed.
     """
-    limits = limits or Thresholds()
     base = fit
     if search.accepted:
         base = levenberg_marquardt(problem, search.base.vector, search.base.free, refresh=1)
@@ -39,7 +35,7 @@ def refitted_search(
     for item in list(found.effects):
         trial = without(found, item)
         seen = compare(trial, found.fit, found.groups, excess(problem, trial).total)
-        if limits.allow(seen):
+        if search.thresholds.allow(seen):
             found.accepted = [
                 replace(own, comparison=seen) if own is item else own for own in found.accepted
             ]

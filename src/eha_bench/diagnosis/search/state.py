@@ -9,8 +9,6 @@ from eha_bench.core.arrays import FloatArray
 from eha_bench.diagnosis.fit.baseline import Baseline
 from eha_bench.diagnosis.fit.candidates import Start, all_starts
 from eha_bench.diagnosis.fit.evidence import (
-    REST_SIGNIFICANCE,
-    SOFT_MEAN,
     Excess,
     Groups,
     Improvement,
@@ -19,6 +17,7 @@ from eha_bench.diagnosis.fit.evidence import (
 )
 from eha_bench.diagnosis.fit.least_squares import Fit
 from eha_bench.diagnosis.fit.problem import Problem
+from eha_bench.diagnosis.fit.thresholds import DEFAULT, Thresholds
 
 
 @dataclass(frozen=True)
@@ -78,6 +77,7 @@ class Search:
         exchanged_from: where an exchange last changed nothing.
         near: the last search over short windows (`refit.Near`), where it began.
         excess_base, excess_left: beyond noise before and after.
+        thresholds: when something is missing, believed, and kept.
     """
 
     problem: Problem
@@ -95,6 +95,7 @@ class Search:
     looked_from: Fit | None = None
     exchanged_from: Fit | None = None
     near: object | None = None
+    thresholds: Thresholds = DEFAULT
 
     def __getstate__(self) -> dict[str, object]:
         """Leave at home what was tried before: a fit elsewhere begins from where the search is."""
@@ -109,6 +110,11 @@ class Search:
         self.problem, self.base, self.fit = kept.problem, kept.base, kept.fit
         self.excess_base, self.excess_left = kept.excess_base, kept.excess_left
         self.accepted = list(kept.accepted)
+
+    @property
+    def is_unexplained(self) -> bool:
+        """Whether what is left holds more than noise and what a nearly right model leaves."""
+        return self.thresholds.is_unexplained(self.excess_left)
 
     @property
     def effects(self) -> list[Accepted]:
@@ -128,7 +134,7 @@ def starts_of(search: Search, taken: Sequence[str] = ()) -> list[Start]:
     return [start for start in starts if places.permits(start.apply(vector), start.keys)]
 
 
-def begin(baseline: Baseline) -> Search:
+def begin(baseline: Baseline, thresholds: Thresholds = DEFAULT) -> Search:
     """Return a search that starts from a calibrated model."""
     model = baseline.dataset.model
     found = excess(baseline.problem, baseline.fit)
@@ -142,6 +148,7 @@ def begin(baseline: Baseline) -> Search:
         baseline.problem.places.lengthened(model.vector()),
         found,
         found,
+        thresholds=thresholds,
     )
 
 
@@ -159,81 +166,3 @@ def rival_share(usual: float, best: float, excess: float) -> float:
         usual: the share where it can still win. best: gain of the best. excess: what there was.
     """
     return max(usual, _MAY_TIE) if best > _NEARLY_ALL * excess else usual
-
-
-@dataclass(frozen=True)
-class Thresholds:
-    """When a candidate is believed.
-
-    Attributes:
-        gain: least fall of the cost, fitted and left out (a cost of 1 is one sigma).
-        share: least part of the present excess that it takes on runs left out.
-        first: the same of a first one where much is missing: of a measured machine much remains,
-            in which one cause shows as a smaller part. much: excess, in the noise's cost, that is.
-        p_value: largest probability that it gains nothing on runs left out.
-        p_few: the same where it leaves next to nothing: what acts in a few instants (impacts) shows
-            in a few blocks, however sure it is; by at least `plain`, so much in each of them.
-        runs_better: least part of the runs that it changes for which it gains.
-        p_clear: the same that is clear without any share: of an excess without structure in time
-            nobody knows how much is only a wrong level of the noise.
-        worth: gain, in the noise's cost, that is worth a cause there.
-        together: least part of the excess that two must explain that are looked for at once.
-    """
-
-    gain: float = 30.0
-    share: float = 0.25
-    first: float = 0.2
-    much: float = 5.0
-    p_value: float = 1e-3
-    p_few: float = 0.05
-    plain: float = 150.0
-    runs_better: float = 0.5
-    p_clear: float = 3.2e-5
-    worth: float = 0.02
-    together: float = 0.8
-
-    def least_share(self, before: Excess, others: int) -> float:
-        """Return the least share that an effect takes of an excess, among others."""
-        return self.first if not others and self.is_much(before) else self.share
-
-    def is_enough(self, found: Improvement, before: Excess, others: int) -> bool:
-        """Whether a gain is enough of an excess, or clear where that may be the noise's level.
-
-        Beside another effect it has to be enough: what that leaves is more likely its form.
-        """
-        if min(found.share, found.share_out) > self.least_share(before, others):
-            return True
-        level = before.significance <= REST_SIGNIFICANCE and not others
-        return level and self.is_clear(found, before.size)
-
-    def is_much(self, missing: Excess) -> bool:
-        """Whether so much is missing that a remainder is to be expected."""
-        return missing.relative > self.much
-
-    def is_clear(self, found: Improvement, rows: int) -> bool:
-        """Whether a gain speaks for itself: four standard deviations, and worth a cause.
-
-        Where outputs move by less than in proportion to a size (a presliding distance), its
-        standard deviation is no measure of how far it is from nothing, but the gain is (Hauck,
-        Donner, J. Am. Stat. Assoc. 72 (1977) 851, doi:10.1080/01621459.1977.10479969).
-
-        Args:
-            found: what a candidate gains. rows: of the residual.
-        """
-        least = self.worth * SOFT_MEAN * rows
-        return found.p_value < self.p_clear and min(found.gain, found.gain_out) > least
-
-    def allow(self, found: Improvement) -> bool:
-        """Whether something gains on runs left out as well, and no accident does as much."""
-        return (
-            found.gain > self.gain
-            and found.gain_out > self.gain / 2
-            and self.is_sure(found)
-            and found.runs_better >= self.runs_better
-        )
-
-    def is_sure(self, found: Improvement) -> bool:
-        """Whether a gain is no accident, on runs left out."""
-        all_of_it = min(found.share, found.share_out) > _NEARLY_ALL
-        plain = min(found.gain, found.gain_out) > self.plain
-        return found.p_value < (self.p_few if all_of_it and plain else self.p_value)

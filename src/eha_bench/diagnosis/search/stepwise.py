@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from eha_bench.core.progress import ProgressHook
-from eha_bench.diagnosis.fit.evidence import is_unexplained
 from eha_bench.diagnosis.search.backward import drop, release, review, without_idle
 from eha_bench.diagnosis.search.choice import choose, equivalents
 from eha_bench.diagnosis.search.exchange import exchange
@@ -14,64 +13,65 @@ from eha_bench.diagnosis.search.joint import joint
 from eha_bench.diagnosis.search.look import is_worth_a_look, look
 from eha_bench.diagnosis.search.refit import is_bent
 from eha_bench.diagnosis.search.settle import rebase, settle
-from eha_bench.diagnosis.search.state import Accepted, Refit, Search, Thresholds
+from eha_bench.diagnosis.search.state import Accepted, Refit, Search
 
 MOST_EFFECTS = 4
 _NEARLY = 0.1
 
 
-def run(search: Search, progress: ProgressHook, *, thresholds: Thresholds | None = None) -> None:
+def run(search: Search, progress: ProgressHook) -> None:
     """Add effects to the search until nothing more is found, and look at them again together."""
-    limits = thresholds or Thresholds()
     progress("search", 0.0)
-    little = is_unexplained(search.excess_base) and not is_bent(search.excess_base)
+    little = search.thresholds.is_unexplained(search.excess_base) and not is_bent(
+        search.excess_base
+    )
     if little and not search.accepted:
         # so little may also be what a calibration that stopped early leaves over
         settle(search)
         search.base, search.excess_base = search.fit, search.excess_left
-    _grow(search, limits, progress)
-    if search.effects and is_unexplained(search.excess_left):
+    _grow(search, progress)
+    if search.effects and search.is_unexplained:
         progress("search", 0.8)
-        if exchange(search, limits):
-            review(search, limits)
-            _grow(search, limits, progress)
-    if is_unexplained(search.excess_left):
+        if exchange(search):
+            review(search)
+            _grow(search, progress)
+    if search.is_unexplained:
         progress("search", 0.9)
         kept = search.snapshot()
-        if joint(search, limits):
-            if (idle := without_idle(search, limits)) is not None:
+        if joint(search):
+            if (idle := without_idle(search)) is not None:
                 drop(search, search.accepted[-1], idle)
-            if is_unexplained(search.excess_left):
-                exchange(search, limits)
-            review(search, limits)
-            _grow(search, limits, progress)
+            if search.is_unexplained:
+                exchange(search)
+            review(search)
+            _grow(search, progress)
             if search.excess_left.relative > kept.excess_left.relative:
                 search.restore(kept)
-    release(search, limits)
+    release(search)
     progress("search", 1.0)
 
 
-def _grow(search: Search, limits: Thresholds, progress: ProgressHook) -> None:
+def _grow(search: Search, progress: ProgressHook) -> None:
     """Add one effect after the other until nothing more is found."""
     for _ in range(MOST_EFFECTS - len(search.accepted)):
-        if search.looks and not (is_worth_a_look(search) or _refused_for_its_share(search, limits)):
+        if search.looks and not (is_worth_a_look(search) or _refused_for_its_share(search)):
             return
         progress("search", len(search.accepted) / (MOST_EFFECTS + 1))
         trials = _latest_look(search)
-        chosen = choose(search, trials, limits)
+        chosen = choose(search, trials)
         if chosen is None:
             return
         _add(search, chosen, trials)
-        if (idle := without_idle(search, limits)) is not None:
+        if (idle := without_idle(search)) is not None:
             drop(search, search.accepted[-1], idle)
             continue
-        if is_worth_a_look(search) and take_best_form(search, limits):
+        if is_worth_a_look(search) and take_best_form(search):
             settle(search)
             rebase(search)
-        review(search, limits)
+        review(search)
         if _is_nearly_explained(search):
             # what is left of what was nearly explained is more likely a wrong form than a new cause
-            exchange(search, limits)
+            exchange(search)
 
 
 def _is_nearly_explained(search: Search) -> bool:
@@ -80,13 +80,13 @@ def _is_nearly_explained(search: Search) -> bool:
     return nearly and is_worth_a_look(search) and len(search.accepted) > 0
 
 
-def _refused_for_its_share(search: Search, limits: Thresholds) -> bool:
+def _refused_for_its_share(search: Search) -> bool:
     """Whether something was sure in the last look, of an excess that was told by other noise."""
     if search.looked_from is not None:
         return False
     added = {item.start.candidate for item in search.accepted}
     return any(
-        limits.allow(item.comparison)
+        search.thresholds.allow(item.comparison)
         for item in search.looks[-1]
         if not item.start.is_parameter and item.candidate not in added
     )
@@ -105,7 +105,7 @@ def _add(search: Search, chosen: Refit, trials: Sequence[Refit]) -> None:
     # the fit first: interrupted in what follows, the two still belong together
     search.fit = chosen.fit
     search.accepted.append(
-        Accepted(chosen.start, chosen.comparison, equivalents(chosen, trials, search.groups))
+        Accepted(chosen.start, chosen.comparison, equivalents(search, chosen, trials))
     )
     settle(search)
     rebase(search)

@@ -21,7 +21,7 @@ import numpy as np
 from eha_bench.core.arrays import FloatArray
 from eha_bench.core.progress import ProgressHook
 from eha_bench.diagnosis.fit.baseline import SCREENING
-from eha_bench.diagnosis.fit.evidence import REST_RELATIVE, SOFT_MEAN
+from eha_bench.diagnosis.fit.evidence import SOFT_MEAN
 from eha_bench.diagnosis.fit.least_squares import Fit, jacobian, levenberg_marquardt
 from eha_bench.diagnosis.fit.problem import Problem, soften
 from eha_bench.diagnosis.fit.short_windows import aligned_problem
@@ -52,6 +52,8 @@ Stat. Assoc. 90 (1995) 773, doi:10.1080/01621459.1995.10476572)."""
 _COMPLETE = 0.15
 """Share of other channels' excess that a sensor's error may leave: an input through instants 9 ms
 apart leaves that much of jumps."""
+_SMALLEST = 0.03
+"""Excess of other channels, in the noise's cost, of which shares are taken at least."""
 _FURTHEST = 0.3
 _TELLING = 0.1
 """Share of the excess from which what a curve follows means anything."""
@@ -169,7 +171,7 @@ class Locator:
         before = float(soft[others] @ soft[others]) - floor
         # squares of so many standard normal numbers scatter by the root of twice their count
         after = float(rest[others] @ rest[others]) - floor - 2.0 * math.sqrt(2.0 * count)
-        return max(after, 0.0) / max(before, REST_RELATIVE * floor)
+        return max(after, 0.0) / max(before, _SMALLEST * floor)
 
     def _with_curves(self, found: list[SupportedPlace]) -> list[SupportedPlace]:
         """Simulate curves where more than one equation is in the race."""

@@ -6,6 +6,10 @@ index n while the oil is compressed with beta, the effective bulk modulus at pre
     s = phi / (1 - phi) * (p_0 / p)^(1/n)         volume of air per volume of oil
     beta_e = beta (1 + s) / (1 + s beta / (n p))
 
+Bubbles dissolve as the pressure rises (Henry's law): with `dissolution: linear`, s is multiplied by
+(p_d - p) / (p_d - p_0) between p_0 and the pressure p_d at which all air is dissolved. That takes
+seconds, so the modulus is that of the bubbles that are left at p.
+
 Towards high pressure beta_e goes to beta, towards none to that of the air, n p. Pressures are taken
 absolute, as logged; where the sensors read gauge pressure, `ambient` adds the atmosphere. Below a
 tenth of p_0 the value there is held: oil that has lost all its pressure is vapour, not gas.
@@ -17,7 +21,9 @@ Murrenhoff, J. Fluids Eng. 134 (2012) 021201, doi:10.1115/1.4005672.
 from __future__ import annotations
 
 from eha_bench.plants.effect import Action, Effect
-from eha_bench.plants.parameter import Parameter
+from eha_bench.plants.parameter import Parameter, choice
+
+_LINEAR = 1.0
 
 
 def effective_bulk_modulus(
@@ -27,6 +33,8 @@ def effective_bulk_modulus(
     polytropic_index: float,
     reference_pressure: float,
     ambient: float,
+    dissolution: float,
+    saturation_pressure: float,
 ) -> float:
     """Return the bulk modulus of oil with bubbles at a chamber pressure, Pa."""
     p = max(pressure + ambient, 0.1 * reference_pressure)
@@ -34,6 +42,9 @@ def effective_bulk_modulus(
     if polytropic_index != 1.0:
         ratio = ratio ** (1.0 / polytropic_index)
     air = air_fraction / (1.0 - air_fraction) * ratio
+    if dissolution == _LINEAR and p > reference_pressure:
+        left = (saturation_pressure - p) / max(saturation_pressure - reference_pressure, 1.0)
+        air *= max(0.0, left)
     return modulus * (1.0 + air) / (1.0 + air * modulus / (polytropic_index * p))
 
 
@@ -55,6 +66,11 @@ EFFECT = Effect(
             "ambient", "Pa", 0.0, 0.0, 2e5, "p_atm",
             "added to the chamber pressures where they are gauge", searched=False,
         ),
+        choice("dissolution", ("none", "linear"), "what pressure does to bubbles", refines=True),
+        Parameter(
+            "saturation_pressure", "Pa", 2e7, 1e6, 2e8, "p_d", "the pressure that dissolves all",
+            when=("dissolution", ("linear",)),
+        ),
     ),
     actions={"chamber": Action({"bulk": effective_bulk_modulus})},
     together=True,
@@ -62,5 +78,9 @@ EFFECT = Effect(
     separate=(
         "steps with the piston locked from low and from high pressure: air softens only the low "
         "ones; external leakage drains also the high ones"
+    ),
+    starts=tuple(
+        {"dissolution": _LINEAR, "saturation_pressure": all_of_it}
+        for all_of_it in (5e6, 1e7, 2e7, 4e7)
     ),
 )  # fmt: skip

@@ -1,0 +1,237 @@
+"""`python -m benchmarks.thresholds`: how much a verdict hangs on each of its thresholds.
+
+Recordings with known answers (of the knee's rig, and of three other plants) are diagnosed once,
+and every figure that is held against a threshold of `eha_bench.diagnosis.fit.thresholds` is noted.
+How close the nearest ones come from below and from above says by what factor a threshold may move
+before anything changes at all. Where that is less than two, it is halved and doubled, and the
+recordings concerned are diagnosed again: how many verdicts, causes or balances become others.
+
+`--page docs/thresholds.md` writes thresholds, sources and figures between the page's marks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Self
+
+from benchmarks.marked_page import write_between
+from benchmarks.table import Row, write_rows
+
+from eha_bench.diagnosis.diagnose import diagnose
+from eha_bench.diagnosis.fit.thresholds import DEFAULT, QUESTIONS, Thresholds
+
+DATA = Path(__file__).parent.parent.parent / "shared/data"
+KNEE = tuple(f"rig_samples/{name}" for name in "ABCDEFMN")
+OTHERS = tuple(f"foreign_samples/{name}" for name in "GHIJKL")
+FACTORS = (0.5, 2.0)
+MARKS = ("<!-- table by benchmarks.thresholds -->", "<!-- end of the table -->")
+
+
+class NotedFloat(float):
+    """A threshold that notes what it is compared with, over its own value."""
+
+    __array_ufunc__ = None  # so that NumPy's numbers, too, leave a comparison to it
+    name: str
+    seen: dict[str, list[float]]
+
+    def __new__(cls, value: float, name: str, seen: dict[str, list[float]]) -> Self:
+        made = super().__new__(cls, value)
+        made.name, made.seen = name, seen
+        return made
+
+    def _note(self, other: float) -> float:
+        self.seen[self.name].append(max(0.0, float(other) / float(self)))
+        return float(self)
+
+    def __lt__(self, other: float) -> bool:
+        return self._note(other) < other
+
+    def __gt__(self, other: float) -> bool:
+        return self._note(other) > other
+
+    def __le__(self, other: float) -> bool:
+        return self._note(other) <= other
+
+    def __ge__(self, other: float) -> bool:
+        return self._note(other) >= other
+
+    def _like(self, value: float) -> NotedFloat:
+        return NotedFloat(value, self.name, self.seen)
+
+    def __mul__(self, other: float) -> NotedFloat:
+        return self._like(float(self) * float(other))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: float) -> NotedFloat:
+        return self._like(float(self) / float(other))
+
+    def __neg__(self) -> NotedFloat:
+        return self._like(-float(self))
+
+
+def noted() -> tuple[Thresholds, dict[str, list[float]]]:
+    """Return the thresholds, and where they note what they are compared with."""
+    seen: dict[str, list[float]] = defaultdict(list)
+    values = {item.name: NotedFloat(getattr(DEFAULT, item.name), item.name, seen)
+              for item in fields(Thresholds)}  # fmt: skip
+    return Thresholds(**values), seen
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a diagnosis says: verdict, causes, and the balance of something unknown."""
+
+    verdict: str
+    causes: tuple[str, ...]
+    balance: str
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The nearest figures of one recording, over a threshold: below 1 and above, None for none."""
+
+    below: float | None
+    above: float | None
+    count: int
+
+
+def told(case: str, thresholds: Thresholds, folder: Path) -> Told:
+    """Diagnose a recording."""
+    root = DATA if case in KNEE else Path(__file__).parent.parent / "examples"
+    place = root / case.replace("foreign_samples", "foreign_plants")
+    found = diagnose(place / "dataset.yaml", folder, thresholds=thresholds)
+    balance = (found.unknown.equation if found.unknown else "") or ""
+    return Told(found.verdict.value, tuple(sorted(item.id for item in found.effects)), balance)
+
+
+def first_pass(case: str, out: Path) -> tuple[Told, dict[str, Nearest]]:
+    """Diagnose with the thresholds as they are, noting; what was done already is read."""
+    kept = out / f"{case.replace('/', '_')}.json"
+    if not kept.exists():
+        thresholds, seen = noted()
+        answer = told(case, thresholds, out / "diagnosis")
+        nearest = {
+            name: Nearest(
+                max((ratio for ratio in ratios if ratio < 1.0), default=None),
+                min((ratio for ratio in ratios if ratio >= 1.0), default=None),
+                len(ratios),
+            )
+            for name, ratios in seen.items()
+        }
+        content = {"told": asdict(answer), "nearest": {k: asdict(v) for k, v in nearest.items()}}
+        kept.write_text(json.dumps(content))
+    content = json.loads(kept.read_text())
+    answer = Told(**{**content["told"], "causes": tuple(content["told"]["causes"])})
+    return answer, {name: Nearest(**item) for name, item in content["nearest"].items()}
+
+
+def concerned(found: Mapping[str, dict[str, Nearest]], name: str, factor: float) -> list[str]:
+    """Return the recordings in which a figure lies between a threshold and its multiple."""
+    cases = []
+    for case, nearest in found.items():
+        item = nearest.get(name, Nearest(None, None, 0))
+        if factor < 1.0 and item.below is not None and item.below >= factor:
+            cases.append(case)
+        if factor > 1.0 and item.above is not None and item.above <= factor:
+            cases.append(case)
+    return cases
+
+
+def changed(case: str, name: str, factor: float, before: Told, out: Path) -> Told | None:
+    """Return what is told with another threshold where that differs; kept as `first_pass` is."""
+    kept = out / f"{case.replace('/', '_')}_{name}_{factor:g}.json"
+    if not kept.exists():
+        other = replace(DEFAULT, **{name: factor * getattr(DEFAULT, name)})
+        kept.write_text(json.dumps(asdict(told(case, other, out / "diagnosis"))))
+    content = json.loads(kept.read_text())
+    after = Told(**{**content, "causes": tuple(content["causes"])})
+    print(f"{name} x {factor:g}, {case}: {before} -> {after}", flush=True)
+    return after if after != before else None
+
+
+def table(
+    found: Mapping[str, dict[str, Nearest]], others: Mapping[tuple[str, float], tuple[int, int]]
+) -> str:
+    """Return thresholds with sources and figures, question by question."""
+    by_name = {item.name: item for item in fields(Thresholds)}
+    lines = []
+    for question, names in QUESTIONS.items():
+        lines += [
+            f"### {question}", "",
+            "| threshold | value | decides | from | nearest figures | halved | doubled |",
+            "|---|---|---|---|---|---|---|",
+        ]  # fmt: skip
+        for name in names:
+            item = by_name[name]
+            own = [nearest[name] for nearest in found.values() if name in nearest]
+            below = max((n.below for n in own if n.below is not None), default=None)
+            above = min((n.above for n in own if n.above is not None), default=None)
+            ends = [f"{end:.2g}" if end is not None else "–" for end in (below, above)]
+            near = f"{ends[0]}, {ends[1]}" if own else "not asked"
+            moved = [_moved(others.get((name, factor))) for factor in FACTORS]
+            cells = (f"`{name}`", f"{getattr(DEFAULT, name):g}", item.metadata["decides"],
+                     item.metadata["source"], near, *moved)  # fmt: skip
+            lines.append(f"| {' | '.join(cells)} |")
+        lines.append("")
+    return "\n".join(lines).rstrip()
+
+
+def _moved(item: tuple[int, int] | None) -> str:
+    return "the same" if item is None or not item[0] else f"{item[0]} of {item[1]} others"
+
+
+def main() -> int:
+    """Diagnose, move thresholds and print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.thresholds", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="one recording, nothing moved")
+    parser.add_argument("--cases", nargs="+", choices=[*KNEE, *OTHERS], default=[*KNEE, *OTHERS])
+    parser.add_argument("--out", type=Path, help="folder of what was done; one given goes on")
+    parser.add_argument("--page", type=Path, help="write the table into this page")
+    parser.add_argument("--json", type=Path, help="write the figures here")
+    given = parser.parse_args()
+    if not DATA.is_dir():
+        print(f"{DATA} is not there: nothing to diagnose")
+        return 0
+    out: Path = given.out or Path(tempfile.mkdtemp())
+    out.mkdir(parents=True, exist_ok=True)
+    cases: Sequence[str] = ["rig_samples/D"] if given.quick else given.cases
+    answers: dict[str, Told] = {}
+    found: dict[str, dict[str, Nearest]] = {}
+    for case in cases:
+        answers[case], found[case] = first_pass(case, out)
+        print(case, answers[case], flush=True)
+    others: dict[tuple[str, float], tuple[int, int]] = {}
+    for item in fields(Thresholds):
+        for factor in () if given.quick else FACTORS:
+            own = concerned(found, item.name, factor)
+            moved = sum(changed(case, item.name, factor, answers[case], out) is not None
+                        for case in own)  # fmt: skip
+            others[item.name, factor] = moved, len(cases)
+    text = table(found, others)
+    print(text)
+    if given.page:
+        write_between(given.page, MARKS, text)
+    asked = [name for name in DEFAULT.__dict__ if any(name in own for own in found.values())]
+    rows = [Row("thresholds that figures were held against", len(asked), "",
+                note=f"of {len(fields(Thresholds))}, in {len(cases)} recordings")]  # fmt: skip
+    rows += [
+        Row(f"verdicts that change where {name} is taken {factor:g} times", count, "",
+            note=f"of {of}")
+        for (name, factor), (count, of) in others.items() if count
+    ]  # fmt: skip
+    for row in rows:
+        print(row)
+    write_rows(given.json, rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+"""Thresholds of a verdict: complete, each with its source, and the page says what the code has."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+from benchmarks.thresholds import Nearest, concerned, noted
+
+from eha_bench.diagnosis.fit.evidence import Excess, Improvement
+from eha_bench.diagnosis.fit.thresholds import DEFAULT, QUESTIONS, Thresholds
+
+NAMES = [item.name for item in fields(Thresholds)]
+
+
+def test_every_threshold_answers_one_question_and_has_a_source() -> None:
+    assert sorted(NAMES) == sorted(name for names in QUESTIONS.values() for name in names)
+    for item in fields(Thresholds):
+        assert item.metadata["decides"]
+        assert item.metadata["source"]
+
+
+def test_the_page_has_the_values_of_the_code(repository: Path) -> None:
+    page = (repository / "docs" / "thresholds.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| (\S+) \|", page, re.MULTILINE))
+    assert rows == {name: f"{getattr(DEFAULT, name):g}" for name in NAMES}
+
+
+@pytest.mark.parametrize(
+    ("relative", "significance", "bursts", "unexplained", "look"),
+    [
+        (0.029, 50.0, 50.0, False, True),
+        (0.031, 8.1, 0.0, True, True),
+        (0.031, 7.9, 0.0, False, False),
+        (0.21, 0.0, 8.1, True, False),
+        (0.21, 0.0, 7.9, False, False),
+        (0.019, 50.0, 0.0, False, False),
+    ],
+)
+def test_when_something_is_missing(
+    relative: float, significance: float, bursts: float, unexplained: bool, look: bool
+) -> None:
+    class Rest(Excess):
+        @property
+        def relative(self) -> float:
+            return relative
+
+    rest = Rest(1.0, 1000, significance, {}, bursts)
+    assert DEFAULT.is_unexplained(rest) is unexplained
+    assert DEFAULT.is_worth_a_look(rest) is look
+
+
+def test_a_chance_gains_more_where_nothing_explains_what_is_left() -> None:
+    assert DEFAULT.least_gain(Excess(-40.0, 1000, 0.0, {})) == 30.0
+    left = Excess(5e4, 1000, 90.0, {})
+    assert DEFAULT.least_gain(left) == pytest.approx(30.0 * (1.0 + left.relative))
+
+
+def test_thresholds_note_what_they_are_compared_with() -> None:
+    """They decide as plain numbers do, whether a figure is Python's or NumPy's."""
+    import numpy as np
+
+    watched, seen = noted()
+    found = Improvement(60.0, 30.0, 0.5, np.float64(0.2), 1e-9, 1.0, 0.5)
+    before = Excess(1e3, 1000, 90.0, {})
+    assert watched.allow(found) is DEFAULT.allow(found) is True
+    assert not watched.is_enough(found, before, 1)
+    assert seen["gain"] == [2.0, 2.0]
+    assert seen["share"] == [pytest.approx(0.8)]
+    assert seen["p_value"] == [pytest.approx(1e-6)]
+    assert not seen["explained"]
+
+
+def test_a_recording_is_concerned_by_figures_between_a_threshold_and_its_multiple() -> None:
+    found = {
+        "A": {"share": Nearest(0.4, 1.9, 7)},
+        "B": {"share": Nearest(0.6, None, 3), "gain": Nearest(None, 1.1, 1)},
+    }
+    assert concerned(found, "share", 0.5) == ["B"]
+    assert concerned(found, "share", 2.0) == ["A"]
+    assert concerned(found, "gain", 2.0) == ["B"]
+    assert not concerned(found, "worse", 2.0)
