@@ -31,6 +31,8 @@ DATA = Path(__file__).parent.parent.parent / "shared/data"
 KNEE = tuple(f"rig_samples/{name}" for name in "ABCDEFMN")
 OTHERS = tuple(f"foreign_samples/{name}" for name in "GHIJKL")
 FACTORS = (0.5, 2.0)
+FROM_ONE = ("nearly_all", "worse", "windows")
+"""Thresholds close to 1, at which nothing is gained or lost: their distance from it is moved."""
 MARKS = ("<!-- table by benchmarks.thresholds -->", "<!-- end of the table -->")
 
 
@@ -133,14 +135,21 @@ def first_pass(case: str, out: Path) -> tuple[Told, dict[str, Nearest]]:
     return answer, {name: Nearest(**item) for name, item in content["nearest"].items()}
 
 
-def concerned(found: Mapping[str, dict[str, Nearest]], name: str, factor: float) -> list[str]:
-    """Return the recordings in which a figure lies between a threshold and its multiple."""
+def moved(name: str, factor: float) -> float:
+    """Return a threshold, or its distance from 1, times a factor."""
+    value = float(getattr(DEFAULT, name))
+    return 1.0 + factor * (value - 1.0) if name in FROM_ONE else factor * value
+
+
+def concerned(found: Mapping[str, dict[str, Nearest]], name: str, other: float) -> list[str]:
+    """Return the recordings in which a figure lies between a threshold and another value."""
+    ratio = other / getattr(DEFAULT, name)
     cases = []
     for case, nearest in found.items():
         item = nearest.get(name, Nearest(None, None, 0))
-        if factor < 1.0 and item.below is not None and item.below >= factor:
+        if ratio < 1.0 and item.below is not None and item.below >= ratio:
             cases.append(case)
-        if factor > 1.0 and item.above is not None and item.above <= factor:
+        if ratio > 1.0 and item.above is not None and item.above <= ratio:
             cases.append(case)
     return cases
 
@@ -149,7 +158,7 @@ def changed(case: str, name: str, factor: float, before: Told, out: Path) -> Tol
     """Return what is told with another threshold where that differs; kept as `first_pass` is."""
     kept = out / f"{case.replace('/', '_')}_{name}_{factor:g}.json"
     if not kept.exists():
-        other = replace(DEFAULT, **{name: factor * getattr(DEFAULT, name)})
+        other = replace(DEFAULT, **{name: moved(name, factor)})
         kept.write_text(json.dumps(asdict(told(case, other, out / "diagnosis"))))
     content = json.loads(kept.read_text())
     after = Told(**{**content, "causes": tuple(content["causes"])})
@@ -176,9 +185,9 @@ def table(
             above = min((n.above for n in own if n.above is not None), default=None)
             ends = [f"{end:.2g}" if end is not None else "–" for end in (below, above)]
             near = f"{ends[0]}, {ends[1]}" if own else "not asked"
-            moved = [_moved(others.get((name, factor))) for factor in FACTORS]
+            ends_of = [_moved(others.get((name, factor))) for factor in FACTORS]
             cells = (f"`{name}`", f"{getattr(DEFAULT, name):g}", item.metadata["decides"],
-                     item.metadata["source"], near, *moved)  # fmt: skip
+                     item.metadata["source"], near, *ends_of)  # fmt: skip
             lines.append(f"| {' | '.join(cells)} |")
         lines.append("")
     return "\n".join(lines).rstrip()
@@ -211,10 +220,10 @@ def main() -> int:
     others: dict[tuple[str, float], tuple[int, int]] = {}
     for item in fields(Thresholds):
         for factor in () if given.quick else FACTORS:
-            own = concerned(found, item.name, factor)
-            moved = sum(changed(case, item.name, factor, answers[case], out) is not None
+            own = concerned(found, item.name, moved(item.name, factor))
+            count = sum(changed(case, item.name, factor, answers[case], out) is not None
                         for case in own)  # fmt: skip
-            others[item.name, factor] = moved, len(cases)
+            others[item.name, factor] = count, len(cases)
     text = table(found, others)
     print(text)
     if given.page:

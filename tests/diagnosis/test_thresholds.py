@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from benchmarks.thresholds import Nearest, concerned, noted
+from benchmarks.thresholds import Nearest, concerned, moved, noted
 
 from eha_bench.diagnosis.fit.evidence import Excess, Improvement
 from eha_bench.diagnosis.fit.thresholds import DEFAULT, QUESTIONS, Thresholds
@@ -78,7 +78,9 @@ def test_a_recording_is_concerned_by_figures_between_a_threshold_and_its_multipl
         "A": {"share": Nearest(0.4, 1.9, 7)},
         "B": {"share": Nearest(0.6, None, 3), "gain": Nearest(None, 1.1, 1)},
     }
-    assert concerned(found, "share", 0.5) == ["B"]
-    assert concerned(found, "share", 2.0) == ["A"]
-    assert concerned(found, "gain", 2.0) == ["B"]
-    assert not concerned(found, "worse", 2.0)
+    assert concerned(found, "share", moved("share", 0.5)) == ["B"]
+    assert concerned(found, "share", moved("share", 2.0)) == ["A"]
+    assert concerned(found, "gain", moved("gain", 2.0)) == ["B"]
+    assert not concerned(found, "worse", moved("worse", 2.0))
+    assert moved("worse", 2.0) == pytest.approx(1.1)
+    assert moved("nearly_all", 0.5) == pytest.approx(0.975)
