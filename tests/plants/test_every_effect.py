@@ -220,6 +220,16 @@ def test_a_supply_sags_only_where_its_pressure_is_not_logged(tmp_path: Path, log
     assert ("air" in places) is not logged
 
 
+def test_what_moves_behind_a_load_cell_may_follow_what_is_logged_before_it(tmp_path: Path) -> None:
+    path = tmp_path / "plant.yaml"
+    path.write_text(LOGGED_SUPPLY + "inputs: {air_pressure: air.pressure}\n")
+    (rod,) = (
+        spot for spot in load_model(path).plant.layout.effect("learned").spots if spot.name == "rod"
+    )
+    assert rod.follows["additive"] == ("time", "carriage_position")
+    assert rod.follows["friction"] == ("time", "carriage_position", "air_pressure")
+
+
 def test_same_input_gives_the_same_bits() -> None:
     vector = _base(DeclaredEffect("presliding_friction"), DeclaredEffect("current_lag")).vector()
     np.testing.assert_array_equal(_simulate(vector), _simulate(vector))

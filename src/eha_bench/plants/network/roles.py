@@ -844,6 +844,25 @@ def variables_of(system: System) -> dict[str, str]:
     return found
 
 
+def _motion_channels(
+    system: System, item: Coordinate, channels: Mapping[int, str]
+) -> tuple[str, str]:
+    """Return the channels that show a position and a speed, "" for none.
+
+    Through a stiff load cell, what moves at its other end shows them as well.
+    """
+    cells = [part for part in system.parts.values() if part.element.kind.id == "load_cell"]
+    ends = [[system.leader_of(node) for node in part.element.ports.values()] for part in cells]
+    joined = [other for pair in ends if item in pair for other in pair if other is not item]
+    shown = [
+        (channels.get(one.position, ""), channels.get(one.speed, "")) for one in (item, *joined)
+    ]
+    return (
+        next((position for position, _ in shown if position), ""),
+        next((speed for _, speed in shown if speed), ""),
+    )
+
+
 def _anything(system: System) -> Iterator[Spot]:
     """Every place where something unknown may act.
 
@@ -854,6 +873,9 @@ def _anything(system: System) -> Iterator[Spot]:
     names = {"u": "variable(@learned.variable, X, P, S)"}
     vocabulary = {"variable": tuple(known)}
     channels = {item.state: item.channel for item in system.outputs if item.state >= 0}
+    logged = [
+        column.channel for column in system.columns if column.unit == "Pa" and not column.command
+    ]
 
     def spot(
         name: str,
@@ -903,7 +925,7 @@ def _anything(system: System) -> Iterator[Spot]:
         )
     for item in system.coordinates:
         if system.inertias(item):
-            own = tuple(channels.get(place, "") for place in (item.position, item.speed))
+            own = _motion_channels(system, item, channels)
             pumped = (own[1], "pressure_difference", "pressure_sum")
             turns = bool(_on(system, item, "pump"))
             yield spot(
@@ -912,7 +934,7 @@ def _anything(system: System) -> Iterator[Spot]:
                 {"added": (Hook(f"net:{item.name}"),), "level": (Hook(f"dry:{item.name}"),)},
                 {
                     "additive": pumped if turns else ("time", *own),
-                    "friction": pumped if turns else ("time", own[0], "pressure_sum"),
+                    "friction": pumped if turns else ("time", own[0], "pressure_sum", *logged),
                 },
                 0.1 * usual_effort(system, item),
             )
