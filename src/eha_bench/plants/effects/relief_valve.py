@@ -115,7 +115,9 @@ EFFECT = Effect(
     starts=tuple(
         {"setting": setting, "route": route}
         for route in (_TANK, _PORTS)
-        # a third apart: from a setting that is much lower or higher, no fit finds its way
-        for setting in (4e6, 5.3e6, 7.1e6, 9.5e6, 12.6e6, 16.8e6, 22.4e6, 30e6)
+        # a seventh apart: from a setting that is never reached, or nearly always, no fit finds its
+        # way, and a valve that holds the pressure leaves little between the two
+        for setting in (4e6, 4.6e6, 5.3e6, 6.1e6, 7.1e6, 8.2e6, 9.5e6, 10.9e6, 12.6e6, 14.5e6,
+                        16.8e6, 19.4e6, 22.4e6, 25.9e6, 30e6)
     ),
 )  # fmt: skip
