@@ -128,7 +128,9 @@ def _of_start(layout: Layout, effect: BoundEffect, start: Start) -> Cause:
         for item in effect.parameters
     }
     strength = effect.parameter_at(effect.strength.name, values)
-    words = [item.choices[round(values[item.name])] for item in effect.parameters if item.choices]
+    # what only refines what is there stands at its default, and makes no other cause
+    words = [item.choices[round(values[item.name])] for item in effect.parameters
+             if item.choices and not item.refines]  # fmt: skip
     place = effect.place(values) if AT in values else ""
     others = [word for word in words if word not in (place, EVERYWHERE)]
     at = ", ".join(part for part in (place, *others) if part)
