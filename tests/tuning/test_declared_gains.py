@@ -9,12 +9,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from eha_bench.core.errors import Place
 from eha_bench.core.result import Status
 from eha_bench.posterior.posterior import Draw, Posterior
 from eha_bench.sweeps.conditions import ANY
 from eha_bench.sweeps.evaluation import PointResult
+from eha_bench.sweeps.factor import Gain
 from eha_bench.sweeps.probability import Probability
-from eha_bench.sweeps.space import Point
+from eha_bench.sweeps.space import Point, Space
+from eha_bench.sweeps.span import Range
 from eha_bench.tuning import tune as room
 from eha_bench.tuning.aim import PassProbability
 from eha_bench.tuning.search import GainSearch, TriedGains
@@ -77,3 +80,15 @@ def test_what_was_tried_is_found_by_its_gains() -> None:
     found = room._tried_at(search, (1.0 + 1e-13, 2.0))
     assert found is search.tried[1]
     assert room._tried_at(search, (1.0, 2.1)) is None
+
+
+def test_declared_gains_outside_their_ranges_are_said() -> None:
+    """A bare number is SI: a range of 3 to 12 A/Pa does not hold 6 A/MPa."""
+    place = Place(file="vary.yaml")
+    gains = (
+        Gain("pressure.k_p", Range(3.0, 12.0, 5, False), "A/Pa", place),
+        Gain("pressure.k_2", Range(0.5, 4.0, 5, False), "A*s/rad", place),
+    )
+    space = Space(cast("Any", None), gains)
+    (said,) = room._outside_ranges(space, (6.06e-6, 2.2))
+    assert said == "the declared pressure.k_p, 6.06e-06 A/Pa, is outside its range"

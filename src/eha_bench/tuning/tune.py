@@ -185,7 +185,7 @@ class _Tuning:
                 first.explore(again, _LONGER * candidates, size, effort.seed + 1, until=0.0)
         if not first.tried:
             raise KeyboardInterrupt
-        self._check_scored(first)
+        self._check_scored(first, before)
         if self.posterior is None:
             return self._tuned_result(first, first.best, before, None, None)
         return self._over_draws(first, before, self.posterior)
@@ -276,23 +276,26 @@ class _Tuning:
     def _generations(self, size: int, share: float) -> int:
         return max(1, round(share * self.effort.candidates / size) - 1)
 
-    def _check_scored(self, first: GainSearch) -> None:
+    def _check_scored(self, first: GainSearch, before: Point) -> None:
         """Raise an InputError where a limit is scored for no candidate."""
+        space = self.trying.space
         margins = np.concatenate([item.margins for item in first.tried])
         unscored = np.flatnonzero(~np.isfinite(margins).any(axis=0))
         if not unscored.size or self.interrupted():
             return
-        suite = self.trying.space.case.suite
+        suite = space.case.suite
         limit = limits_of(suite)[int(unscored[0])]
         alone = replace(suite, trials=tuple(t for t in suite.trials if t.id == limit.trial))
-        case = replace(self.trying.space.case, suite=alone)
-        trying = GainTrials(replace(self.trying.space, case=case), IN_PROCESS)
+        case = replace(space.case, suite=alone)
+        trying = GainTrials(replace(space, case=case), IN_PROCESS)
         machine = Machine(_AS_FITTED, case.simulator.model)
         found = trying.results([first.best.point], [machine])[0][0]
         raise InputError(
             f"nothing scores the limit on {limit.metric} ({found.reason or 'no reason is known'})",
             where=_place_of(suite.text, str(suite.path), limit),
-            hint="remove the limit, or widen the ranges",
+            hint="; ".join(
+                ("remove the limit, or widen the ranges", *_outside_ranges(space, before))
+            ),
         )
 
     def _contradiction(self, first: GainSearch) -> Contradiction:
@@ -331,12 +334,7 @@ class _Tuning:
         passes = bool(np.all(margins >= 0.0)) if after is None else after.suite.kept > 0
         notes = list(self.posterior.notes) if self.posterior else []
         notes += [] if after is None else [item.note for item in after.beyond]
-        notes += [
-            f"the declared {factor.key}, {factor.formatted(value)}, is outside its range"
-            for factor, value in zip(space.factors, before, strict=True)
-            if isinstance(factor.span, Range)
-            and not factor.span.low <= float(value) <= factor.span.high
-        ]
+        notes += _outside_ranges(space, before)
         notes += _at_ends(space, chosen.point)
         if self.interrupted():
             notes.append("interrupted: these are the best gains so far")
@@ -372,6 +370,16 @@ def _tried_at(search: GainSearch, point: Point) -> TriedGains | None:
         ),
         None,
     )
+
+
+def _outside_ranges(space: Space, before: Point) -> list[str]:
+    """Say which declared gains are outside their ranges, one sentence each."""
+    return [
+        f"the declared {factor.key}, {factor.formatted(value)}, is outside its range"
+        for factor, value in zip(space.factors, before, strict=True)
+        if isinstance(factor.span, Range)
+        and not factor.span.low <= float(value) <= factor.span.high
+    ]
 
 
 def _declared_gains(space: Space) -> list[float]:
