@@ -65,7 +65,9 @@ def diagnosed(example: Path, folder: Path, until: str = "") -> Outcome:
 
 
 def rows_of_seals(seals: Sequence[str], out: Path, until: str = "") -> list[Row]:
-    """Diagnose seals; return one row."""
+    """Diagnose seals; return one row, or none without seals."""
+    if not seals:
+        return []
     found = {}
     for seal in seals:
         found[seal] = diagnosed(ROOT / "examples/seal_friction" / seal, out / seal, until)
