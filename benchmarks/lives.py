@@ -21,7 +21,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from benchmarks.table import Row, write_rows
+from benchmarks.table import Row, report_rows
 from fixtures.rig import kernel
 from fixtures.rig.commands import Run
 from fixtures.rig.parameters import CALIBRATED, DECLARED
@@ -377,10 +377,7 @@ def main() -> int:
                 said = json.dumps([asdict(item) for item in outcomes])
                 (chosen.keep / "lives.json").write_text(said, encoding="utf-8")
     rows = rows_from(outcomes)
-    for row in rows:
-        print(row)
-    write_rows(chosen.json, rows)
-    return int(any(row.verdict == "missed" for row in rows))
+    return report_rows(chosen.json, rows)
 
 
 def rows_from(outcomes: Sequence[LifeSeen]) -> list[Row]:

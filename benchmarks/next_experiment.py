@@ -27,7 +27,7 @@ from benchmarks.experiment_cases import Case, Ended, Truth, broken
 from benchmarks.experiment_rigs import SAFETY, BlindRig, rigs_of
 from benchmarks.other_experiments import OtherPlanners
 from benchmarks.safe_proposals import Asked, asked_again
-from benchmarks.table import Row, write_rows
+from benchmarks.table import Row, report_rows
 
 from eha_bench.suites import Suite, load_suite
 
@@ -207,10 +207,7 @@ def main() -> int:
     figures, _ = table(done)
     print(json.dumps(figures, indent=1))
     rows = rows_from(figures, again)
-    for row in rows:
-        print(row)
-    write_rows(given.json, rows)
-    return 0 if all(row.verdict != "missed" for row in rows) else 1
+    return report_rows(given.json, rows)
 
 
 def rows_from(figures: dict[str, Any], again: Sequence[Asked]) -> list[Row]:

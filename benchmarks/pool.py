@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from benchmarks.table import Row, write_rows
+from benchmarks.table import Row, report_rows, write_rows
 
 ROOT = Path(__file__).parent.parent
 LOGS = ROOT.parent / "shared/data/so101"
@@ -145,9 +145,7 @@ def main() -> int:
                 rows.append(Row(f"{joint}, two motions {how}: error after over before",
                                 float(np.exp(np.mean(np.log(own)))), "", note=f"{len(own)} pairs"
                                 ))  # fmt: skip
-    for row in rows:
-        print(row)
-    write_rows(given.json, rows)
+    report_rows(given.json, rows)
     if given.out:
         (given.out / "pairs.json").write_text(json.dumps([asdict(pair) for pair in done]))
     return 0

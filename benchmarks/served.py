@@ -20,7 +20,7 @@ import urllib.request
 from pathlib import Path
 
 import uvicorn
-from benchmarks.table import Row, write_rows
+from benchmarks.table import Row, report_rows
 
 from eha_bench.core.result import Result, Status, TrialResult
 from eha_bench.core.score import Measure, Score, ScoreStatus
@@ -95,10 +95,7 @@ def main() -> int:
     rows = [
         Row(name, seconds, "s", "<", wanted.get(name, math.nan)) for name, seconds in found.items()
     ]
-    for row in rows:
-        print(row)
-    write_rows(options.json, rows)
-    return int(any(row.verdict == "missed" for row in rows))
+    return report_rows(options.json, rows)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,14 @@ def write_rows(path: Path | None, rows: Iterable[Row]) -> None:
     if path is not None:
         content = [_finite(asdict(row) | {"verdict": row.verdict}) for row in rows]
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def report_rows(path: Path | None, rows: Sequence[Row]) -> int:
+    """Print rows, write them if a path is given; return 1 where a target was missed, else 0."""
+    for row in rows:
+        print(row)
+    write_rows(path, rows)
+    return int(any(row.verdict == "missed" for row in rows))
 
 
 def _finite(entry: Mapping[str, Any]) -> dict[str, Any]:

@@ -19,17 +19,21 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from benchmarks.marked_page import write_between
-from benchmarks.table import Row, write_rows
+from benchmarks.table import Row, report_rows
 
 from eha_bench.diagnosis.diagnose import diagnose
 from eha_bench.diagnosis.fit.thresholds import DEFAULT, QUESTIONS, Thresholds
 
-DATA = Path(__file__).parent.parent.parent / "shared/data"
-KNEE = tuple(f"rig_samples/{name}" for name in "ABCDEFMN")
-OTHERS = tuple(f"foreign_samples/{name}" for name in "GHIJKL")
+ROOT = Path(__file__).parent.parent
+DATA = ROOT.parent / "shared/data"
+CASES = {
+    **{name: DATA / "rig_samples" / name for name in "ABCDEFMN"},
+    **{name: ROOT / "examples/foreign_plants" / name for name in "GHIJKL"},
+}
+"""Recordings with known answers: of the knee's rig, and of three other plants."""
 FACTORS = (0.5, 2.0)
 FROM_ONE = ("nearly_all", "worse", "windows")
 """Thresholds close to 1, at which nothing is gained or lost: their distance from it is moved."""
@@ -95,6 +99,11 @@ class Told:
     causes: tuple[str, ...]
     balance: str
 
+    @staticmethod
+    def read(content: Mapping[str, Any]) -> Told:
+        """Read one that was kept."""
+        return Told(content["verdict"], tuple(content["causes"]), content["balance"])
+
 
 @dataclass(frozen=True)
 class Nearest:
@@ -102,21 +111,18 @@ class Nearest:
 
     below: float | None
     above: float | None
-    count: int
 
 
 def told(case: str, thresholds: Thresholds, folder: Path) -> Told:
     """Diagnose a recording."""
-    root = DATA if case in KNEE else Path(__file__).parent.parent / "examples"
-    place = root / case.replace("foreign_samples", "foreign_plants")
-    found = diagnose(place / "dataset.yaml", folder, thresholds=thresholds)
+    found = diagnose(CASES[case] / "dataset.yaml", folder, thresholds=thresholds)
     balance = (found.unknown.equation if found.unknown else "") or ""
     return Told(found.verdict.value, tuple(sorted(item.id for item in found.effects)), balance)
 
 
 def first_pass(case: str, out: Path) -> tuple[Told, dict[str, Nearest]]:
     """Diagnose with the thresholds as they are, noting; what was done already is read."""
-    kept = out / f"{case.replace('/', '_')}.json"
+    kept = out / f"{case}.json"
     if not kept.exists():
         thresholds, seen = noted()
         answer = told(case, thresholds, out / "diagnosis")
@@ -124,15 +130,15 @@ def first_pass(case: str, out: Path) -> tuple[Told, dict[str, Nearest]]:
             name: Nearest(
                 max((ratio for ratio in ratios if ratio < 1.0), default=None),
                 min((ratio for ratio in ratios if ratio >= 1.0), default=None),
-                len(ratios),
             )
             for name, ratios in seen.items()
         }
         content = {"told": asdict(answer), "nearest": {k: asdict(v) for k, v in nearest.items()}}
         kept.write_text(json.dumps(content))
     content = json.loads(kept.read_text())
-    answer = Told(**{**content["told"], "causes": tuple(content["told"]["causes"])})
-    return answer, {name: Nearest(**item) for name, item in content["nearest"].items()}
+    return Told.read(content["told"]), {
+        name: Nearest(**item) for name, item in content["nearest"].items()
+    }
 
 
 def moved(name: str, factor: float) -> float:
@@ -146,7 +152,7 @@ def concerned(found: Mapping[str, dict[str, Nearest]], name: str, other: float) 
     ratio = other / getattr(DEFAULT, name)
     cases = []
     for case, nearest in found.items():
-        item = nearest.get(name, Nearest(None, None, 0))
+        item = nearest.get(name, Nearest(None, None))
         if ratio < 1.0 and item.below is not None and item.below >= ratio:
             cases.append(case)
         if ratio > 1.0 and item.above is not None and item.above <= ratio:
@@ -154,16 +160,15 @@ def concerned(found: Mapping[str, dict[str, Nearest]], name: str, other: float) 
     return cases
 
 
-def changed(case: str, name: str, factor: float, before: Told, out: Path) -> Told | None:
-    """Return what is told with another threshold where that differs; kept as `first_pass` is."""
-    kept = out / f"{case.replace('/', '_')}_{name}_{factor:g}.json"
+def is_changed(case: str, name: str, factor: float, before: Told, out: Path) -> bool:
+    """Whether something else is told with another threshold; kept as by `first_pass`."""
+    kept = out / f"{case}_{name}_{factor:g}.json"
     if not kept.exists():
         other = replace(DEFAULT, **{name: moved(name, factor)})
         kept.write_text(json.dumps(asdict(told(case, other, out / "diagnosis"))))
-    content = json.loads(kept.read_text())
-    after = Told(**{**content, "causes": tuple(content["causes"])})
+    after = Told.read(json.loads(kept.read_text()))
     print(f"{name} x {factor:g}, {case}: {before} -> {after}", flush=True)
-    return after if after != before else None
+    return after != before
 
 
 def table(
@@ -185,15 +190,15 @@ def table(
             above = min((n.above for n in own if n.above is not None), default=None)
             ends = [f"{end:.2g}" if end is not None else "–" for end in (below, above)]
             near = f"{ends[0]}, {ends[1]}" if own else "not asked"
-            ends_of = [_moved(others.get((name, factor))) for factor in FACTORS]
+            others_of = [_in_words(others.get((name, factor))) for factor in FACTORS]
             cells = (f"`{name}`", f"{getattr(DEFAULT, name):g}", item.metadata["decides"],
-                     item.metadata["source"], near, *ends_of)  # fmt: skip
+                     item.metadata["source"], near, *others_of)  # fmt: skip
             lines.append(f"| {' | '.join(cells)} |")
         lines.append("")
     return "\n".join(lines).rstrip()
 
 
-def _moved(item: tuple[int, int] | None) -> str:
+def _in_words(item: tuple[int, int] | None) -> str:
     return "the same" if item is None or not item[0] else f"{item[0]} of {item[1]} others"
 
 
@@ -201,7 +206,7 @@ def main() -> int:
     """Diagnose, move thresholds and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.thresholds", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="one recording, nothing moved")
-    parser.add_argument("--cases", nargs="+", choices=[*KNEE, *OTHERS], default=[*KNEE, *OTHERS])
+    parser.add_argument("--cases", nargs="+", choices=[*CASES], default=[*CASES])
     parser.add_argument("--out", type=Path, help="folder of what was done; one given goes on")
     parser.add_argument("--page", type=Path, help="write the table into this page")
     parser.add_argument("--json", type=Path, help="write the figures here")
@@ -211,7 +216,7 @@ def main() -> int:
         return 0
     out: Path = given.out or Path(tempfile.mkdtemp())
     out.mkdir(parents=True, exist_ok=True)
-    cases: Sequence[str] = ["rig_samples/D"] if given.quick else given.cases
+    cases: Sequence[str] = ["D"] if given.quick else given.cases
     answers: dict[str, Told] = {}
     found: dict[str, dict[str, Nearest]] = {}
     for case in cases:
@@ -221,14 +226,13 @@ def main() -> int:
     for item in fields(Thresholds):
         for factor in () if given.quick else FACTORS:
             own = concerned(found, item.name, moved(item.name, factor))
-            count = sum(changed(case, item.name, factor, answers[case], out) is not None
-                        for case in own)  # fmt: skip
+            count = sum(is_changed(case, item.name, factor, answers[case], out) for case in own)
             others[item.name, factor] = count, len(cases)
     text = table(found, others)
     print(text)
     if given.page:
         write_between(given.page, MARKS, text)
-    asked = [name for name in DEFAULT.__dict__ if any(name in own for own in found.values())]
+    asked = {name for nearest in found.values() for name in nearest}
     rows = [Row("thresholds that figures were held against", len(asked), "",
                 note=f"of {len(fields(Thresholds))}, in {len(cases)} recordings")]  # fmt: skip
     rows += [
@@ -236,9 +240,7 @@ def main() -> int:
             note=f"of {of}")
         for (name, factor), (count, of) in others.items() if count
     ]  # fmt: skip
-    for row in rows:
-        print(row)
-    write_rows(given.json, rows)
+    report_rows(given.json, rows)
     return 0
 
 

@@ -39,7 +39,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.rig_loop import RigSimulator
-from benchmarks.table import Row, write_rows
+from benchmarks.table import Row, report_rows
 from benchmarks.tuned_machines import KNEE, SERVO, VALVE, VARY, recorded
 
 from eha_bench.control.controller_file import load_controllers
@@ -490,9 +490,7 @@ def main() -> int:
             done.append(run_case(plant, number, out / f"{plant}-{number}", given))
             print(line(done[-1]), flush=True)
     rows = rows_from(done)
-    for row in rows:
-        print(row)
-    write_rows(given.json, rows)
+    report_rows(given.json, rows)
     return 0
 
 

@@ -75,8 +75,8 @@ def test_thresholds_note_what_they_are_compared_with() -> None:
 
 def test_a_recording_is_concerned_by_figures_between_a_threshold_and_its_multiple() -> None:
     found = {
-        "A": {"share": Nearest(0.4, 1.9, 7)},
-        "B": {"share": Nearest(0.6, None, 3), "gain": Nearest(None, 1.1, 1)},
+        "A": {"share": Nearest(0.4, 1.9)},
+        "B": {"share": Nearest(0.6, None), "gain": Nearest(None, 1.1)},
     }
     assert concerned(found, "share", moved("share", 0.5)) == ["B"]
     assert concerned(found, "share", moved("share", 2.0)) == ["A"]

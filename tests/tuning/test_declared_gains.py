@@ -54,7 +54,7 @@ def proven(
     monkeypatch.setattr(tuning, "_with_beyond", lambda found, *_: found)
     second = cast("GainSearch", SimpleNamespace(whole=[tried(FOUND)]))
     draws = [cast("Draw", SimpleNamespace(number=k, model=None, values={})) for k in range(10)]
-    return tuning._proven(second, DECLARED, as_declared, draws)
+    return tuning._proven(second, DECLARED, as_declared, draws, posterior)
 
 
 @pytest.mark.parametrize(("of_found", "best"), [(6, DECLARED), (7, FOUND), (8, FOUND)])

@@ -13,7 +13,7 @@ from eha_bench.diagnosis.data.dataset import Dataset
 from eha_bench.diagnosis.fit.baseline import COARSE, Baseline
 from eha_bench.diagnosis.fit.side_by_side import fits_by
 from eha_bench.diagnosis.fit.start_angles import starts_of
-from eha_bench.diagnosis.fit.thresholds import DEFAULT, Thresholds
+from eha_bench.diagnosis.fit.thresholds import Thresholds
 from eha_bench.diagnosis.outcome.beyond_training import beyond_training
 from eha_bench.diagnosis.outcome.decide import Decision, decide, in_held_out
 from eha_bench.diagnosis.outcome.diagnosis import Diagnosis, Unknown, Verdict, failed_stage
@@ -55,10 +55,9 @@ class Conclusion:
         base: Baseline,
         out: str | Path | None,
         progress: ProgressHook,
-        thresholds: Thresholds = DEFAULT,
+        thresholds: Thresholds,
     ) -> None:
         self.dataset, self.base, self.out, self.progress = dataset, base, out, progress
-        self.thresholds = thresholds
         self.stage = "search"
         self.refused: list[str] = []
         self.search = begin(base, thresholds)
@@ -72,26 +71,24 @@ class Conclusion:
             with checkpoints(asked), fits_by(workers):
                 self._decide()
                 if (slow := with_slow_noise(self.base, self.search, self.decision)) is not None:
-                    self.base, self.search = slow, begin(slow, self.thresholds)
+                    self.base, self.search = slow, begin(slow, self.search.thresholds)
                     self._decide()
         except KeyboardInterrupt:
             self.decision = self._decision_so_far()
             return self._assemble(complete=False)
         found = self._assemble(complete=True)
-        while found.complete and found.verdict is Verdict.EFFECT:
-            against = against_the_end(self.search, found)
-            if against is None:
-                break
-            found = self._without_effect(*against)
-        if (
+        limits = self.search.thresholds
+        while (
             found.complete
-            and self.decision.learned
-            and (why := curve_is_worse(found, self.thresholds))
+            and found.verdict is Verdict.EFFECT
+            and (against := against_the_end(self.search, found)) is not None
         ):
+            found = self._without_effect(*against)
+        if found.complete and self.decision.learned and (why := curve_is_worse(found, limits)):
             found = self._without_the_curve(why)
         if found.complete and found.verdict is Verdict.UNKNOWN:
             self.found = found = self._with_differing_runs(found)
-        if found.complete and (why := beyond_training(found, self.thresholds)):
+        if found.complete and (why := beyond_training(found, limits)):
             self.found = found = found.with_note(why)
             if found.verdict is Verdict.NONE:
                 found = self._unknown_in_held_out()

@@ -206,7 +206,9 @@ class _Tuning:
             chosen = second.best if second.tried else chosen
             if second.tried and not self.interrupted():
                 as_declared = _tried_at(first, before)
-                chosen, after, declared = self._proven(second, before, as_declared, draws)
+                chosen, after, declared = self._proven(
+                    second, before, as_declared, draws, posterior
+                )
         return self._tuned_result(first, chosen, before, after, declared, second)
 
     def _proven(
@@ -215,6 +217,7 @@ class _Tuning:
         before: Point,
         as_declared: TriedGains | None,
         draws: Sequence[Draw],
+        posterior: Posterior,
     ) -> tuple[TriedGains, Probability, Probability]:
         """Return the best over all draws, what it does there, and what the declared gains do.
 
@@ -224,10 +227,8 @@ class _Tuning:
         Args:
             second: the search over few draws. before: the declared gains.
             as_declared: the same as they were tried, None where they are outside their ranges.
-            draws: on which they are checked.
+            draws: on which they are checked. posterior: that they are of.
         """
-        posterior = self.posterior
-        assert posterior is not None
         machines = [Machine(draw.number, draw.model, posterior.remainder) for draw in draws]
         finalists: list[TriedGains] = []
         for item in sorted(second.whole, key=lambda item: -item.worth):
@@ -361,15 +362,9 @@ class _Tuning:
 
 def _tried_at(search: GainSearch, point: Point) -> TriedGains | None:
     """Return what was tried at a point, None for nothing."""
-    wanted = np.array(point, dtype=np.float64)
-    return next(
-        (
-            item
-            for item in search.tried
-            if np.allclose(np.array(item.point, float), wanted, 1e-9, 0.0)
-        ),
-        None,
-    )
+    tried = np.array([item.point for item in search.tried], dtype=np.float64)
+    same = np.isclose(tried, np.array(point, dtype=np.float64), rtol=1e-9, atol=0.0).all(axis=1)
+    return search.tried[int(np.argmax(same))] if same.any() else None
 
 
 def _outside_ranges(space: Space, before: Point) -> list[str]:

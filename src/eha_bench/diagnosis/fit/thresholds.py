@@ -19,23 +19,16 @@ def _threshold(value: float, decides: str, source: str) -> float:
     return field(default=value, metadata={"decides": decides, "source": source})
 
 
-_MISSING: Final = "Is something missing?"
-_BELIEVED: Final = "Is a candidate believed?"
-_EQUAL: Final = "Is another one as good?"
-_STANDS: Final = "Does an effect stand in the end?"
-_VERDICT: Final = "Which verdict?"
-_HELD_OUT: Final = "Do held-out runs agree?"
-
 QUESTIONS: Final[Mapping[str, tuple[str, ...]]] = {
-    _MISSING: ("rest", "structure", "bursts", "look"),
-    _BELIEVED: (
+    "Is something missing?": ("rest", "structure", "bursts", "look"),
+    "Is a candidate believed?": (
         "gain", "share", "first", "much", "p_value", "p_few", "plain", "nearly_all",
         "runs_better", "p_clear", "worth", "together",
     ),
-    _EQUAL: ("behind", "behind_share", "chance"),
-    _STANDS: ("loose", "little", "likely", "clear", "worse"),
-    _VERDICT: ("explained", "beaten", "nothing", "follows"),
-    _HELD_OUT: ("windows", "replays"),
+    "Is another one as good?": ("behind", "behind_share", "chance"),
+    "Does an effect stand in the end?": ("loose", "little", "likely", "clear", "worse"),
+    "Which verdict?": ("explained", "beaten", "nothing", "follows"),
+    "Do held-out runs agree?": ("windows", "replays"),
 }  # fmt: skip
 """Question -> the thresholds that answer it."""
 

@@ -94,10 +94,8 @@ def with_slow_noise(base: Baseline, search: Search, decision: Decision) -> Basel
     problem = with_wander(problem, wander)
     fit = refit_with_noise(problem, fit)
     left = excess(problem, fit)
-    if (
-        search.thresholds.is_unexplained(left)
-        and left.significance > _LEFT * search.excess_base.significance
-    ):
+    much = left.significance > _LEFT * search.excess_base.significance
+    if much and search.thresholds.is_unexplained(left):
         return None
     return _with_noise(replace(base, fit=fit), problem, wander)
 

@@ -22,9 +22,8 @@ _NEARLY = 0.1
 def run(search: Search, progress: ProgressHook) -> None:
     """Add effects to the search until nothing more is found, and look at them again together."""
     progress("search", 0.0)
-    little = search.thresholds.is_unexplained(search.excess_base) and not is_bent(
-        search.excess_base
-    )
+    before = search.excess_base
+    little = search.thresholds.is_unexplained(before) and not is_bent(before)
     if little and not search.accepted:
         # so little may also be what a calibration that stopped early leaves over
         settle(search)

@@ -108,9 +108,7 @@ def roles_of_channels(
         ),
         (),
     )  # fmt: skip
-    reservoirs = [
-        column.channel for column in system.columns if column.unit == "Pa" and not column.command
-    ]
+    reservoirs = [column.channel for column in system.pressure_inputs]
     forces = [
         column.channel
         for column in system.columns
@@ -123,12 +121,7 @@ def roles_of_channels(
         and not any(out.state == item.position for out in system.outputs)
     }
     read = {output.state for output in system.outputs}
-    joined = [
-        system.leader_of(node)
-        for part in system.parts.values()
-        if part.element.kind.id == "load_cell" and part.name not in shown
-        for node in part.element.ports.values()
-    ]
+    joined = [end for part, ends in system.load_cells() if part.name not in shown for end in ends]
     bent = [positions[item.name] for item in joined if item.position not in read]
     return ChannelRoles(
         rates=tuple(rates.values()),

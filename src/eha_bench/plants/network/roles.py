@@ -790,7 +790,7 @@ def _slide(system: System) -> Iterator[Spot]:
 
 def _supply(system: System) -> Iterator[Spot]:
     """A reservoir that oil is drawn from through a line or a valve, its pressure no input."""
-    logged = {column.signal for column in system.columns}
+    logged = {column.signal for column in system.pressure_inputs}
     for node in system.network.nodes.values():
         if node.kind is not NodeKind.RESERVOIR:
             continue
@@ -851,9 +851,13 @@ def _motion_channels(
 
     Through a stiff load cell, what moves at its other end shows them as well.
     """
-    cells = [part for part in system.parts.values() if part.element.kind.id == "load_cell"]
-    ends = [[system.leader_of(node) for node in part.element.ports.values()] for part in cells]
-    joined = [other for pair in ends if item in pair for other in pair if other is not item]
+    joined = [
+        other
+        for _, ends in system.load_cells()
+        if item in ends
+        for other in ends
+        if other is not item
+    ]
     shown = [
         (channels.get(one.position, ""), channels.get(one.speed, "")) for one in (item, *joined)
     ]
@@ -873,9 +877,7 @@ def _anything(system: System) -> Iterator[Spot]:
     names = {"u": "variable(@learned.variable, X, P, S)"}
     vocabulary = {"variable": tuple(known)}
     channels = {item.state: item.channel for item in system.outputs if item.state >= 0}
-    logged = [
-        column.channel for column in system.columns if column.unit == "Pa" and not column.command
-    ]
+    logged = [column.channel for column in system.pressure_inputs]
 
     def spot(
         name: str,

@@ -251,6 +251,19 @@ class System:
         name = self.leaders[node][-1] if node in self.leaders else node
         return next(item for item in self.coordinates if item.name == name)
 
+    def load_cells(self) -> list[tuple[BoundElement, tuple[Coordinate, ...]]]:
+        """Return load cells with what moves at their ends."""
+        return [
+            (part, tuple(self.leader_of(node) for node in part.element.ports.values()))
+            for part in self.parts.values()
+            if part.element.kind.id == "load_cell"
+        ]
+
+    @property
+    def pressure_inputs(self) -> list[PlantInput]:
+        """The inputs that give a reservoir's pressure."""
+        return [column for column in self.columns if column.unit == "Pa" and not column.command]
+
     # --- parameters --------------------------------------------------------------------------
 
     def _slots(self) -> None:
